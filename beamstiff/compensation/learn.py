@@ -16,12 +16,14 @@ import numpy as np
 from beamstiff.compensation.correct import settled
 from beamstiff.compensation.follow import follow
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.missing_effects import missing_effect
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import Process
 from beamstiff.compensation.process.parameters import Parameter, parameters_of, with_values
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
 STEP = 0.02  # of what is expected of a parameter
@@ -58,7 +60,9 @@ class Learned:
     """A process with the parameters that explain the runs best."""
 
     process: Process
+    machine: Machine  # with the effects that were added
     parameters: tuple[Fitted, ...]
+    effects: tuple[AddedEffect, ...]  # that the library has for what was missing
     before: float  # m: RMS distance of the last run from its targets
     unexplained: float  # m: RMS distance of the runs from what the fitted model says of them
     pays: bool  # to correct once more: what can be explained is more than what cannot
@@ -76,6 +80,7 @@ class Learned:
                 }
                 for one in self.parameters
             },
+            "effects": [one.model_dump(exclude_defaults=True) for one in self.effects],
             "rms_run_mm": 1e3 * self.before,
             "rms_unexplained_mm": 1e3 * self.unexplained,
             "pays": self.pays,
@@ -89,11 +94,13 @@ def learn(
     runs: Sequence[Run],
     sigma: float | None = None,
     start: Array | None = None,
+    effects: int = 0,
 ) -> Learned:
-    """Return the process that explains measured runs of a path, base frame.
+    """Return the process that explains measured runs of a path, base frame, and effects that it lacks.
 
     `sigma`: standard deviation of a measured coordinate, m; None: what remains says it. `start` (A,): a
-    posture near the first target, as of `correct_path`.
+    posture near the first target, as of `correct_path`. `effects`: how many of the library may be added to
+    the real robot, one after the other, where they explain what the process leaves.
     """
     fitted = parameters_of(process)
     if not fitted:
@@ -102,6 +109,58 @@ def learn(
             "loads measured in the run"
         )
     states = [_state(machine, path, run, start) for run in runs]
+    added: list[AddedEffect] = []
+    while True:
+        fit = _fit(machine, process, fitted, runs, states, sigma)
+        if len(added) >= effects:
+            break
+        made = with_values(process, fitted, fit.values.tolist())
+        at = [_settled(machine, state, made) for state in states]
+        loads = [made.wrench(poses, state.path) for poses, state in zip(at, states, strict=True)]
+        q = np.concatenate([state.q for state in states])
+        one = missing_effect(
+            machine, q, np.concatenate(loads), np.concatenate(at), fit.residual, fit.jacobian
+        )
+        if one is None:
+            break
+        added.append(one)
+        real = machine.actual or machine.controller
+        grown = real.model_copy(update={"effects": (*real.effects, one)})
+        machine = replace(machine, actual=grown)
+    last = runs[-1]
+    before = _rms(last.measured - path.poses[last.rows, :3, 3])
+    unexplained = _rms(fit.residual)
+    return Learned(
+        process=with_values(process, fitted, fit.values.tolist()),
+        machine=machine,
+        parameters=tuple(
+            Fitted(one.name, one.unit, value, after, one.expected, after < SEEN * one.expected)
+            for (_, one), value, after in zip(fitted, fit.values.tolist(), fit.std.tolist(), strict=True)
+        ),
+        effects=tuple(added),
+        before=before,
+        unexplained=unexplained,
+        pays=before > PAYS * unexplained,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    values: Array  # (c,)
+    std: Array
+    residual: Array  # (R, 3) of all runs
+    jacobian: Array  # (R, 3, c): by what is expected of each parameter
+
+
+def _fit(
+    machine: Machine,
+    process: Process,
+    fitted: Sequence[tuple[int | None, Parameter]],
+    runs: Sequence[Run],
+    states: Sequence[_State],
+    sigma: float | None,
+) -> _Fit:
+    """Fit the parameters of the process by Gauss-Newton."""
     parameters = [parameter for _, parameter in fitted]
     nominal = np.array([parameter.nominal for parameter in parameters])
     prior = np.array([parameter.expected for parameter in parameters])
@@ -110,39 +169,27 @@ def learn(
     def off(values: Array) -> Array:
         made = with_values(process, fitted, values.tolist())
         return np.concatenate(
-            [run.measured - _landed(machine, state, made) for run, state in zip(runs, states, strict=True)]
+            [
+                run.measured - _settled(machine, state, made)[:, :3, 3]
+                for run, state in zip(runs, states, strict=True)
+            ]
         )
 
     values = nominal.copy()
     residual = off(values)
-    information = np.eye(len(values))
     for _ in range(ITERATIONS):
-        jacobian = _jacobian(off, values, residual, parameters, prior)
+        jacobian = _jacobian(off, values, residual, parameters, prior) * prior
         spread = _spread(residual, sigma, len(values))
-        weighted = jacobian.reshape(-1, len(values)) * prior / spread
+        weighted = jacobian.reshape(-1, len(values)) / spread
         information = weighted.T @ weighted + np.eye(len(values))
         gradient = weighted.T @ (residual.ravel() / spread) - (values - nominal) / prior
-        step = prior * np.linalg.solve(information, gradient)
-        new = np.clip(values + step, *bounds)
-        new_residual = off(new)
+        new = np.clip(values + prior * np.linalg.solve(information, gradient), *bounds)
         moved = np.abs(new - values) / prior
-        values, residual = new, new_residual
+        values, residual = new, off(new)
         if moved.max() < SETTLED:
             break
     std = prior * np.sqrt(np.diag(np.linalg.inv(information)))
-    last = runs[-1]
-    error = last.measured - path.poses[last.rows, :3, 3]
-    before, unexplained = _rms(error), _rms(residual)
-    return Learned(
-        process=with_values(process, fitted, values.tolist()),
-        parameters=tuple(
-            Fitted(one.name, one.unit, value, after, one.expected, after < SEEN * one.expected)
-            for one, value, after in zip(parameters, values.tolist(), std.tolist(), strict=True)
-        ),
-        before=before,
-        unexplained=unexplained,
-        pays=before > PAYS * unexplained,
-    )
+    return _Fit(values, std, residual, jacobian)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +215,9 @@ def _state(machine: Machine, path: ToolPath, run: Run, start: Array | None) -> _
     return _State(own if run.wrench is None else replace(own, wrench=run.wrench), found.q, run.commands)
 
 
-def _landed(machine: Machine, state: _State, process: Process) -> Array:
-    """Return where the model says the tool of a run was, (R, 3)."""
-    poses = settled(machine, state.q, lambda at: process.wrench(at, state.path), state.near)
-    return np.asarray(poses[:, :3, 3])
+def _settled(machine: Machine, state: _State, process: Process) -> Array:
+    """Return where the model says the tool of a run was, (R, 4, 4)."""
+    return settled(machine, state.q, lambda at: process.wrench(at, state.path), state.near)
 
 
 def _jacobian(

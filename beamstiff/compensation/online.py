@@ -94,14 +94,15 @@ class OnlineCompensation:
         wrench: Array | None = None,
         start: Array | None = None,
         stated: Sequence[StatedPosture | None] = (),
+        given: Array | None = None,
     ) -> dict[int, str]:
         """Make what calls near these targets (N, 4, 4), base frame, will need, under loads about (N, 6).
 
-        `start`, `stated`: as of `follow`. Returns the targets that are out of reach, and why.
+        `start`, `stated`, `given`: as of `follow`. Returns the targets that are out of reach, and why.
         """
         kinematics = self.machine.kinematics
         arm = arm_of(kinematics) if stated else None
-        found = follow(kinematics, self.machine.frames.node_poses(poses), start, arm, stated)
+        found = follow(kinematics, self.machine.frames.node_poses(poses), start, arm, stated, given)
         loads = np.zeros((len(poses), 6)) if wrench is None else wrench
         for row in np.flatnonzero(found.reached).tolist():
             if self._nearest(poses[row], loads[row]) is None:

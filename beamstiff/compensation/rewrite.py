@@ -131,7 +131,7 @@ def compensate_program(
     `load_std`: of stiffness parameters and of the load (6,); with either, or `leave_doubtful`, the result has
     standard deviations. `leave_doubtful`: targets whose correction is below twice its own stay as they are.
     """
-    path = _with_joint_targets(program.path, machine)
+    path = with_joint_targets(program.path, machine)
     if steps is not None:
         path = resample(path, *steps)
     parts = [FromPath(), *([process] if process is not None else [])]
@@ -179,10 +179,10 @@ def _written(
         content = text.encode("utf-8")
         return content, path_csv.read(content.decode(ENCODING), path.source).path
     content = program.with_poses(commands, correction.corrected, correction.q)
-    return content, _with_joint_targets(program.read_again(content).path, machine)
+    return content, with_joint_targets(program.read_again(content).path, machine)
 
 
-def _with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
+def with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
     """Return a path with the poses of those targets that are written as joint values."""
     if path.joints is None:
         return path

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.online import OnlineCompensation, OnlineCorrection
 from beamstiff.compensation.process.load import FromPath, Process, Together
+from beamstiff.compensation.rewrite import with_joint_targets
 from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.se3 import Array, rotation_from_vector, transform, vector_from_rotation
 
@@ -105,10 +106,11 @@ def prepared(
     program: Program, online: OnlineCompensation, load: Process | None, start: Array | None
 ) -> OnlineTargets:
     """Return a program's targets, made ready under the loads that path and process say."""
-    path = online.machine.frames.to_base(program.path)
+    path = online.machine.frames.to_base(with_joint_targets(program.path, online.machine))
     parts = (FromPath(), *(() if load is None else (load,)))
     wrench = Together(parts).wrench(path.poses, path)
-    reasons = online.prepare(path.poses, wrench, start, path.stated_postures if start is None else ())
+    stated = path.stated_postures if start is None else ()
+    reasons = online.prepare(path.poses, wrench, start, stated, path.joints)
     if reasons:
         row, reason = next(iter(reasons.items()))
         raise BeamstiffError(f"{path.place(row)}: {reason}")

@@ -113,7 +113,7 @@ def compensate(
     load, learned = _load(wrench, process), None
     if measured:
         program, learned = learned_from(program, machine, load, measured, ran, start)
-        load = learned.process
+        load, machine = learned.process, learned.machine
     elif ran:
         raise OptionError("ran", "found programs that ran, expected what was measured of them (measured) too")
     result = compensate_program(
@@ -320,6 +320,10 @@ def _notes(
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
     if result.learned is not None:
+        if result.learned.effects:
+            said.append(
+                f"beside the process the run shows {effects_text(result.learned.effects)}: added to the robot"
+            )
         if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
             said.append(f"the run does not identify {listed(open_ones)}: kept near what was expected")
         if not result.learned.pays:

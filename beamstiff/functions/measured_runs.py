@@ -16,11 +16,13 @@ from beamstiff.compensation.learn import Learned, Run, learn
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.process.load import FromPath, Process, Together
 from beamstiff.compensation.process.parameters import LoadCell
+from beamstiff.compensation.rewrite import with_joint_targets
 from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 from beamstiff.units import quantity
 
+EFFECTS = 2  # of the library that may be added beside the process
 PathLike = str | os.PathLike[str]
 _SIGMA = re.compile(r"^#\s*sigma_position\s*:\s*(?P<value>[^\r\n,;]+)", re.MULTILINE)
 
@@ -48,7 +50,8 @@ def learned_from(
         text = read_bytes(file)
         table = path_csv.read(text, str(file)).path
         rows = _rows(table.names, program, str(file))
-        commands = machine.frames.to_base(_same_targets(one, program).path).poses
+        sent_path = with_joint_targets(_same_targets(one, program).path, machine)
+        commands = machine.frames.to_base(sent_path).poses
         seen = program.path.poses.copy()
         seen[rows, :3, 3] = table.poses[:, :3, 3]
         at = machine.frames.to_base(program.path.moved_to(seen)).poses
@@ -67,8 +70,8 @@ def learned_from(
     own = process if program.path.wrench is None or process is not None else LoadCell()
     if own is not None:
         whole = (*whole, *(own.parts if isinstance(own, Together) else (own,)))
-    path = machine.frames.to_base(program.path)
-    found = learn(machine, path, Together(whole), runs, max(sigmas, default=0.0) or None, start)
+    path = machine.frames.to_base(with_joint_targets(program.path, machine))
+    found = learn(machine, path, Together(whole), runs, max(sigmas, default=0.0) or None, start, EFFECTS)
     assert isinstance(found.process, Together)  # without the loads of the path, which count by themselves
     return program, replace(found, process=Together(found.process.parts[1:]))
 

@@ -340,3 +340,32 @@ def test_standard_deviations_come_from_identify(folder: Path, run: Run, succeed:
     refused = run("compensate", "kr500", "a.src", *load)
     assert refused.exit_code == 2
     assert "--std: i.json: found no parameters with a std" in refused.stderr
+
+
+def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) -> None:
+    table = "kind: cutting-table\nvariable: way\nvalues: [0, 1]\nfx: [400, 300]\nfz: [-900, -900]\n"
+    (cell / "p.yaml").write_text(table)
+    before = json.loads(
+        succeed("compensate", "kr500", "cell.src", "--process", "p.yaml", "--json", "-").stdout
+    )
+    # the run went half as far again as the process says
+    targets = np.array([[1.5, y, 0.9] for y in (-0.2, 0.0, 0.2)])
+    weight = json.loads(succeed("compensate", "kr500", "cell.src", "--json", "-").stdout)
+    sag, loaded = (np.array([one["before"][:3] for one in facts["targets"]]) for facts in (weight, before))
+    seen = targets + sag + 1.5 * (loaded - sag)
+    rows = "".join(f"{x:.9f},{y:.9f},{z:.9f}\n" for x, y, z in seen)
+    (cell / "run.csv").write_text("# sigma_position: 1e-6\nx,y,z\n" + rows)
+    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src")
+    result = succeed("compensate", "kr500", "cell.src", *learned, "--json", "l.json")
+    facts = json.loads((cell / "l.json").read_text())
+    size = facts["learned"]["parameters"]["process stiffness"]
+    assert abs(size["value"] - 1.5) < 0.01
+    assert size["identifiable"]
+    assert facts["before"]["rms_mm"] == pytest.approx(
+        1e3 * np.sqrt(((seen - targets) ** 2).sum(1).mean()), rel=0.01
+    )
+    assert "Process, from the measured runs" in result.stdout
+    assert (cell / "new.src").exists()
+    alone = run("compensate", "kr500", "cell.src", "--ran", "cell.src")
+    assert alone.exit_code == 2
+    assert "--ran: found programs that ran, expected what was measured of them" in alone.stderr

@@ -17,6 +17,7 @@ from beamstiff.compensation.process.load import Constant, FromPath, Process, Tog
 from beamstiff.compensation.process.parameters import LoadCell
 from beamstiff.compensation.process.reader import parse_process
 from beamstiff.errors import BeamstiffError
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
 PROCESS = """kind: cantilever
@@ -90,6 +91,27 @@ def test_gain_and_frame_of_a_load_cell_are_found(machine: Machine) -> None:
         one = found[f"load-cell {name}"]
         assert one.identifiable
         assert abs(one.value - truth) < 4 * one.std
+
+
+@pytest.mark.slow
+def test_an_effect_of_the_machine_is_found_beside_the_process(machine: Machine) -> None:
+    believed = parse_process(PROCESS)
+    assert isinstance(believed, Cantilever)
+    true = replace(believed, friction=0.2)
+    offset = AddedEffect(effect="geometry-error", component="q1", shape="offset", parameters={"offset": 2e-4})
+    real = Machine(machine.controller, machine.controller.model_copy(update={"effects": (offset,)}))
+    truth = correct_path(real, path(), true)
+    error = errors_of(real, truth, correct_path(machine, path(), believed).commands, true)[:, :3]
+    seen = path().poses[:, :3, 3] + error + np.random.default_rng(0).normal(0.0, SIGMA, error.shape)
+    run = Run(np.arange(len(seen)), correct_path(machine, path(), believed).commands, seen)
+    found = learn(machine, path(), believed, [run], SIGMA, effects=2)
+    [effect] = found.effects  # and no second one
+    after = errors_of(real, truth, correct_path(found.machine, path(), found.process).commands, true)[:, :3]
+    assert np.abs(after).max() < 0.1 * np.abs(error).max()
+    alone = learn(machine, path(), believed, [run], SIGMA)
+    without = errors_of(real, truth, correct_path(machine, path(), alone.process).commands, true)[:, :3]
+    assert np.abs(after).max() < 0.2 * np.abs(without).max()
+    assert (effect.effect, effect.component) == ("geometry-error", "q1")
 
 
 def test_a_process_without_parameters_is_refused(machine: Machine) -> None:
