@@ -27,7 +27,8 @@ from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
 STEP = 0.02  # of what is expected of a parameter
-ITERATIONS, SETTLED = 12, 1e-3  # of a standard deviation
+# of the same: a step after which the derivatives still hold, one that ends the search
+NEAR, ITERATIONS, SETTLED = 0.2, 12, 1e-3
 SEEN = 0.5  # of what was expected: as far as a parameter has to be narrowed to count as identifiable
 LEAST_SIGMA = 1e-6  # m
 PAYS = 1.2  # times what remains unexplained: a run that is no worse is left as it is
@@ -177,8 +178,10 @@ def _fit(
 
     values = nominal.copy()
     residual = off(values)
+    moved = np.full(len(values), np.inf)
     for _ in range(ITERATIONS):
-        jacobian = _jacobian(off, values, residual, parameters, prior) * prior
+        if moved.max() > NEAR:
+            jacobian = _jacobian(off, values, residual, parameters, prior) * prior
         spread = _spread(residual, sigma, len(values))
         weighted = jacobian.reshape(-1, len(values)) / spread
         information = weighted.T @ weighted + np.eye(len(values))
