@@ -2,10 +2,10 @@
 
 The forming study of `compensation_study` (seed 003, section 4): the machine has ball screws that the fuzzy
 model does not know, and friction between tool and beam that no model is told of. The path is corrected
-without friction and run; a tracker of 0.035 mm reads the 46 targets; friction, stiffness and clamp of the beam are
-fitted, and the path is corrected again; likewise a second time, with both runs. Or a load cell, of wrong gain
-and mounted askew, reads the force in place of the beam's model. Errors are those of the machine, without the
-tracker's noise. Target: at most 0.05 mm after the runs, 98 % of the error without correction.
+without friction and run; a tracker of 0.035 mm reads the 46 targets; friction, stiffness and clamp of the
+beam are fitted, and the path is corrected again; likewise a second time, with both runs. Or a load cell, of
+wrong gain and mounted askew, reads the force in place of the beam's model. Errors are those of the machine,
+without the tracker's noise. Target: at most 0.05 mm after the runs, 98 % of the error without correction.
 """
 
 from __future__ import annotations
