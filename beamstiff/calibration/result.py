@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from beamstiff.calibration.statement import Statement
     from beamstiff.measure.table import Measurements
 
-CORRELATION_DIGITS = 6  # behind the point, as written
+CORRELATION_DIGITS = 3  # behind the point, as written
 
 
 @dataclass(frozen=True)

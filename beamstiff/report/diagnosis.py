@@ -41,7 +41,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield Text(summary(result))
     yield Text("")
     if result.decomposition is not None and result.decomposition.gap_shows:
-        yield causes_table(result.decomposition, CAUSES)
+        if result.decomposition.causes:
+            yield causes_table(result.decomposition, CAUSES)
         yield Text(remainder_text(result.decomposition))
     if not several(result):
         yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
@@ -49,8 +50,10 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if sizes.rows:
         yield sizes
     if result.verdict.effect != "none":
-        places = result.where.get("components", [])[:SHOWN]
-        yield places_table(places, "Where: share of the explainable gap that each place could account for")
+        if places := result.where.get("components", [])[:SHOWN]:
+            yield places_table(
+                places, "Where: share of the explainable gap that each place could account for"
+            )
     for key in PARTS_OF_GAP:
         if found := result.where.get(key):
             yield gap_table(found, f"Position gap by {key}, RMS", key)
