@@ -49,11 +49,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     sizes = sizes_table(result, "How large")
     if sizes.rows:
         yield sizes
-    if result.verdict.effect != "none":
-        if places := result.where.get("components", [])[:SHOWN]:
-            yield places_table(
-                places, "Where: share of the explainable gap that each place could account for"
-            )
+    if result.verdict.effect != "none" and (places := result.where.get("components", [])[:SHOWN]):
+        yield places_table(places, "Where: share of the explainable gap that each place could account for")
     for key in PARTS_OF_GAP:
         if found := result.where.get(key):
             yield gap_table(found, f"Position gap by {key}, RMS", key)
