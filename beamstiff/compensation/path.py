@@ -1,4 +1,7 @@
-"""A tool path: targets in their order, the frames they are written in, loads that come with them."""
+"""A tool path: targets in their order, the frames they are written in, loads that come with them.
+
+Data alone: the correction is in `compensation.correct`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What effects are worth on postures that did not see them: gap before, gap after, the share that closes."""
+"""What effects are worth on postures that did not see them: gap before, gap after, the share that closes.
+
+Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.held_out`.
+"""
 
 from __future__ import annotations
 
