@@ -21,6 +21,7 @@ WRITTEN = {
     ".yml": "robot file",
     ".urdf": "URDF",
     ".sdf": "SDF",
+    ".xml": "MJCF",
     ".csv": "table of frames",
 }
 
@@ -35,7 +36,7 @@ def convert(
     ],
     out: str = option(
         "FILE",
-        "What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
+        "What to write, by its ending: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or with --profile points).",
         ...,
     ),
     tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
@@ -57,14 +58,15 @@ def convert(
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness; notes list what it loses. Tables of frames
-    hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
+    holds links, joints, limits, masses and joint stiffness, MJCF (MuJoCo) every compliance as a joint
+    in series; notes list what they lose. Tables of frames hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
     and in which units; docs/files.md shows some.
 
     \b
     Examples:
       beamstiff convert arm.urdf --tcp tool0 --joint-stiffness "1e6 N*m/rad" --out arm.yaml
       beamstiff convert fitted.yaml --out fitted.urdf
+      beamstiff convert kr240-2 --out kr240-2.xml
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
@@ -104,6 +106,11 @@ def convert(
         written = robot_to_sdf(robot)
         text = written.text
         notes += written.lost
+    elif ending == ".xml":
+        from beamstiff.simulators.mjcf_writer import robot_to_mjcf
+
+        text, lost = robot_to_mjcf(robot)
+        notes += lost
     elif ending == ".csv":
         from beamstiff.robot.dh_output import robot_to_table
 

@@ -1,0 +1,118 @@
+"""Static equilibrium of an MJCF model in MuJoCo (optional extra `mujoco`), its drives held exactly.
+
+Newton's method in the positions of the free joints. What is held has no unknown; equality constraints hold
+exactly, by Lagrange multipliers in place of MuJoCo's soft ones::
+
+    [K  G^T] [dq    ]   [f(q) + J^T w]
+    [G   0 ] [lambda] = [-g(q)       ]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.se3 import Array
+
+STEP = 1e-6  # rad and m: of the differences that make the tangent stiffness
+ITERATIONS = 60
+CONVERGED = 1e-11  # rad and m: of the last step
+ROUNDING = 1e-9  # of steps that no longer become shorter
+LONGEST = 0.2  # rad and m: of a step, so that loops stay in their assembly
+
+
+def engine() -> Any:
+    """Return the module `mujoco`; an error that names the extra where it is missing."""
+    try:
+        import mujoco
+    except ImportError:
+        raise BeamstiffError("MuJoCo is not installed: pip install 'beamstiff[mujoco]'") from None
+    return mujoco
+
+
+class MujocoModel:
+    """A compiled MJCF model and the data that MuJoCo works on."""
+
+    def __init__(self, text: str) -> None:
+        self.mujoco = engine()
+        try:
+            self.model = self.mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            raise BeamstiffError(f"MuJoCo refuses the model: {error}") from None
+        self.data = self.mujoco.MjData(self.model)
+        flags = self.mujoco.mjtDisableBit
+        self.model.opt.disableflags |= (
+            int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_LIMIT) | int(flags.mjDSBL_FRICTIONLOSS)
+        )
+        self.model.opt.jacobian = self.mujoco.mjtJacobian.mjJAC_DENSE
+        self.start: Array = self.model.key_qpos[0].copy() if self.model.nkey else self.model.qpos0.copy()
+
+    def equilibrium(
+        self, held: Mapping[str, float], wrench: Array, site: str, start: Array | None = None
+    ) -> Array:
+        """Return qpos in which the model rests under gravity and a wrench (6,) on a site, world frame."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        fixed = [int(model.jnt_dofadr[model.joint(name).id]) for name in held]
+        free = np.setdiff1d(np.arange(model.nv), fixed)
+        target = model.site(site).id
+        data.qvel[:] = 0.0
+        qpos = (self.start if start is None else start).copy()
+        qpos[[int(model.jnt_qposadr[model.joint(name).id]) for name in held]] = list(held.values())
+        jacobian = np.zeros((6, model.nv))
+
+        def forces(at: Array) -> Array:
+            data.qpos[:] = at
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], target)
+            return np.asarray((data.qfrc_passive - data.qfrc_bias + jacobian.T @ wrench)[free])
+
+        def constraints() -> tuple[Array, Array]:
+            rows = data.nefc
+            return (
+                np.array(data.efc_J).reshape(rows, model.nv)[:, free] if rows else np.zeros((0, free.size)),
+                np.array(data.efc_pos[:rows]),
+            )
+
+        multipliers, longest = np.zeros(0), np.inf
+        for _ in range(ITERATIONS):
+            residual = forces(qpos)
+            G, gap = constraints()
+            if multipliers.size != len(G):
+                multipliers = np.zeros(len(G))
+            balance = residual + G.T @ multipliers
+            tangent = np.empty((free.size, free.size))
+            for column, dof in enumerate(free):
+                moved = qpos.copy()
+                moved[dof] += STEP
+                ahead = forces(moved) + constraints()[0].T @ multipliers
+                tangent[:, column] = (balance - ahead) / STEP
+            step, multipliers = _solve(tangent, G, residual, gap)
+            before, longest = longest, float(np.abs(step).max(initial=0.0))
+            qpos[free] += step * min(1.0, LONGEST / max(longest, 1e-300))
+            if longest < CONVERGED or (before < ROUNDING and longest > before / 2):
+                data.qpos[:] = qpos
+                mujoco.mj_fwdPosition(model, data)
+                return qpos
+        raise BeamstiffError(f"MuJoCo: no equilibrium after {ITERATIONS} steps, the last moved {longest:.3g}")
+
+    def site_pose(self, site: str) -> tuple[Array, Array]:
+        """Return position (3,) and rotation (3, 3) of a site where the model is."""
+        target = self.model.site(site).id
+        return self.data.site_xpos[target].copy(), self.data.site_xmat[target].reshape(3, 3).copy()
+
+
+def _solve(tangent: Array, G: Array, residual: Array, gap: Array) -> tuple[Array, Array]:
+    """Return step and multipliers; redundant constraints, and motions that nothing resists, do no harm."""
+    size = np.sqrt(np.abs(np.diag(tangent)))
+    size = np.maximum(size, 1e-5 * size.max(initial=1.0))  # of free joints it is noise
+    K, rows = tangent / size[:, None] / size, G / size
+    scale = np.linalg.norm(rows, axis=1)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    rows, count = rows / scale[:, None], len(rows)
+    matrix = np.block([[K, -rows.T], [rows, np.zeros((count, count))]])
+    solved = np.linalg.lstsq(matrix, np.concatenate([residual / size, -gap / scale]), rcond=1e-13)[0]
+    return np.asarray(solved[: len(size)] / size), np.asarray(solved[len(size) :] / scale)
