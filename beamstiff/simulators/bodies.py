@@ -65,7 +65,7 @@ class Tendon:
 
     name: str
     sites: tuple[str, str]
-    stiffness: float  # N/m; inf where it never changes its length
+    stiffness: float  # N/m; inf where it never changes its length, 0 where it is only a measure of it
     length: float  # m: unstressed
     like: str = ""
 

@@ -18,7 +18,7 @@ from beamstiff.robot.parts import JOINT_DIRECTIONS, Beam, Joint, Rigid
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array
 from beamstiff.simulators.bodies import Body, BodyJoint, Closure, Kind, Role, Tendon, placed_bodies
-from beamstiff.simulators.paths import Machine, constant, moves_between, over_a_loop
+from beamstiff.simulators.paths import Machine, Move, constant, moves_between, over_a_loop
 
 PARALLEL = 1e-6  # m and rad a unit rate: nearer than this, motions are the same
 MOST_JOINTS = 6  # of a body, in MuJoCo
@@ -63,17 +63,23 @@ class Assembly:
             if not step.variable:
                 continue
             body, frame, anew = self.body(name, body, frame), np.eye(4), True
-            self.join(body, self._variable(step.variable, step.factor, step.kind, np.eye(3)[step.axis]))
+            self.join(body, self._variable(step))
         return body, frame, anew
 
-    def _variable(self, name: str, factor: float, kind: str, axis: Array) -> BodyJoint:
+    def _variable(self, move: Move) -> BodyJoint:
+        """Return the joint of a variable: its own, or one that follows it where it moves several parts."""
+        name, own = move.variable, self.moved_by(move)
+        if abs(move.factor) != 1.0 or name in self.joint_names:
+            return replace(own, name=f"{name}.again", role="follower", leader=name, factor=move.factor)
+        self.reference[name] = self.machine.value(name)
         variable = self.variables[name]
-        of: Kind = "hinge" if kind == "turn" else "slide"
-        if abs(factor) == 1.0 and name not in self.joint_names:
-            role: Role = "drive" if variable.actuated else "passive"
-            self.reference[name] = self.machine.value(name)
-            return BodyJoint(name, of, np.zeros(3), factor * axis, role, limits=variable.limits)
-        return BodyJoint(f"{name}.again", of, np.zeros(3), axis, "follower", leader=name, factor=factor)
+        role: Role = "drive" if variable.actuated else "passive"
+        return replace(own, axis=move.factor * own.axis, role=role, limits=variable.limits)
+
+    def moved_by(self, move: Move) -> BodyJoint:
+        """Return the joint that moves as a move does, about or along its axis, of its own value."""
+        of: Kind = "hinge" if move.kind == "turn" else "slide"
+        return BodyJoint(move.variable, of, np.zeros(3), np.eye(3)[move.axis], "passive")
 
     def point(self, node: str, frame: Array) -> Array:
         """Return the place of a node in the body in which its frame is placed, (3,)."""

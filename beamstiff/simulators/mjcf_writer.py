@@ -135,7 +135,7 @@ def _tendons(tree: BodyTree) -> Iterator[str]:
     yield "  <tendon>"
     for tendon in tree.tendons:
         spring = ""
-        if np.isfinite(tendon.stiffness) and not tendon.like:
+        if 0.0 < tendon.stiffness < np.inf and not tendon.like:
             spring = f' stiffness="{tendon.stiffness!r}" springlength="{tendon.length!r}"'
         sites = "".join(f"<site site={quoteattr(name)}/>" for name in tendon.sites)
         yield f"    <spatial name={quoteattr(tendon.name)}{spring}>{sites}</spatial>"

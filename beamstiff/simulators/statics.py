@@ -20,6 +20,7 @@ from beamstiff.se3 import Array
 STEP = 1e-6  # rad and m: of the differences that make the tangent stiffness
 ITERATIONS = 60
 CONVERGED = 1e-11  # rad and m: of the last step
+NOTHING = 1e-9  # of a constraint's derivatives: what is smaller is rounding
 ROUNDING = 1e-9  # of steps that no longer become shorter
 LONGEST = 0.2  # rad and m: of a step, so that loops stay in their assembly
 
@@ -61,6 +62,7 @@ class MujocoModel:
         data.qvel[:] = 0.0
         qpos = (self.start if start is None else start).copy()
         qpos[[int(model.jnt_qposadr[model.joint(name).id]) for name in held]] = list(held.values())
+        self._lead_followers(qpos)
         jacobian = np.zeros((6, model.nv))
 
         def forces(at: Array) -> Array:
@@ -99,6 +101,15 @@ class MujocoModel:
                 return qpos
         raise BeamstiffError(f"MuJoCo: no equilibrium after {ITERATIONS} steps, the last moved {longest:.3g}")
 
+    def _lead_followers(self, qpos: Array) -> None:
+        """Put joints that follow others by an equality where these lead them."""
+        model = self.model
+        for at in np.flatnonzero(model.eq_type == int(self.mujoco.mjtEq.mjEQ_JOINT)):
+            if (leader := int(model.eq_obj2id[at])) >= 0:
+                one, other = (int(model.jnt_qposadr[joint]) for joint in (model.eq_obj1id[at], leader))
+                moved = qpos[other] - model.qpos0[other]
+                qpos[one] = model.qpos0[one] + np.polynomial.polynomial.polyval(moved, model.eq_data[at, :5])
+
     def site_pose(self, site: str) -> tuple[Array, Array]:
         """Return position (3,) and rotation (3, 3) of a site where the model is."""
         target = self.model.site(site).id
@@ -111,7 +122,7 @@ def _solve(tangent: Array, G: Array, residual: Array, gap: Array) -> tuple[Array
     size = np.maximum(size, 1e-5 * size.max(initial=1.0))  # of free joints it is noise
     K, rows = tangent / size[:, None] / size, G / size
     scale = np.linalg.norm(rows, axis=1)
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = np.where(np.abs(G).max(axis=1, initial=0.0) > NOTHING, scale, np.inf)
     rows, count = rows / scale[:, None], len(rows)
     matrix = np.block([[K, -rows.T], [rows, np.zeros((count, count))]])
     solved = np.linalg.lstsq(matrix, np.concatenate([residual / size, -gap / scale]), rcond=1e-13)[0]

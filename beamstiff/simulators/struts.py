@@ -15,9 +15,9 @@ import numpy as np
 from beamstiff.robot.fields import FREE
 from beamstiff.robot.parts import Strut
 from beamstiff.se3 import Array, transform
-from beamstiff.simulators.bodies import BodyJoint, Closure, Tendon, placed_bodies
-from beamstiff.simulators.joints import Assembly
-from beamstiff.simulators.paths import constant, moves_between
+from beamstiff.simulators.bodies import BodyJoint, Closure, Tendon, motion
+from beamstiff.simulators.joints import Assembly, rank, twist
+from beamstiff.simulators.paths import Move, constant, moves_between
 
 
 def add_struts(made: Assembly) -> None:
@@ -60,7 +60,7 @@ def _in_a_loop(made: Assembly, strut: Strut, stiffness: float) -> bool:
                 moves = moves_between(machine, made.nodes[start].frame, names[frame])
                 if not constant(local) or any(move.variable in made.joint_names for move in moves):
                     continue
-                body, placed = made.of_node[start]
+                body, placed = _pivot(made, strut, start, moves, along[0])
                 body, placed, _ = made.move(body, placed, made.nodes[start].frame, names[frame], strut.name)
                 point = placed[:3, :3] @ at + placed[:3, 3]
                 if np.isfinite(stiffness):
@@ -71,6 +71,34 @@ def _in_a_loop(made: Assembly, strut: Strut, stiffness: float) -> bool:
                 made.closures.append(Closure(strut.name, "connect", site, other))
                 return True
     return False
+
+
+def _pivot(made: Assembly, strut: Strut, start: str, moves: list[Move], along: Array) -> tuple[int, Array]:
+    """Give a strut's first end those turns across it that the variables of its chain of frames lack."""
+    machine = made.machine
+    pose = machine.where.transforms[0, machine.kinematics.frame_index[made.nodes[start].frame]]
+    turned, end = pose[:3, :3], pose[:3, :3] @ np.array(made.nodes[start].at) + pose[:3, 3] + along
+    across = np.eye(3) - np.outer(along, along) / (along @ along)
+    swings: list[Array] = []
+    for move in moves:
+        pose = pose @ move.placed
+        if move.variable:
+            joint = made.moved_by(move)
+            swings.append(across @ twist(joint, pose, end)[:3] * made.variables[move.variable].passive)
+            pose = pose @ motion(joint, move.factor * machine.value(move.variable))
+    body, placed = made.of_node[start]
+    missing = []
+    for letter, axis in zip("xyz", np.eye(3), strict=True):
+        swing = np.cross(axis, along)
+        if rank([*swings, swing]) > rank([*swings, np.zeros(3)]):
+            swings.append(swing)
+            at = made.point(start, placed)
+            missing.append(BodyJoint(f"{strut.name}.r{letter}", "hinge", at, placed[:3, :3] @ turned.T @ axis, "spring"))
+    if missing:
+        body = made.body(f"{strut.name} pivot", body, np.eye(4))
+        for joint in missing:
+            made.join(body, joint)
+    return body, placed
 
 
 def _beside_its_drive(made: Assembly, strut: Strut, stiffness: float) -> None:
@@ -96,8 +124,6 @@ def _beside_its_drive(made: Assembly, strut: Strut, stiffness: float) -> None:
                 to, BodyJoint(f"{strut.name}.{letter}", "slide", np.zeros(3), axis, "spring", stiffness)
             )
         end = made.site(f"{strut.name} end", to, np.eye(4))
-    poses = placed_bodies(made.bodies, made.reference)
     length = float(made.machine.distance(first, second)[0])
-    assert len(poses) == len(made.bodies)
-    made.tendons.append(Tendon(f"{strut.name} nominal", (first, nominal), np.inf, length))
+    made.tendons.append(Tendon(f"{strut.name} nominal", (first, nominal), 0.0, length))
     made.tendons.append(Tendon(strut.name, (first, end), stiffness, length, like=f"{strut.name} nominal"))
