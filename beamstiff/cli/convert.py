@@ -36,7 +36,7 @@ def convert(
     ],
     out: str = option(
         "FILE",
-        "What to write, by its ending: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or with --profile points).",
+        "What to write, by its ending: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or points).",
         ...,
     ),
     tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
@@ -58,9 +58,9 @@ def convert(
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness, MJCF (MuJoCo) every compliance as a joint
-    in series; notes list what they lose. Tables of frames hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
-    and in which units; docs/files.md shows some.
+    holds links, joints, limits, masses and joint stiffness; MJCF (MuJoCo) every compliance as a joint
+    in series; notes list what they lose. Tables of frames hold the chain to the TCP. A profile says
+    what the columns of a tracker's list of points are, and in which units; docs/files.md shows some.
 
     \b
     Examples:

@@ -13,7 +13,6 @@ import numpy as np
 
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Rigid
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.bodies import BodyJoint, BodyTree, Closure, Kind, placed_bodies
@@ -23,61 +22,26 @@ from beamstiff.simulators.struts import add_struts
 
 
 def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
-    """Return the bodies of a robot; what depends on the posture is that of `q` (A,), by default the reference."""
-    machine = machine_of(robot, q)
-    made = Assembly(machine)
-    elements: dict[str, list[tuple[Element, str]]] = {node.name: [] for node in robot.nodes}
-    order: list[Element] = [*robot.rigids, *robot.joints, *robot.beams]
-    for element in order:
-        for one, other in (element.nodes, element.nodes[::-1]):
-            elements[one].append((element, other))
-    done: set[int] = set()
-    turning = turning_nodes(robot)
+    """Return the bodies of a robot.
 
-    def spread(root: str) -> None:
-        front = deque([root])
-        while front:
-            node = front.popleft()
-            for element, other in elements[node]:
-                if other in made.of_node:
-                    continue
-                done.add(id(element))
-                made.of_node[other] = made.hang(element, node)
-                if isinstance(element, Rigid) and made.of_node[other][0] == made.of_node[node][0]:
-                    front.appendleft(other)
-                else:
-                    front.append(other)
-
-    for node in robot.fixed:
-        if node not in made.of_node:
-            frame = made.nodes[node].frame
-            body, placed, _ = made.move(0, np.eye(4), "base", frame, f"{node} carrier")
-            made.of_node[node] = body, placed
-    for node in robot.fixed:
-        spread(node)
-    for node in [robot.tcp, *made.nodes]:
-        if node not in made.of_node:
-            made.of_node[node] = _loose_root(made, node, node in turning)
-            spread(node)
-    for element in order:
-        if id(element) not in done:
-            _close(made, element)
+    What depends on the posture is that of `q` (A,), by default of the reference.
+    """
+    made = Assembly(machine_of(robot, q))
+    elements: list[Element] = [*robot.rigids, *robot.joints, *robot.beams]
+    chords = _spanning_tree(made, elements)
+    for element in chords:
+        _close(made, element)
     add_struts(made)
     _masses(made)
     for node in robot.nodes:
         body, frame = made.of_node[node.name]
         made.site(node.name, body, transform(frame[:3, :3], made.point(node.name, frame)))
-    for element in order:
-        (one, a), (other, b) = (made.of_node[name] for name in element.nodes)
+    for element in elements:
+        first, second = element.nodes
+        (one, a), (other, b) = made.of_node[first], made.of_node[second]
         if one == other:
-            first, second = element.nodes
             made.bodies[one].lines.append((made.point(first, a), made.point(second, b)))
-    for variable in robot.actuated:
-        if variable.name not in made.joint_names:
-            kind: Kind = "hinge" if variable.kind == "angle" else "slide"
-            idle = made.body(f"{variable.name} drive", 0, np.eye(4))
-            made.join(idle, BodyJoint(variable.name, kind, np.zeros(3), np.eye(3)[2], "drive"))
-            made.lost.append(f"{variable.name} moves no part of the structure")
+    _idle_variables(made)
     return BodyTree(
         robot.name,
         robot.gravity,
@@ -86,7 +50,54 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
         tuple(made.tendons),
         made.reference,
         tuple(dict.fromkeys(made.lost)),
+        made.varies,
     )
+
+
+def _spanning_tree(made: Assembly, elements: list[Element]) -> list[Element]:
+    """Hang all nodes on the base, rigids before joints before beams; return the elements left over."""
+    robot = made.machine.robot
+    of_node: dict[str, list[tuple[Element, str]]] = {node.name: [] for node in robot.nodes}
+    for element in elements:
+        for one, other in (element.nodes, element.nodes[::-1]):
+            of_node[one].append((element, other))
+    left = {id(element): element for element in elements}
+
+    def grow(root: str) -> None:
+        front = deque([root])
+        while front:
+            node = front.popleft()
+            for element, other in of_node[node]:
+                if other in made.of_node:
+                    continue
+                del left[id(element)]
+                made.of_node[other] = made.hang(element, node)
+                same = made.of_node[other][0] == made.of_node[node][0]
+                (front.appendleft if same else front.append)(other)
+
+    for name in robot.fixed:
+        frame = made.nodes[name].frame
+        made.of_node[name] = made.move(0, np.eye(4), "base", frame, f"{name} carrier")[:2]
+    for name in robot.fixed:
+        grow(name)
+    turning = turning_nodes(robot)
+    for name in [robot.tcp, *made.nodes]:
+        if name not in made.of_node:
+            made.of_node[name] = _loose_root(made, name, name in turning)
+            grow(name)
+    return list(left.values())
+
+
+def _idle_variables(made: Assembly) -> None:
+    """Give variables that move no body a joint of their own, where they are driven; tell of the others."""
+    for variable in made.machine.robot.variables:
+        if variable.name in made.joint_names or variable.equals is not None:
+            continue
+        if variable.actuated:
+            kind: Kind = "hinge" if variable.kind == "angle" else "slide"
+            idle = made.body(f"{variable.name} drive", 0, np.eye(4))
+            made.join(idle, BodyJoint(variable.name, kind, np.zeros(3), np.eye(3)[2], "drive"))
+        made.lost.append(f"{variable.name} moves no part of the structure")
 
 
 def _loose_root(made: Assembly, node: str, turning: bool) -> tuple[int, Array]:

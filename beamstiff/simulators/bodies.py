@@ -14,8 +14,7 @@ import numpy as np
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
 Kind = Literal["hinge", "slide"]
-# drive: an actuated variable; passive: a variable that loops or equilibrium set; spring: compliance in series;
-# follower: moves as another joint does
+# drive: an actuated variable; passive: one that loops set; spring: compliance; follower: led by another
 Role = Literal["drive", "passive", "spring", "follower"]
 
 
@@ -81,6 +80,7 @@ class BodyTree:
     tendons: tuple[Tendon, ...]
     reference: dict[str, float]  # joint values of a posture whose loops are closed, where they are not 0
     lost: tuple[str, ...]  # what of the robot it does not say, or not exactly
+    varies: bool = False  # whether something that changes with the posture stands as in one posture
 
 
 def motion(joint: BodyJoint, value: float) -> Array:

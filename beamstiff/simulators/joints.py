@@ -38,6 +38,7 @@ class Assembly:
         self.tendons: list[Tendon] = []
         self.reference: dict[str, float] = {}
         self.lost: list[str] = []
+        self.varies = False
         self.nodes = {node.name: node for node in machine.robot.nodes}
         self.variables = {variable.name: variable for variable in machine.robot.variables}
 
@@ -53,7 +54,7 @@ class Assembly:
         self.bodies[body].joints.append(replace(joint, name=_free(joint.name, self.joint_names)))
 
     def move(self, body: int, frame: Array, one: str, other: str, name: str) -> tuple[int, Array, bool]:
-        """Go from frame `one`, placed in a body, to frame `other`; return body, its place there, whether anew."""
+        """Go from frame `one`, placed in a body, to `other`; return body, place there, whether it is new."""
         relative = self.machine.relative(one, other)
         if constant(relative):
             return body, frame @ relative[0], False
@@ -83,7 +84,8 @@ class Assembly:
 
     def point(self, node: str, frame: Array) -> Array:
         """Return the place of a node in the body in which its frame is placed, (3,)."""
-        return frame[:3, :3] @ np.array(self.nodes[node].at) + frame[:3, 3]
+        place: Array = frame[:3, :3] @ np.array(self.nodes[node].at) + frame[:3, 3]
+        return place
 
     def site(self, name: str, body: int, pose: Array) -> str:
         """Add a site to a body."""
@@ -178,9 +180,10 @@ class Assembly:
         length = float(lengths[0])
         middle = self.point(end, frame) - sign * axes[:, 0] * length / 2
         if not constant(lengths[:, None]):
+            self.varies = True
             self.lost.append(
-                f"beam {beam.name} is as compliant everywhere as at its length in the reference posture, {length:.4g} m; "
-                f"it has {lengths.min():.4g} to {lengths.max():.4g} m"
+                f"beam {beam.name} has its compliance at {length:.4g} m in every posture (it has "
+                f"{lengths.min():.4g} to {lengths.max():.4g} m)"
             )
         section, material = section_properties(robot.sections[beam.section]), robot.materials[beam.material]
         E, G = material.E, material.G
@@ -218,7 +221,7 @@ def rank(twists: list[Array]) -> int:
 
 
 def _letters(local: Array) -> str:
-    """Return the letters of a joint's three axes: of the coordinate axes of its frame that they lie nearest to.
+    """Return the letters of a joint's three axes, those of its frame that they lie nearest to.
 
     >>> _letters(beam_axes(np.array([0.0, 0.0, 1.0]), np.full(3, np.nan)))
     'zxy'

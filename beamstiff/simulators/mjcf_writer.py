@@ -20,7 +20,7 @@ LEAST_MASS = 1e-9  # kg, and kg m^2: MuJoCo refuses moving bodies without; weigh
 LEAST_ARMATURE = 1e-6  # kg or kg m^2: of joints that nothing resists, so that they can be simulated
 HEADER = """
     Written by beamstiff. Every compliance is a joint in series, named as in the robot file.
-    Hold the drives exactly, without their degrees of freedom: a servo or an equality constraint is a spring too.
+    Hold the drives exactly, by taking out their degrees of freedom: servos and equalities are springs too.
     Drives: {drives}"""
 
 
@@ -185,7 +185,8 @@ def _lengths(tree: BodyTree) -> Iterator[str]:
                 f'polycoef="{first!r} 1 0 0 0"/>'
             )
         elif not np.isfinite(tendon.stiffness):
-            yield f'    <tendon name={name} tendon1={name} polycoef="{tendon.length - at_zero(tendon)!r} 0 0 0 0"/>'
+            longer = tendon.length - at_zero(tendon)
+            yield f'    <tendon name={name} tendon1={name} polycoef="{longer!r} 0 0 0 0"/>'
 
 
 def _reference(tree: BodyTree, joints: list[BodyJoint]) -> Iterator[str]:
@@ -196,9 +197,8 @@ def _reference(tree: BodyTree, joints: list[BodyJoint]) -> Iterator[str]:
     # joints in the order of bodies depth first, as the file has them
     order = [joint.name for number in _depth_first(tree, -1) for joint in tree.bodies[number].joints]
     of_name = {joint.name: value for joint, value in zip(joints, values, strict=True)}
-    yield (
-        f'  <keyframe><key name="reference" qpos="{_text(np.array([of_name[name] for name in order]))}"/></keyframe>'
-    )
+    qpos = _text(np.array([of_name[name] for name in order]))
+    yield f'  <keyframe><key name="reference" qpos="{qpos}"/></keyframe>'
 
 
 def _depth_first(tree: BodyTree, parent: int) -> Iterator[int]:

@@ -92,7 +92,7 @@ def moves_between(machine: Machine, one: str, other: str) -> list[Move]:
     for link in up[: up.index(shared)]:  # against the step's direction: its motion first, then its constant
         step = machine.steps[link]
         moves.append(Move(np.eye(4), step.variable, -step.coefficient, step.kind, step.axis))
-        moves.append(Move(np.linalg.inv(step.placed)))
+        moves.append(Move(np.asarray(np.linalg.inv(step.placed), dtype=np.float64)))
     for link in reversed(down[: down.index(shared)]):
         step = machine.steps[link]
         moves.append(Move(step.placed, step.variable, step.coefficient, step.kind, step.axis))

@@ -96,8 +96,6 @@ class MujocoModel:
             before, longest = longest, float(np.abs(step).max(initial=0.0))
             qpos[free] += step * min(1.0, LONGEST / max(longest, 1e-300))
             if longest < CONVERGED or (before < ROUNDING and longest > before / 2):
-                data.qpos[:] = qpos
-                mujoco.mj_fwdPosition(model, data)
                 return qpos
         raise BeamstiffError(f"MuJoCo: no equilibrium after {ITERATIONS} steps, the last moved {longest:.3g}")
 
@@ -110,8 +108,18 @@ class MujocoModel:
                 moved = qpos[other] - model.qpos0[other]
                 qpos[one] = model.qpos0[one] + np.polynomial.polynomial.polyval(moved, model.eq_data[at, :5])
 
-    def site_pose(self, site: str) -> tuple[Array, Array]:
-        """Return position (3,) and rotation (3, 3) of a site where the model is."""
+    def at(self, values: Mapping[str, float]) -> Array:
+        """Return qpos with joints at values by name, the others as in the reference posture."""
+        qpos = self.start.copy()
+        for name, value in values.items():
+            if (joint := self.mujoco.mj_name2id(self.model, self.mujoco.mjtObj.mjOBJ_JOINT, name)) >= 0:
+                qpos[self.model.jnt_qposadr[joint]] = value
+        return qpos
+
+    def site_pose(self, site: str, qpos: Array) -> tuple[Array, Array]:
+        """Return position (3,) and rotation (3, 3) of a site."""
+        self.data.qpos[:] = qpos
+        self.mujoco.mj_fwdPosition(self.model, self.data)
         target = self.model.site(site).id
         return self.data.site_xpos[target].copy(), self.data.site_xmat[target].reshape(3, 3).copy()
 

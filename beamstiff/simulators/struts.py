@@ -37,9 +37,8 @@ def _stiffness(made: Assembly, strut: Strut, lengths: Array) -> float:
     if strut.EA is None:
         return strut.stiffness
     if not constant(lengths):
-        made.lost.append(
-            f"strut {strut.name} is as compliant everywhere as at {lengths[0]:.4g} m, its length in the reference posture"
-        )
+        made.varies = True
+        made.lost.append(f"strut {strut.name} has its compliance at {lengths[0]:.4g} m in every posture")
     return 1.0 / (1.0 / strut.stiffness + (float(lengths[0]) - strut.fixed_length) / strut.EA)
 
 
@@ -93,7 +92,9 @@ def _pivot(made: Assembly, strut: Strut, start: str, moves: list[Move], along: A
         if rank([*swings, swing]) > rank([*swings, np.zeros(3)]):
             swings.append(swing)
             at = made.point(start, placed)
-            missing.append(BodyJoint(f"{strut.name}.r{letter}", "hinge", at, placed[:3, :3] @ turned.T @ axis, "spring"))
+            missing.append(
+                BodyJoint(f"{strut.name}.r{letter}", "hinge", at, placed[:3, :3] @ turned.T @ axis, "spring")
+            )
     if missing:
         body = made.body(f"{strut.name} pivot", body, np.eye(4))
         for joint in missing:

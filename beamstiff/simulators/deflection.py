@@ -1,0 +1,44 @@
+"""The deflection of every row of a table in MuJoCo: a second opinion on a robot's model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.closure import close_loops
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.mjcf_writer import write_mjcf
+from beamstiff.simulators.statics import MujocoModel
+
+
+def mujoco_deflection(robot: Robot, rows: Measurements) -> tuple[Array, tuple[str, ...]]:
+    """Return displacements (N, 6), loaded minus unloaded, in MuJoCo's equilibria; and what the model lacks.
+
+    Drives are held exactly, gravity acts. A robot that is not the same in every posture (beams whose length
+    follows a slide) is written anew for each.
+    """
+    kinematics = compile_kinematics(robot)
+    poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
+    values = close_loops(kinematics, poses).values
+    names = [variable.name for variable in robot.actuated]
+    result = np.zeros((len(rows), 6))
+    tree = assemble(robot)
+    model = MujocoModel(write_mjcf(tree))
+    for number, q in enumerate(poses):
+        if tree.varies:
+            model = MujocoModel(write_mjcf(assemble(robot, q)))
+        held = dict(zip(names, q.tolist(), strict=True))
+        start = model.at(dict(zip(kinematics.coupling.names, values[number].tolist(), strict=True)))
+        nothing = model.equilibrium(held, np.zeros(6), robot.tcp, start)
+        for row in np.flatnonzero(pose.reshape(-1) == number):
+            point, load_point = str(rows.point[row]), str(rows.load_point[row])
+            unloaded, turned = model.site_pose(point, nothing)
+            loaded, turned_on = model.site_pose(
+                point, model.equilibrium(held, rows.wrench[row], load_point, nothing)
+            )
+            result[row, :3] = loaded - unloaded
+            result[row, 3:] = vector_from_rotation(turned_on @ turned.T)
+    return result, tree.lost
