@@ -55,36 +55,49 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
 
 
 def _spanning_tree(made: Assembly, elements: list[Element]) -> list[Element]:
-    """Hang all nodes on the base, rigids before joints before beams; return the elements left over."""
+    """Hang all nodes on the base, rigids before joints before beams; return the elements left over.
+
+    Elements that close a loop of frames come last: their free directions are no variables.
+    """
     robot = made.machine.robot
     of_node: dict[str, list[tuple[Element, str]]] = {node.name: [] for node in robot.nodes}
     for element in elements:
         for one, other in (element.nodes, element.nodes[::-1]):
             of_node[one].append((element, other))
     left = {id(element): element for element in elements}
+    closing = {key for key, element in left.items() if made.closes(*element.nodes)}
 
-    def grow(root: str) -> None:
-        front = deque([root])
+    def grow(roots: list[str]) -> None:
+        front = deque(roots)
         while front:
             node = front.popleft()
             for element, other in of_node[node]:
-                if other in made.of_node:
+                if other in made.of_node or id(element) in closing:
                     continue
                 del left[id(element)]
                 made.of_node[other] = made.hang(element, node)
                 same = made.of_node[other][0] == made.of_node[node][0]
                 (front.appendleft if same else front.append)(other)
 
+    def reach_over_loops() -> None:
+        for key in [key for key in left if key in closing]:
+            for node, other in (left[key].nodes, left[key].nodes[::-1]):
+                if node in made.of_node and other not in made.of_node:
+                    made.of_node[other] = made.hang(left.pop(key), node)
+                    grow([other])
+                    return reach_over_loops()
+
     for name in robot.fixed:
         frame = made.nodes[name].frame
         made.of_node[name] = made.move(0, np.eye(4), "base", frame, f"{name} carrier")[:2]
-    for name in robot.fixed:
-        grow(name)
+    grow(list(robot.fixed))
+    reach_over_loops()
     turning = turning_nodes(robot)
     for name in [robot.tcp, *made.nodes]:
         if name not in made.of_node:
             made.of_node[name] = _loose_root(made, name, name in turning)
-            grow(name)
+            grow([name])
+            reach_over_loops()
     return list(left.values())
 
 

@@ -100,10 +100,10 @@ class Assembly:
         end, sign = (second, 1.0) if start == first else (first, -1.0)
         root, frame = self.of_node[start]
         one, other = self.nodes[start].frame, self.nodes[end].frame
-        relative = self.machine.relative(one, other)
-        closing = not constant(relative) and over_a_loop(self.machine, one, other)
+        closing = self.closes(first, second)
         if closing:  # the way through the tree of frames is the whole loop: free directions take its place
-            body, frame, anew = self.body(element.name, root, frame @ relative[0]), np.eye(4), True
+            body = self.body(element.name, root, frame @ self.machine.relative(one, other)[0])
+            frame, anew = np.eye(4), True
         else:
             body, frame, anew = self.move(root, frame, one, other, element.name)
         springs = [*self._compliance(element, frame, end, sign)]
@@ -117,6 +117,11 @@ class Assembly:
         for joint in self.without_passive(root, body, springs):
             self.join(body, joint)
         return body, frame
+
+    def closes(self, first: str, second: str) -> bool:
+        """Return whether two nodes meet by closing a loop of frames, not by the variables between them."""
+        one, other = self.nodes[first].frame, self.nodes[second].frame
+        return not constant(self.machine.relative(one, other)) and over_a_loop(self.machine, one, other)
 
     def without_passive(self, root: int, body: int, springs: list[BodyJoint]) -> list[BodyJoint]:
         """Return springs without the free directions in which passive variables between two bodies move."""
