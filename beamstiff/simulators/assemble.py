@@ -15,7 +15,8 @@ from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array, transform
-from beamstiff.simulators.bodies import BodyJoint, BodyTree, Closure, Kind, placed_bodies
+from beamstiff.simulators.bodies import BodyJoint, BodyTree, Closure, Kind, parents_first, placed_bodies
+from beamstiff.simulators.effects import add_effects, bare
 from beamstiff.simulators.joints import Assembly, Element
 from beamstiff.simulators.paths import machine_of
 from beamstiff.simulators.struts import add_struts
@@ -26,12 +27,14 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
 
     What depends on the posture is that of `q` (A,), by default of the reference.
     """
+    robot = bare(robot)
     made = Assembly(machine_of(robot, q))
     elements: list[Element] = [*robot.rigids, *robot.joints, *robot.beams]
     chords = _spanning_tree(made, elements)
     for element in chords:
         _close(made, element)
     add_struts(made)
+    add_effects(made)
     _masses(made)
     for node in robot.nodes:
         body, frame = made.of_node[node.name]
@@ -45,7 +48,7 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
     return BodyTree(
         robot.name,
         robot.gravity,
-        tuple(made.bodies),
+        tuple(parents_first(made.bodies)),
         tuple(made.closures),
         tuple(made.tendons),
         made.reference,

@@ -6,7 +6,7 @@ the first next to the parent, as MuJoCo has it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -31,8 +31,9 @@ class BodyJoint:
     limits: tuple[float, float] | None = None
     leader: str = ""  # of a follower
     factor: float = 1.0  # of a follower, by which it moves as its leader does
-    deadband: float = 0.0  # rad or m: half width of the range in which it moves unresisted (backlash)
-    friction: float = 0.0  # N or N m: what it takes to move it
+    cubic: float = 0.0  # N/m^3 or N m/rad^3: of a spring whose force is k x + c x^3
+    deadband: float = 0.0  # rad or m: half of the way between its stops; 0 where there are none
+    friction: float = 0.0  # N or N m: what it takes to move it against its spring
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,3 +104,12 @@ def placed_bodies(bodies: list[Body] | tuple[Body, ...], values: dict[str, float
             pose = pose @ motion(joint, value)
         poses.append(pose)
     return poses
+
+
+def parents_first(bodies: list[Body]) -> list[Body]:
+    """Return bodies in an order in which parents precede their children."""
+    order: list[int] = []
+    while len(order) < len(bodies):
+        order += [at for at, body in enumerate(bodies) if at not in order and body.parent in (-1, *order)]
+    places = {at: number for number, at in enumerate(order)} | {-1: -1}
+    return [replace(bodies[at], parent=places[bodies[at].parent]) for at in order]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.measure.rows import history_order
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
@@ -21,24 +22,20 @@ def mujoco_deflection(robot: Robot, rows: Measurements) -> tuple[Array, tuple[st
     follows a slide) is written anew for each.
     """
     kinematics = compile_kinematics(robot)
-    poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
-    values = close_loops(kinematics, poses).values
-    names = [variable.name for variable in robot.actuated]
-    result = np.zeros((len(rows), 6))
-    tree = assemble(robot)
+    values = close_loops(kinematics, rows.q).values
+    names, tree = [variable.name for variable in robot.actuated], assemble(robot)
     model = MujocoModel(write_mjcf(tree))
-    for number, q in enumerate(poses):
-        if tree.varies:
-            model = MujocoModel(write_mjcf(assemble(robot, q)))
-        held = dict(zip(names, q.tolist(), strict=True))
-        start = model.at(dict(zip(kinematics.coupling.names, values[number].tolist(), strict=True)))
-        nothing = model.equilibrium(held, np.zeros(6), robot.tcp, start)
-        for row in np.flatnonzero(pose.reshape(-1) == number):
-            point, load_point = str(rows.point[row]), str(rows.load_point[row])
-            unloaded, turned = model.site_pose(point, nothing)
-            loaded, turned_on = model.site_pose(
-                point, model.equilibrium(held, rows.wrench[row], load_point, nothing)
-            )
-            result[row, :3] = loaded - unloaded
-            result[row, 3:] = vector_from_rotation(turned_on @ turned.T)
+    result, at_pose = np.zeros((len(rows), 6)), None
+    for row in history_order(rows).tolist():
+        if rows.pose[row] != at_pose:
+            at_pose, q = rows.pose[row], rows.q[row]
+            if tree.varies:
+                model = MujocoModel(write_mjcf(assemble(robot, q)))
+            held = dict(zip(names, q.tolist(), strict=True))
+            start = model.at(dict(zip(kinematics.coupling.names, values[row].tolist(), strict=True)))
+            unloaded = now = model.equilibrium(held, np.zeros(6), robot.tcp, start, friction=False)
+        point, load_point = str(rows.point[row]), str(rows.load_point[row])
+        now = model.equilibrium(held, rows.wrench[row], load_point, now)
+        (before, turned), (after, turned_on) = (model.site_pose(point, qpos) for qpos in (unloaded, now))
+        result[row] = [*(after - before), *vector_from_rotation(turned_on @ turned.T)]
     return result, tree.lost

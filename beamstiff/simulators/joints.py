@@ -46,12 +46,12 @@ class Assembly:
 
     def body(self, name: str, parent: int, placed: Array) -> int:
         """Add a body; return its number."""
-        self.bodies.append(Body(_free(name, self.body_names), parent, placed))
+        self.bodies.append(Body(free_name(name, self.body_names), parent, placed))
         return len(self.bodies) - 1
 
     def join(self, body: int, joint: BodyJoint) -> None:
         """Add a joint to a body, after those that it has."""
-        self.bodies[body].joints.append(replace(joint, name=_free(joint.name, self.joint_names)))
+        self.bodies[body].joints.append(replace(joint, name=free_name(joint.name, self.joint_names)))
 
     def move(self, body: int, frame: Array, one: str, other: str, name: str) -> tuple[int, Array, bool]:
         """Go from frame `one`, placed in a body, to `other`; return body, place there, whether it is new."""
@@ -238,7 +238,8 @@ def _letters(local: Array) -> str:
     return found
 
 
-def _free(name: str, taken: set[str]) -> str:
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name that is not taken yet, and take it."""
     number, own = 2, name
     while own in taken:
         own, number = f"{name} {number}", number + 1

@@ -16,6 +16,8 @@ from beamstiff.simulators.bodies import Body, BodyJoint, BodyTree, Closure, Tend
 # faster than 1/t (Rayleigh), and the damping 2 k t, which is critical where nothing else is moved.
 SETTLE = 2e-3
 STEPS = 4  # time steps in it
+# of stops: as hard as the time step lets them be
+STOP = 'solreflimit="{!r} 1" solimplimit="0.99 0.9999 1e-06"'
 LEAST_MASS = 1e-9  # kg, and kg m^2: MuJoCo refuses moving bodies without; weighs 1e-8 N
 LEAST_ARMATURE = 1e-6  # kg or kg m^2: of joints that nothing resists, so that they can be simulated
 HEADER = """
@@ -120,8 +122,14 @@ def _joint(joint: BodyJoint, settle: float, springs: float) -> str:
     if joint.limits is not None and joint.role == "drive":
         said += f' limited="true" range="{_text(np.array(joint.limits))}"'
     if joint.stiffness > 0.0:
-        k = joint.stiffness
-        said += f' stiffness="{k!r}" damping="{2 * k * settle!r}" armature="{k * settle**2!r}"'
+        k = float(joint.stiffness)
+        hard = f" 0 {float(joint.cubic)!r}" if joint.cubic else ""
+        said += f' stiffness="{k!r}{hard}" damping="{2 * k * settle!r}" armature="{k * settle**2!r}"'
+        if joint.friction:
+            said += f' frictionloss="{float(joint.friction)!r}"'
+        if joint.deadband:
+            width = repr(float(joint.deadband))
+            said += f' limited="true" range="-{width} {width}" {STOP.format(settle)}'
     elif joint.role == "drive" and joint.kind == "hinge" and springs > 0.0:
         said += f' armature="{springs * settle**2!r}"'
     else:

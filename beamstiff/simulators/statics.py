@@ -13,12 +13,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
 STEP = 1e-6  # rad and m: of the differences that make the tangent stiffness
 ITERATIONS = 60
+CHANGES = 40  # of what is at a stop or slips
 CONVERGED = 1e-11  # rad and m: of the last step
 NOTHING = 1e-9  # of a constraint's derivatives: what is smaller is rounding
 ROUNDING = 1e-9  # of steps that no longer become shorter
@@ -52,32 +54,96 @@ class MujocoModel:
         self.start: Array = self.model.key_qpos[0].copy() if self.model.nkey else self.model.qpos0.copy()
 
     def equilibrium(
-        self, held: Mapping[str, float], wrench: Array, site: str, start: Array | None = None
+        self,
+        held: Mapping[str, float],
+        wrench: Array,
+        site: str,
+        start: Array | None = None,
+        friction: bool = True,
     ) -> Array:
-        """Return qpos in which the model rests under gravity and a wrench (6,) on a site, world frame."""
-        mujoco, model, data = self.mujoco, self.model, self.data
-        fixed = [int(model.jnt_dofadr[model.joint(name).id]) for name in held]
-        free = np.setdiff1d(np.arange(model.nv), fixed)
-        target = model.site(site).id
-        data.qvel[:] = 0.0
+        """Return qpos in which the model rests under gravity and a wrench (6,) on a site, world frame.
+
+        Joints stop at their limits, and those that rub stay where they are in `start` unless the load moves
+        them: an active set, changed one state after the other until forces and positions agree.
+        """
+        model = self.model
         qpos = (self.start if start is None else start).copy()
-        qpos[[int(model.jnt_qposadr[model.joint(name).id]) for name in held]] = list(held.values())
+        joints = [model.joint(name).id for name in held]
+        qpos[model.jnt_qposadr[joints]] = list(held.values())
         self._lead_followers(qpos)
+        begun = qpos.copy()
+        fixed = {int(model.jnt_dofadr[joint]) for joint in joints}
+        stops = self._stops(fixed)
+        rubs = {
+            int(dof): float(model.dof_frictionloss[dof])
+            for dof in np.flatnonzero(model.dof_frictionloss)
+            if friction and int(dof) not in fixed
+        }
+        state = dict.fromkeys([*stops, *rubs], 0.0)  # of stops: at which; of what rubs: which way it slips
+        first = self._forces(qpos, wrench, site)
+        for dof, width in stops.items():  # at the stop that the load pushes it to, where its spring is weak
+            at = qpos[model.jnt_qposadr[model.dof_jntid[dof]]]
+            weak = abs(first[dof]) > model.jnt_stiffness[model.dof_jntid[dof]] * width
+            state[dof] = float(np.sign(first[dof] or at)) if weak else 0.0
+        for _ in range(CHANGES):
+            stuck = {dof for dof in state if (dof in stops) == bool(state[dof])}
+            free = [dof for dof in range(model.nv) if dof not in fixed | stuck]
+            extra = np.zeros(model.nv)
+            for dof, width in stops.items():
+                if state[dof]:
+                    qpos[model.jnt_qposadr[model.dof_jntid[dof]]] = state[dof] * width
+            for dof, limit in rubs.items():
+                extra[dof] = -limit * state[dof]
+            qpos = self._rest(qpos, np.array(free, dtype=np.int64), wrench, site, extra)
+            forces = self._forces(qpos, wrench, site)
+            changed = False
+            for dof in state:
+                at = qpos[model.jnt_qposadr[model.dof_jntid[dof]]]
+                if dof in stops:
+                    past = abs(at) > stops[dof] * (1.0 + 1e-9)
+                    new = 0.0 if state[dof] * forces[dof] < 0.0 else np.sign(at) if past else state[dof]
+                else:
+                    back = state[dof] * (at - begun[model.jnt_qposadr[model.dof_jntid[dof]]]) < 0.0
+                    slips = not state[dof] and abs(forces[dof]) > rubs[dof] * (1.0 + 1e-9)
+                    new = 0.0 if back else np.sign(forces[dof]) if slips else state[dof]
+                changed |= new != state[dof]
+                state[dof] = float(new)
+            if not changed:
+                return qpos
+        raise BeamstiffError(f"MuJoCo: stops and friction found no state in {CHANGES} changes")
+
+    def _stops(self, fixed: set[int]) -> dict[int, float]:
+        """Return the free joints with limits on both sides of 0, by their degree of freedom."""
+        model, found = self.model, {}
+        for joint in np.flatnonzero(model.jnt_limited):
+            dof, (low, high) = int(model.jnt_dofadr[joint]), model.jnt_range[joint]
+            if dof not in fixed and low == -high:
+                found[dof] = float(high)
+        return found
+
+    def _forces(self, qpos: Array, wrench: Array, site: str) -> Array:
+        """Return what acts on every degree of freedom but constraints, (nv,)."""
+        mujoco, model, data = self.mujoco, self.model, self.data
         jacobian = np.zeros((6, model.nv))
+        data.qpos[:], data.qvel[:] = qpos, 0.0
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], model.site(site).id)
+        return np.asarray(data.qfrc_passive - data.qfrc_bias + jacobian.T @ wrench)
+
+    def _rest(self, qpos: Array, free: NDArray[np.int64], wrench: Array, site: str, extra: Array) -> Array:
+        """Return qpos where some degrees of freedom rest, by Newton's method from `qpos`."""
+        model, data = self.model, self.data
+        places = model.jnt_qposadr[model.dof_jntid[free]]
+        qpos = qpos.copy()
 
         def forces(at: Array) -> Array:
-            data.qpos[:] = at
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], target)
-            return np.asarray((data.qfrc_passive - data.qfrc_bias + jacobian.T @ wrench)[free])
+            return (self._forces(at, wrench, site) + extra)[free]
 
         def constraints() -> tuple[Array, Array]:
             rows = data.nefc
-            return (
-                np.array(data.efc_J).reshape(rows, model.nv)[:, free] if rows else np.zeros((0, free.size)),
-                np.array(data.efc_pos[:rows]),
-            )
+            matrix = np.array(data.efc_J).reshape(rows, model.nv)[:, free]
+            return matrix, np.array(data.efc_pos[:rows])
 
         multipliers, longest = np.zeros(0), np.inf
         for _ in range(ITERATIONS):
@@ -87,14 +153,14 @@ class MujocoModel:
                 multipliers = np.zeros(len(G))
             balance = residual + G.T @ multipliers
             tangent = np.empty((free.size, free.size))
-            for column, dof in enumerate(free):
+            for column, place in enumerate(places):
                 moved = qpos.copy()
-                moved[dof] += STEP
+                moved[place] += STEP
                 ahead = forces(moved) + constraints()[0].T @ multipliers
                 tangent[:, column] = (balance - ahead) / STEP
             step, multipliers = _solve(tangent, G, residual, gap)
             before, longest = longest, float(np.abs(step).max(initial=0.0))
-            qpos[free] += step * min(1.0, LONGEST / max(longest, 1e-300))
+            qpos[places] += step * min(1.0, LONGEST / max(longest, 1e-300))
             if longest < CONVERGED or (before < ROUNDING and longest > before / 2):
                 return qpos
         raise BeamstiffError(f"MuJoCo: no equilibrium after {ITERATIONS} steps, the last moved {longest:.3g}")

@@ -127,4 +127,3 @@ def test_a_second_opinion_says_how_far_apart_they_are() -> None:
     assert found.relative == pytest.approx(errors(robot, pushes(robot, 90.0))[0])
     with pytest.raises(BeamstiffError, match="expected mujoco"):
         second_opinion(robot, pushes(robot, 90.0), engine="gazebo")
-
