@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import option, robot_file
-from beamstiff.cli.output import Outputs
+from beamstiff.cli.output import Outputs, note
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.outputs import write_output
@@ -24,6 +24,7 @@ WRITTEN = {
     ".xml": "MJCF",
     ".csv": "table of frames",
 }
+SETTLE = 2e-3  # s: `simulators.mjcf_writer.SETTLE`, which is slow to import for a default
 
 
 def convert(
@@ -48,7 +49,15 @@ def convert(
     convention: str | None = option(
         "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
     ),
-    like: str | None = option("URDF", "Write into this URDF text; by default the one that IN came from."),
+    like: str | None = option(
+        "FILE", "Write into this URDF (default: that which IN came from) or MJCF, leaving all else as it is."
+    ),
+    q: list[str] | None = option(
+        "NAME=VALUE,...", "Of an MJCF: the posture whose values stand for what varies with it."
+    ),
+    settle: str = option(
+        "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
+    ),
     profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
     joints: str | None = option(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
@@ -109,7 +118,17 @@ def convert(
     elif ending == ".xml":
         from beamstiff.simulators.mjcf_writer import robot_to_mjcf
 
-        text, lost = robot_to_mjcf(robot)
+        if like is not None:
+            from beamstiff.simulators.mjcf_edit import mjcf_like
+
+            text, lost = mjcf_like(robot, read_text(like), like)
+        else:
+            from beamstiff.cli.variables import parse_variables
+            from beamstiff.robot.kinematics import actuated_values
+            from beamstiff.units import in_unit
+
+            where = actuated_values(robot, parse_variables(robot, q))[0] if q else None
+            text, lost = robot_to_mjcf(robot, where, in_unit(settle, "s"))
         notes += lost
     elif ending == ".csv":
         from beamstiff.robot.dh_output import robot_to_table
@@ -122,9 +141,9 @@ def convert(
         from beamstiff.robot.yaml_edit import robot_yaml
 
         text = robot_yaml(robot, robot_file(source))
-    if like is not None and ending != ".urdf":
-        raise BeamstiffError("--like: goes with an --out that ends in .urdf")
-    write_output(out, text, as_it_is=ending == ".urdf")
+    if like is not None and ending not in (".urdf", ".xml"):
+        raise BeamstiffError("--like: goes with an --out that ends in .urdf or .xml")
+    write_output(out, text, as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
@@ -154,6 +173,13 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
         return check_known(read_urdf(file, tcp=tcp), file)
     if ending == ".sdf":
         return read_sdf(file, tcp=tcp)
+    if ending == ".xml":
+        from beamstiff.simulators.mjcf_reader import read_mjcf
+
+        read = read_mjcf(file, tcp=tcp)
+        for item in read.lost:
+            note(item)
+        return read.robot
     if ending == ".csv":
         robot = read_table(file, of_input)
     elif ending in (".yaml", ".yml"):

@@ -47,6 +47,7 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
     _idle_variables(made)
     return BodyTree(
         robot.name,
+        robot.tcp,
         robot.gravity,
         tuple(parents_first(made.bodies)),
         tuple(made.closures),

@@ -75,6 +75,7 @@ class BodyTree:
     """A machine of bodies, parents first."""
 
     name: str
+    tcp: str  # site
     gravity: tuple[float, float, float]
     bodies: tuple[Body, ...]
     closures: tuple[Closure, ...]

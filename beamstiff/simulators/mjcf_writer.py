@@ -18,6 +18,7 @@ SETTLE = 2e-3
 STEPS = 4  # time steps in it
 # of stops: as hard as the time step lets them be
 STOP = 'solreflimit="{!r} 1" solimplimit="0.99 0.9999 1e-06"'
+TCP = "beamstiff-tcp"  # name of the text that says which site is the TCP
 LEAST_MASS = 1e-9  # kg, and kg m^2: MuJoCo refuses moving bodies without; weighs 1e-8 N
 LEAST_ARMATURE = 1e-6  # kg or kg m^2: of joints that nothing resists, so that they can be simulated
 HEADER = """
@@ -52,6 +53,7 @@ def write_mjcf(tree: BodyTree, settle: float = SETTLE) -> str:
         'integrator="implicitfast"/>',
         '  <default><geom type="capsule" contype="0" conaffinity="0" mass="0" group="1" rgba=".6 .6 .65 1"/>'
         '<site size=".005" group="3"/></default>',
+        f'  <custom><text name="{TCP}" data={quoteattr(tree.tcp)}/></custom>',
         "  <worldbody>",
         *_bodies(tree, -1, settle),
         "  </worldbody>",
@@ -74,7 +76,7 @@ def _bodies(tree: BodyTree, parent: int, settle: float, depth: int = 2) -> Itera
             yield f"{pad}  {_inertial(body)}"
         springs = sum(joint.stiffness for joint in body.joints if joint.kind == "hinge")
         for joint in body.joints:
-            yield f"{pad}  {_joint(joint, settle, springs)}"
+            yield f"{pad}  {joint_text(joint, settle, springs)}"
         for name, pose in body.sites:
             yield f"{pad}  <site name={quoteattr(name)}{_place(pose)}/>"
         for start, end in body.lines:
@@ -114,7 +116,8 @@ def _inertial(body: Body) -> str:
     return f'<inertial pos="{_text(centre)}" mass="{mass!r}" fullinertia="{_text(moments)}"/>'
 
 
-def _joint(joint: BodyJoint, settle: float, springs: float) -> str:
+def joint_text(joint: BodyJoint, settle: float, springs: float) -> str:
+    """Return the element of a joint; `springs` is the stiffness of those behind it in its body."""
     said = f'name={quoteattr(joint.name)} type="{joint.kind}"'
     if np.any(joint.at) and joint.kind == "hinge":
         said += f' pos="{_text(joint.at)}"'
