@@ -162,7 +162,7 @@ def springs_of(compliance: Array, frame: Array, name: str) -> Iterator[BodyJoint
         rotations.append((axis, values[at]))
         left -= values[at] * np.outer(shift, shift)
     sizes, ways = np.linalg.eigh((left + left.T) / 2)
-    least = ROUNDING * max(float(np.abs(compliance[:3, :3]).max()), 1e-300)
+    least = max(ROUNDING * float(np.abs(compliance[:3, :3]).max()), 1e-9 * float(values.max()), 1e-300)
     for at in range(3):
         if sizes[at] > least:
             axis = frame[:3, :3] @ ways[:, at]

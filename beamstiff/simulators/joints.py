@@ -33,7 +33,7 @@ class Assembly:
         self.bodies = [Body("base", -1, np.eye(4))]
         self.of_node: dict[str, tuple[int, Array]] = {}  # body, and the node's frame in it
         self.joint_names: set[str] = set()
-        self.body_names = {"base"}
+        self.body_names = {"base", "world"}
         self.closures: list[Closure] = []
         self.tendons: list[Tendon] = []
         self.reference: dict[str, float] = {}
@@ -167,6 +167,8 @@ class Assembly:
                     continue
                 self.lost.append(f"{joint.name}.{kind} is unstressed in the reference posture alone")
             name = f"{joint.name}.{kind}" + (f".{letters[direction % 3]}" if direction % 3 else "")
+            if joint.variable is None and "." in joint.name and direction in (0, 3):
+                name = joint.name  # one that was read as a spring by itself
             of: Kind = "slide" if direction < 3 else "hinge"
             yield BodyJoint(name, of, at, sign * axes[:, direction % 3], "spring", float(value))
 

@@ -39,15 +39,10 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
         lost.append("struts, balancers and elements that close loops: the file keeps those that it has")
     poses, ours = _poses(file), placed_bodies(tree.bodies, {})
     data, edits = text.encode("utf-8"), list[Edit]()
-    for anchor, number, springs in _groups(tree, elements):
-        body = next((item for item in _all(root, "body") if anchor in item.children), None)
-        if body is None:
-            lost += [
-                f"{spring.name}: no joint of the file is named as the drive before it" for spring in springs
-            ]
-            continue
+    added: dict[tuple[str, bool], list[str]] = {}
+    for name, before, number, springs in _groups(tree, elements):
+        body = next(item for item in _all(root, "body") if elements[name] in item.children)
         there = np.linalg.inv(poses[body.attributes.get("name", "")]) @ ours[number]
-        new = []
         for spring in springs:
             if (known := elements.get(spring.name)) is not None:
                 edits += _restiffened(data, known, spring)
@@ -55,24 +50,22 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
             moved = replace(
                 spring, at=there[:3, :3] @ spring.at + there[:3, 3], axis=there[:3, :3] @ spring.axis
             )
-            new.append(joint_text(moved, settle, 0.0))
-        at = anchor.end if anchor.attributes["name"] in _drives(tree) else anchor.start
-        if new:
-            indent = _indent(data, anchor.start)
-            joined = "".join(f"\n{indent}{one}" for one in new)
-            before = "".join(f"{one}\n{indent}" for one in new)
-            edits.append(Edit(at, at, joined if at == anchor.end else before))
+            added.setdefault((name, before), []).append(joint_text(moved, settle, 0.0))
+    for (name, before), lines in added.items():
+        anchor = elements[name]
+        indent = _indent(data, anchor.start)
+        at = anchor.start if before else anchor.end
+        edits.append(
+            Edit(at, at, "".join(f"{one}\n{indent}" if before else f"\n{indent}{one}" for one in lines))
+        )
     edits += _at_tool(robot, tree, root, data, elements, settle, lost)
     result = apply_edits(data, edits) if edits else text
     return result, tuple(lost)
 
 
-def _drives(tree: BodyTree) -> set[str]:
-    return {joint.name for body in tree.bodies for joint in body.joints if joint.role != "spring"}
-
-
-def _groups(tree: BodyTree, elements: dict[str, Element]) -> Iterator[tuple[Element, int, list[BodyJoint]]]:
-    """Yield springs with the joint of the file beside which they go, and the body that they are given in."""
+def _groups(tree: BodyTree, elements: dict[str, Element]) -> Iterator[tuple[str, bool, int, list[BodyJoint]]]:
+    """Yield springs: the joint beside which they go, whether before it, the body they are given in."""
+    drives = [joint.name for body in tree.bodies for joint in body.joints if joint.role == "drive"]
     anchors: dict[int, str] = {}
     for number, body in enumerate(tree.bodies):
         own = [joint.name for joint in body.joints if joint.role in ("drive", "passive")]
@@ -80,21 +73,13 @@ def _groups(tree: BodyTree, elements: dict[str, Element]) -> Iterator[tuple[Elem
         springs = [joint for joint in body.joints if joint.role == "spring"]
         if not springs or body.name == "tool-compliance":
             continue
-        first = next(iter(_moving(tree)), "")
-        named = anchors[number] or first
-        if named not in elements:
+        name = anchors[number] or next(iter(drives), "")  # the base: before the first drive
+        if name not in elements:
             raise BeamstiffError(
-                f"the file has no joint {named!r}, behind which {springs[0].name} goes: expected joints "
+                f"the file has no joint {name!r}, behind which {springs[0].name} goes: expected joints "
                 f"named as the robot's variables, found {listed(elements, 12) or 'none'}"
             )
-        anchor = elements[named]
-        if not anchors[number]:  # the base: before the first drive
-            anchor = replace(anchor, attributes={**anchor.attributes, "name": ""}, end=anchor.start)
-        yield (elements[named] if anchors[number] else anchor), number, springs
-
-
-def _moving(tree: BodyTree) -> Iterator[str]:
-    yield from (joint.name for body in tree.bodies for joint in body.joints if joint.role == "drive")
+        yield name, not anchors[number], number, springs
 
 
 def _all(root: Element, name: str) -> Iterator[Element]:

@@ -192,5 +192,5 @@ def _end(mujoco: Any, model: Any, tree: LinkTree) -> str | None:
     ends = set(range(model.nbody)) - set(model.body_parentid[1:].tolist())
     sites = [at for at in range(model.nsite) if int(model.site_bodyid[at]) in ends]
     if len(sites) == 1 or model.nsite == 1:
-        return tree.links[(sites or [0])[0] - model.nsite].name
+        return tree.links[(sites or [0])[0] - int(model.nsite)].name
     return str(model.body(ends.pop()).name) if len(ends) == 1 and not sites else None
