@@ -103,13 +103,14 @@ def diagnose(
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-            if Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf"):
+            simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
+            if simulator:
                 text, lost = as_written(larger, apply, file)
                 for item in lost:
                     note(item)
             else:  # the error's text is one line
                 text = robot_yaml(larger, file, written_std(larger), f"# {head}\n")
-            write_output(apply, text)
+            write_output(apply, text, as_it_is=simulator)
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"

@@ -63,7 +63,8 @@ def robot_of_model(mujoco: Any, model: Any, source: str, tcp: str | None) -> Rea
             if one is None:
                 lost.append(f"the free or ball joint of body {body.name!r}: it stands fixed here")
                 continue
-            joints, parent, frame = _chained(joints, one, names, links)
+            behind = transform(np.eye(3), -np.array(joint.pos))
+            joints, parent, frame = _chained(joints, one, names, links, frame, behind)
         own = free_name(body.name or f"body {number}", names)
         joints.append(TreeJoint(f"{own} in {parent}", parent, own, "fixed", frame))
         mass = float(body.mass[0])
@@ -133,10 +134,17 @@ def _joint(joint: Any, parent: str, frame: Array, mimics: dict[str, Mimic]) -> T
 
 
 def _chained(
-    joints: list[TreeJoint], one: TreeJoint, names: set[str], links: list[TreeLink]
+    joints: list[TreeJoint],
+    one: TreeJoint,
+    names: set[str],
+    links: list[TreeLink],
+    frame: Array,
+    behind: Array,
 ) -> tuple[list[TreeJoint], str, Array]:
-    """Add a joint; a spring about the axis of the joint before it becomes that joint's stiffness."""
-    back = transform(np.eye(3), np.zeros(3))
+    """Add a joint; a spring about the axis of the joint before it becomes that joint's stiffness.
+
+    `frame`: of the body before the joint, in its link; `behind`: in the joint's.
+    """
     before = joints[-1] if joints else None
     if before is not None and before.child == one.parent and one.stiffness and before.kind != "fixed":
         step = one.placed[:3, 3]
@@ -148,10 +156,10 @@ def _chained(
             named = one.name.removesuffix(f".{direction}")
             variable = before.variable or before.name
             joined = replace(before, name=named, variable=variable, stiffness=dict(one.stiffness))
-            return [*joints[:-1], joined], before.child, np.eye(4)
+            return [*joints[:-1], joined], before.child, frame
     child = free_name(one.child, names)
     links.append(TreeLink(child))
-    return [*joints, replace(one, child=child)], child, back
+    return [*joints, replace(one, child=child)], child, behind
 
 
 def _followers(mujoco: Any, model: Any) -> dict[str, Mimic]:
