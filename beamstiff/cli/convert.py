@@ -55,6 +55,9 @@ def convert(
     q: list[str] | None = option(
         "NAME=VALUE,...", "Of an MJCF: the posture whose values stand for what varies with it."
     ),
+    series: bool = typer.Option(
+        False, "--series", help="URDF, SDF: every compliance a joint in series, as in MJCF."
+    ),
     settle: str = option(
         "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
     ),
@@ -76,6 +79,7 @@ def convert(
       beamstiff convert arm.urdf --tcp tool0 --joint-stiffness "1e6 N*m/rad" --out arm.yaml
       beamstiff convert fitted.yaml --out fitted.urdf
       beamstiff convert kr240-2 --out kr240-2.xml
+      beamstiff convert kr240-2 --series --out kr240-2.sdf
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
@@ -103,7 +107,14 @@ def convert(
         )
     robot = with_joint_stiffness(read_robot(source, tcp, convention, written=ending), joint_stiffness or [])
     notes = [*_notes(robot)]
-    if ending == ".urdf":
+    if series:
+        if ending not in (".urdf", ".sdf"):
+            raise BeamstiffError("--series: goes with an --out that ends in .urdf or .sdf")
+        from beamstiff.simulators.series_joints import robot_to_series
+
+        text, lost = robot_to_series(robot, ending[1:])
+        notes += lost
+    elif ending == ".urdf":
         from beamstiff.robot.urdf.writer import robot_to_urdf
 
         text = robot_to_urdf(robot, None if like is None else read_text(like))

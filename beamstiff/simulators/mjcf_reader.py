@@ -110,7 +110,7 @@ def _joint(joint: Any, parent: str, frame: Array, mimics: dict[str, Mimic]) -> T
     kind: Kind | None = {2: "prismatic", 3: "revolute"}.get(int(joint.type[0]))  # type: ignore[assignment]
     if kind is None:
         return None
-    name, axis = joint.name or f"joint {joint.id}", np.array(joint.axis)
+    name, axis = joint.name or f"joint_{joint.id}", np.array(joint.axis)
     at, start = transform(np.eye(3), np.array(joint.pos)), float(joint.qpos0[0])
     placed = frame @ at
     if start:  # the pose in the file is that at `ref`

@@ -101,17 +101,22 @@ def _text(values: Array) -> str:
     return " ".join(f"{0.0 if abs(value) < 1e-15 else value:.15g}" for value in values.tolist())
 
 
-def _inertial(body: Body) -> str:
-    """Return mass, centre and inertia about it of the masses of a body."""
-    mass = sum(one for one, _ in body.masses)
-    if not mass > 0.0:
-        least = repr(LEAST_MASS)
-        return f'<inertial pos="0 0 0" mass="{least}" diaginertia="{least} {least} {least}"/>'
-    centre = np.sum([one * at for one, at in body.masses], axis=0) / mass
+def mass_of(masses: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia about it of point masses; the least that simulators take for none."""
+    mass = float(sum(one for one, _ in masses))
     inertia = LEAST_MASS * np.eye(3)
-    for one, at in body.masses:
+    if not mass > 0.0:
+        return LEAST_MASS, np.zeros(3), inertia
+    centre = np.asarray(np.sum([one * at for one, at in masses], axis=0) / mass)
+    for one, at in masses:
         arm = at - centre
         inertia += one * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return mass, centre, inertia
+
+
+def _inertial(body: Body) -> str:
+    """Return the element of mass, centre and inertia of a body."""
+    mass, centre, inertia = mass_of(body.masses)
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return f'<inertial pos="{_text(centre)}" mass="{mass!r}" fullinertia="{_text(moments)}"/>'
 
