@@ -10,7 +10,6 @@ and written: the same places of sites and the same masses to 1e-9.
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -226,7 +225,9 @@ def same(mujoco: Any, model: Any, again: MujocoModel, robot: Robot) -> str:
     heavy = sum(float(mass) for mass in model.body_mass if mass > 1e-6)
     if abs(heavy - sum(mass.mass for mass in robot.masses)) > 1e-9 * max(heavy, 1.0):
         return "other masses"
-    names = {re.sub(r"\W", "_", model.joint(at).name or f"joint_{at}"): at for at in range(model.njnt)}
+    variables = {joint.name: joint.variable for joint in robot.joints}
+    called = {at: model.joint(at).name or f"joint_{at}" for at in range(model.njnt)}
+    names = {variables.get(name) or name: at for at, name in called.items()}
     data, worst, rng = mujoco.MjData(model), 0.0, np.random.default_rng(0)
     for _ in range(5):
         full = again.at({one.name: float(rng.uniform(-0.5, 0.5)) for one in robot.actuated})

@@ -71,11 +71,22 @@ class Assembly:
         """Return the joint of a variable: its own, or one that follows it where it moves several parts."""
         name, own = move.variable, self.moved_by(move)
         if abs(move.factor) != 1.0 or name in self.joint_names:
-            return replace(own, name=f"{name}.again", role="follower", leader=name, factor=move.factor)
+            follower = self._coupled(name, move.factor) or f"{name}.again"
+            return replace(own, name=follower, role="follower", leader=name, factor=move.factor)
         self.reference[name] = self.machine.value(name)
         variable = self.variables[name]
         role: Role = "drive" if variable.actuated else "passive"
         return replace(own, axis=move.factor * own.axis, role=role, limits=variable.limits)
+
+    def _coupled(self, leader: str, factor: float) -> str:
+        """Return the coupled variable that moves so, where none of the joints is called after it yet."""
+        joined = self.machine.kinematics.coupling
+        wanted = factor * np.array([float(name == leader) for name in joined.free])
+        for name, row in zip(joined.names, joined.matrix, strict=True):
+            coupled = self.variables[name].equals is not None and name not in self.joint_names
+            if coupled and np.allclose(row, wanted, rtol=1e-12, atol=0.0):
+                return name
+        return ""
 
     def moved_by(self, move: Move) -> BodyJoint:
         """Return the joint that moves as a move does, about or along its axis, of its own value."""
