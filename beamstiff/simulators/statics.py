@@ -142,7 +142,8 @@ class MujocoModel:
 
         def constraints() -> tuple[Array, Array]:
             rows = data.nefc
-            matrix = np.array(data.efc_J).reshape(rows, model.nv)[:, free]
+            # the engine may reserve more rows than it fills
+            matrix = data.efc_J.ravel()[: rows * model.nv].reshape(rows, model.nv)[:, free].copy()
             return matrix, np.array(data.efc_pos[:rows])
 
         multipliers, longest = np.zeros(0), np.inf
