@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,10 @@ def diagnose(
     data: DataFiles,
     without: list[str] | None = option(
         "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
+    ),
+    prior: list[str] | None = option(
+        "NAME=NUMBER",
+        "How many of an effect are expected at a component, or at this one: backlash:q2=0.5; repeatable.",
     ),
     seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
     stations: bool = typer.Option(
@@ -82,9 +87,12 @@ def diagnose(
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
+    expected = parse_expected(prior or ())
     tables = as_tables(data, machine)
     with working("diagnosing"):
-        result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
+        result = run(
+            machine, tables, without=excluded, prior=expected, region=where, seed=seed, stations=stations
+        )
     known = effects_text(machine.effects)
     before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
@@ -117,3 +125,16 @@ def diagnose(
                 note(f"{apply} holds what is no more than the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
+
+
+def parse_expected(texts: Sequence[str]) -> dict[str, float]:
+    """Return expected numbers of causes by name, from texts such as ``"backlash:q2=0.5"``."""
+    result = {}
+    for text in texts:
+        name, _, value = (word.strip() for word in text.partition("="))
+        try:
+            result[name] = float(value)
+        except ValueError:
+            wanted = "expected NAME=NUMBER such as backlash:q2=0.5"
+            raise BeamstiffError(f"--prior: found {text!r}, {wanted}") from None
+    return result

@@ -23,6 +23,7 @@ from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     AddedEffect,
     Beam,
+    CalibratedParameter,
     Frame,
     Joint,
     JointStiffness,
@@ -75,6 +76,7 @@ class Robot(Shown, Described):
     tcp: Name
     identify: tuple[Name, ...] = ()
     effects: tuple[AddedEffect, ...] = ()
+    calibrated: tuple[CalibratedParameter, ...] = ()  # what `calibrate` fitted: `diagnose` keeps it open
     urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back
 
     @model_validator(mode="after")

@@ -169,6 +169,17 @@ def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence
     return total
 
 
+def parts_of(baseline: Baseline, fits: Sequence[Fitted]) -> list[Array]:
+    """Return what each effect of the fits adds to a baseline's prediction, (N, 6) each."""
+    count = max(len(fit.shapes) for fit in fits)
+    parts = [np.zeros_like(baseline.predicted) for _ in range(count)]
+    for fit in fits:
+        theta = np.split(fit.theta, np.cumsum([one.hypothesis.sizes.size for one in fit.shapes])[:-1])
+        for part, one, own in zip(parts, fit.shapes, theta, strict=True):
+            part += fit.weight * (one.hypothesis.shape.columns @ (own * one.hypothesis.sizes))
+    return parts
+
+
 def stacked_covariance(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
     """Return the covariance (N, 6, 6) of what a fit predicts, for columns (N, 6, c) of each of its shapes."""
     stacked = _stacked(baseline, fit, columns)
