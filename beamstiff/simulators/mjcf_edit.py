@@ -8,6 +8,7 @@ the base before the first joint; what is compliant at the tool gets a body of it
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -33,6 +34,8 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
     """
     root = parse_xml(text, file)
     elements = {item.attributes["name"]: item for item in _all(root, "joint") if "name" in item.attributes}
+    for item in [*elements.values()]:  # variables have letters, digits and _ alone
+        elements.setdefault(re.sub(r"[^A-Za-z0-9_]", "_", item.attributes["name"]), item)
     tree = assemble(robot)
     lost = [*tree.lost]
     if tree.closures or tree.tendons:

@@ -96,6 +96,14 @@ def test_like_adds_springs_alone_and_mujoco_deflects_as_we_do(arm: Path) -> None
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.linalg.norm(expected))
 
 
+def test_joints_whose_names_are_no_variables(arm: Path) -> None:
+    text = ARM.replace('"q2"', '"axis-2"')
+    arm.write_text(text)
+    robot = load_any(arm).with_parameters({"axis-2.torsional": 1e6})
+    assert [v.name for v in robot.actuated] == ["q1", "axis_2", "q3"]
+    assert '<joint name="axis-2.torsional" type="hinge"' in mjcf_like(robot, text, str(arm))[0]
+
+
 def test_springs_of_the_file_get_the_robots_stiffness(arm: Path) -> None:
     robot = load_any(arm).with_parameters({"q1.torsional": 1e6})
     once = mjcf_like(robot, ARM, str(arm))[0]
