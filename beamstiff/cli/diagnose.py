@@ -48,9 +48,9 @@ def diagnose(
     ),
     region: Region = None,
     apply: str | None = option(
-        "YAML",
+        "FILE",
         "Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
-        "identify and diagnose.",
+        "identify and diagnose: YAML, or as ROBOT is a URDF or MJCF (.xml), into its own elements.",
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
@@ -69,6 +69,7 @@ def diagnose(
       beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
       beamstiff diagnose robot.yaml data.csv --html report.html
       beamstiff diagnose robot.yaml data.csv --apply extended.yaml
+      beamstiff diagnose robot.xml data.csv --apply closed.xml
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
@@ -102,6 +103,7 @@ def diagnose(
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
+        from beamstiff.functions.written import as_written
         from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply):
@@ -109,9 +111,14 @@ def diagnose(
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-            write_output(
-                apply, robot_yaml(larger, file, written_std(larger), f"# {head}\n")
-            )  # the error's text is one line
+            simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
+            if simulator:
+                text, lost = as_written(larger, apply, file)
+                for item in lost:
+                    note(item)
+            else:  # the error's text is one line
+                text = robot_yaml(larger, file, written_std(larger), f"# {head}\n")
+            write_output(apply, text, as_it_is=simulator)
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"

@@ -1,4 +1,4 @@
-"""Path correction by fake poses: commands ``P' = P - dP`` with which the tool of the real robot comes to rest at its targets.
+"""Path correction by fake poses: commands ``P' = P - dP`` that bring the real robot to its targets.
 
 At the solution the tool is where it should be, and so the process load is that at the target: the correction
 needs no equilibrium. What happens without it, or with a command that is not quite right, does: there the load
