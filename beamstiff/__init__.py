@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from beamstiff.fem.structure import compile_structure
     from beamstiff.functions.calibrate import calibrate
     from beamstiff.functions.compare import compare
-    from beamstiff.functions.compensate import compensate
+    from beamstiff.functions.compensate import compensate, compensate_online
     from beamstiff.functions.diagnose import diagnose
     from beamstiff.functions.examine import examine
     from beamstiff.functions.identify import identify
@@ -47,8 +47,9 @@ if TYPE_CHECKING:
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _MODULES = {
     "fem.structure": "compile_structure",
-    **{f"functions.{name}": name for name in ("calibrate", "compare", "compensate", "diagnose", "examine")},
+    **{f"functions.{name}": name for name in ("calibrate", "compare", "diagnose", "examine")},
     **{f"functions.{name}": name for name in ("identify", "plan", "predict", "verify")},
+    "functions.compensate": "compensate compensate_online",
     "functions.robots": "load_robot",
     "functions.stiffness": "forward_kinematics stiffness tcp_compliance tcp_stiffness",
     "maps.run": "map_workspace",
@@ -83,6 +84,7 @@ __all__ = [
     "calibrate",
     "compare",
     "compensate",
+    "compensate_online",
     "compile_structure",
     "diagnose",
     "examine",

@@ -108,7 +108,7 @@ class Forming:
     gap: float
 
 
-def forming(models: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) -> Forming:
+def forming(names: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) -> Forming:
     """Return what the machine makes of the path, without and with compensation by several models."""
     path, model_robot = forming_path(along=along), weightless(load_robot("ir663"))
     real = weightless(load_robot("ir663-screws"))
@@ -116,7 +116,7 @@ def forming(models: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) 
     as_it_is = correct_path(truth, path, load)
     before = as_it_is.before
     rows = [_row("none", before, before)]
-    fitted = _models(models)
+    fitted = models(names)
     straightforward: tuple[tuple[str, Method, float], ...] = (
         ("Euler-Bernoulli", "euler-bernoulli", 0.0),
         ("incremental", "incremental", 0.0),
@@ -140,7 +140,8 @@ def forming(models: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) 
     return Forming(tuple(rows), (float(vertical[0]), float(vertical[-1])), gap)
 
 
-def _models(names: tuple[str, ...]) -> dict[str, Model]:
+def models(names: tuple[str, ...]) -> dict[str, Model]:
+    """Return models of elasticity that were fitted to the paper's campaign on the machine with screws."""
     robot, table, _ = campaign("ir663-screws")
     judged = fit_models(robot, table, split_rows(table, 0.0, 900.0, 0), names, Options(seed=0))
     found = {name: judged[name].model for name in names}

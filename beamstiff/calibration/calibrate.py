@@ -13,7 +13,7 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.observability import NOTICED, observability
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.result import Calibration, Found, errors_of
+from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
@@ -125,7 +125,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         held = held_out(statement, problem, found, method, folds)
     laid_over = rigid_gap(statement.problem)
     return Calibration(
-        robot=calibrated(statement.robot, problem, theta),
+        robot=calibrated(statement.robot, problem, theta).model_copy(
+            update={"calibrated": calibrated_parameters(parameters, covariance)}
+        ),
         bases=transform(rotation, position),
         target=problem.geometry.target(problem.split(theta)[0]),
         parameters=tuple(parameters),

@@ -5,6 +5,8 @@ frames' parameters are taken for joint variables beside the actuated ones, and t
 as they do for these, with the loops' dependence carried through (seed 003, eqs 49 to 52)::
 
     dX/dp = T_p - T_passive pinv(J_passive) dPhi/dp
+
+The screws' twists are in `robot.forward` (`twists_at`); Hayati's beta is the turn about y of `robot.frames`.
 """
 
 from __future__ import annotations

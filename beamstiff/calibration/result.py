@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,15 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import CalibratedParameter
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
     from beamstiff.calibration.statement import Statement
     from beamstiff.measure.table import Measurements
+
+CORRELATION_DIGITS = 3  # behind the point, as written
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,21 @@ class Found:
     def identified(self) -> bool:
         """Whether it was sought; if not, it stayed."""
         return self.std is not None
+
+
+def calibrated_parameters(found: Sequence[Found], covariance: Array) -> tuple[CalibratedParameter, ...]:
+    """Return what a robot file says of the geometry that was fitted: how sure each parameter is."""
+    at = [k for k, item in enumerate(found) if item.std and item.parameter.group != "compliance"]
+    std = np.sqrt(np.diag(covariance)[at])
+    correlation = np.round(covariance[np.ix_(at, at)] / np.outer(std, std), CORRELATION_DIGITS)
+    return tuple(
+        CalibratedParameter(
+            name=found[k].name,
+            std=float(f"{std[row]:.3g}"),
+            correlation=tuple(np.clip(correlation[row, :row], -1.0, 1.0).tolist()),
+        )
+        for row, k in enumerate(at)
+    )
 
 
 @dataclass(frozen=True, eq=False)

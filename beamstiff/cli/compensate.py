@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,7 +25,7 @@ def compensate(
         str,
         typer.Argument(
             metavar="PATH",
-            help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; APT .apt, .cls. Its targets are corrected.",
+            help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; APT .apt, .cls.",
         ),
     ],
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
@@ -40,13 +41,16 @@ def compensate(
     base: str | None = option(
         "NAME=VALUE,...",
         "Frame of the path ($BASE, wobj) in the robot's base frame: x, y, z and a, b, c (KUKA's "
-        "A B C) or qw, qx, qy, qz; default: the same frame.",
+        "A B C) or qw, qx, qy, qz; default: as the program says, else the same frame.",
     ),
     tool: str | None = option(
         "NAME=VALUE,...",
-        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: the TCP.",
+        "Programmed tool ($TOOL, tooldata) in the frame of the robot's TCP; default: as the program says, "
+        "else the TCP.",
     ),
-    q: list[str] | None = option("NAME=VALUE,...", "Posture near the first target, to choose the branch."),
+    q: list[str] | None = option(
+        "NAME=VALUE,...", "Posture near the first target, in place of what the path says of it."
+    ),
     only: list[str] | None = option("NAME,...", "Correct these targets alone; XP* takes many."),
     taught: bool = typer.Option(
         False, "--taught", help="Targets were taught on the unloaded robot: correct the load's part."
@@ -60,6 +64,21 @@ def compensate(
     resample: str | None = option(
         "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
     ),
+    std: str | None = option(
+        "FILE", "Standard deviations of stiffness: what `identify --json` wrote; effects bring their own."
+    ),
+    load_std: list[str] | None = option("NAME=VALUE,...", "Standard deviation of the load, such as fz=20N."),
+    leave_doubtful: bool = typer.Option(
+        False, "--leave-doubtful", help="Leave targets whose correction is below twice its std as they are."
+    ),
+    stream: bool = typer.Option(
+        False, "--stream", help="Answer lines of stdin with commands on stdout: compensation on line."
+    ),
+    measured: list[str] | None = option(
+        "RUN.csv",
+        "A measured run (x, y, z of every target, loads if a cell read them): fit the process to it.",
+    ),
+    ran: list[str] | None = option("PROGRAM", "The program that ran then; default: PATH."),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
@@ -72,6 +91,14 @@ def compensate(
     orientation, the position alone. Only numbers of targets change, everything else stays byte
     for byte. The error after correction is that of the numbers as they are written.
 
+    --stream prepares the targets and answers one line each: `target NAME fx fy fz mx my mz` or
+    `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path) with `ok`, the
+    command likewise, its standard deviation, the joint values, and whether it was warm.
+
+    --measured learns from a run: friction, stiffness and clamp of a beam, size of tabulated
+    forces, gain and frame of a load cell, from where the tool really went. Give all runs made
+    so far, each with the program that --ran it, and correct again until that no longer pays.
+
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
     reached or corrected is listed with its line; unless --unreachable keep, neither path nor page
     is written then and the exit code is 2.
@@ -82,6 +109,9 @@ def compensate(
       beamstiff compensate kr500 cell.dat --actual calibrated.yaml --process milling.yaml \\
           --base x=1200mm,z=600mm --tool z=180mm --out corrected.dat --figure path.png
       beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --html report.html
+      beamstiff compensate kr500 cell.src --process beam.yaml --measured run.csv \\
+          --ran first.src --out again.src
+      beamstiff compensate kr500 cell.src --stream --load-std fx=5N,fy=5N,fz=5N < forces.txt
 
     \b
     A path table (a, b, c: rotation vector, or declared before the header as KUKA ABC, Euler ZYX ...):
@@ -92,11 +122,13 @@ def compensate(
     from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
+    from beamstiff.functions.compensate import compensate_online, read_std
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.compensation import (
         compensation_figure,
         compensation_table,
         compensation_text,
+        learned_table,
         uncorrected_table,
     )
 
@@ -108,26 +140,43 @@ def compensate(
         _check_format(path, out)
     controller = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
-    inputs += [process] if process else []
+    inputs += [*([process] if process else []), *(measured or []), *(ran or [])]
     outputs = Outputs(inputs, out=out, figure=figure, html=html)
+    given: dict[str, Any] = {
+        "actual": actual,
+        "wrench": parse_wrench(wrench) if wrench else None,
+        "process": process,
+        "base": None if base is None else parse_frame("--base", base),
+        "tool": None if tool is None else parse_frame("--tool", tool),
+        "q": parse_variables(controller, q) if q else None,
+        "only": parse_names(only, "--only"),
+        "std": None if std is None else read_std(std),
+        "load_std": parse_wrench(load_std, "--load-std") if load_std else None,
+        "leave_doubtful": leave_doubtful,
+    }
+    if stream:
+        if out or figure or html or steps or taught or positions_only or measured or ran:
+            raise BeamstiffError("--stream: answers lines, and goes with no --out, page or resampling")
+        with working("preparing the targets"):
+            targets = compensate_online(controller, path, **given)
+        targets.serve(iter(sys.stdin.readline, ""), lambda line: print(line, flush=True))
+        return
     with working("correcting the targets"):
         result = run(
             controller,
             path,
-            actual=actual,
-            wrench=parse_wrench(wrench) if wrench else None,
-            process=process,
-            base=None if base is None else parse_frame("--base", base),
-            tool=None if tool is None else parse_frame("--tool", tool),
-            q=parse_variables(controller, q) if q else None,
-            only=parse_names(only, "--only"),
             taught=taught,
             positions_only=positions_only,
             steps=steps,
+            measured=measured or (),
+            ran=ran or (),
+            **given,
         )
     lost = [uncorrected_table(result)] if result.correction.reasons else []
     refused = bool(lost) and unreachable == REFUSE
     shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
+    if result.learned is not None:
+        shown.insert(0, learned_table(result.learned))
     outputs.result(result.notes, [*lost, *shown], result.to_dict())
     if refused:
         raise _refusal(result)

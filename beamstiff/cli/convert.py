@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import option, robot_file
-from beamstiff.cli.output import Outputs
+from beamstiff.cli.output import Outputs, note
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.outputs import write_output
@@ -21,8 +21,10 @@ WRITTEN = {
     ".yml": "robot file",
     ".urdf": "URDF",
     ".sdf": "SDF",
+    ".xml": "MJCF",
     ".csv": "table of frames",
 }
+SETTLE = 2e-3  # s: `simulators.mjcf_writer.SETTLE`, which is slow to import for a default
 
 
 def convert(
@@ -35,7 +37,7 @@ def convert(
     ],
     out: str = option(
         "FILE",
-        "What to write, by its ending: .yaml, .urdf, .sdf, .csv (frames, or with --profile points).",
+        "What to write, by its ending: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or points).",
         ...,
     ),
     tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
@@ -47,7 +49,18 @@ def convert(
     convention: str | None = option(
         "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
     ),
-    like: str | None = option("URDF", "Write into this URDF text; by default the one that IN came from."),
+    like: str | None = option(
+        "FILE", "Write into this URDF (default: that which IN came from) or MJCF, leaving all else as it is."
+    ),
+    q: list[str] | None = option(
+        "NAME=VALUE,...", "Of an MJCF: the posture whose values stand for what varies with it."
+    ),
+    series: bool = typer.Option(
+        False, "--series", help="URDF, SDF: every compliance a joint in series, as in MJCF."
+    ),
+    settle: str = option(
+        "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
+    ),
     profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
     joints: str | None = option(
         "CSV", "With --profile: joint values and loads, to be joined with the points."
@@ -57,14 +70,16 @@ def convert(
 
     URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
     written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness; notes list what it loses. Tables of frames
-    hold the chain to the TCP. A profile says what the columns of a tracker's list of points are,
-    and in which units; docs/files.md shows some.
+    holds links, joints, limits, masses and joint stiffness; MJCF (MuJoCo) every compliance as a joint
+    in series; notes list what they lose. Tables of frames hold the chain to the TCP. A profile says
+    what the columns of a tracker's list of points are, and in which units; docs/files.md shows some.
 
     \b
     Examples:
       beamstiff convert arm.urdf --tcp tool0 --joint-stiffness "1e6 N*m/rad" --out arm.yaml
       beamstiff convert fitted.yaml --out fitted.urdf
+      beamstiff convert kr240-2 --out kr240-2.xml
+      beamstiff convert kr240-2 --series --out kr240-2.sdf
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
@@ -92,7 +107,14 @@ def convert(
         )
     robot = with_joint_stiffness(read_robot(source, tcp, convention, written=ending), joint_stiffness or [])
     notes = [*_notes(robot)]
-    if ending == ".urdf":
+    if series:
+        if ending not in (".urdf", ".sdf"):
+            raise BeamstiffError("--series: goes with an --out that ends in .urdf or .sdf")
+        from beamstiff.simulators.series_joints import robot_to_series
+
+        text, lost = robot_to_series(robot, ending[1:])
+        notes += lost
+    elif ending == ".urdf":
         from beamstiff.robot.urdf.writer import robot_to_urdf
 
         text = robot_to_urdf(robot, None if like is None else read_text(like))
@@ -104,6 +126,21 @@ def convert(
         written = robot_to_sdf(robot)
         text = written.text
         notes += written.lost
+    elif ending == ".xml":
+        from beamstiff.simulators.mjcf_writer import robot_to_mjcf
+
+        if like is not None:
+            from beamstiff.simulators.mjcf_edit import mjcf_like
+
+            text, lost = mjcf_like(robot, read_text(like), like)
+        else:
+            from beamstiff.cli.variables import parse_variables
+            from beamstiff.robot.kinematics import actuated_values
+            from beamstiff.units import in_unit
+
+            where = actuated_values(robot, parse_variables(robot, q))[0] if q else None
+            text, lost = robot_to_mjcf(robot, where, in_unit(settle, "s"))
+        notes += lost
     elif ending == ".csv":
         from beamstiff.robot.dh_output import robot_to_table
 
@@ -115,9 +152,9 @@ def convert(
         from beamstiff.robot.yaml_edit import robot_yaml
 
         text = robot_yaml(robot, robot_file(source))
-    if like is not None and ending != ".urdf":
-        raise BeamstiffError("--like: goes with an --out that ends in .urdf")
-    write_output(out, text, as_it_is=ending == ".urdf")
+    if like is not None and ending not in (".urdf", ".xml"):
+        raise BeamstiffError("--like: goes with an --out that ends in .urdf or .xml")
+    write_output(out, text, as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
@@ -147,6 +184,13 @@ def read_robot(source: str, tcp: str | None, convention: str | None, written: st
         return check_known(read_urdf(file, tcp=tcp), file)
     if ending == ".sdf":
         return read_sdf(file, tcp=tcp)
+    if ending == ".xml":
+        from beamstiff.simulators.mjcf_reader import read_mjcf
+
+        read = read_mjcf(file, tcp=tcp)
+        for item in read.lost:
+            note(item)
+        return read.robot
     if ending == ".csv":
         robot = read_table(file, of_input)
     elif ending in (".yaml", ".yml"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,10 @@ def diagnose(
     without: list[str] | None = option(
         "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
     ),
+    prior: list[str] | None = option(
+        "NAME=NUMBER",
+        "How many of an effect are expected at a component, or at this one: backlash:q2=0.5; repeatable.",
+    ),
     seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
     stations: bool = typer.Option(
         False,
@@ -43,9 +48,9 @@ def diagnose(
     ),
     region: Region = None,
     apply: str | None = option(
-        "YAML",
+        "FILE",
         "Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
-        "identify and diagnose.",
+        "identify and diagnose: YAML, or as ROBOT is a URDF or MJCF (.xml), into its own elements.",
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
@@ -64,6 +69,7 @@ def diagnose(
       beamstiff diagnose ir663 examples/data/ir663_compliance_xx.csv --json diagnosis.json
       beamstiff diagnose robot.yaml data.csv --html report.html
       beamstiff diagnose robot.yaml data.csv --apply extended.yaml
+      beamstiff diagnose robot.xml data.csv --apply closed.xml
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """  # noqa: D301
@@ -81,9 +87,12 @@ def diagnose(
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
+    expected = parse_expected(prior or ())
     tables = as_tables(data, machine)
     with working("diagnosing"):
-        result = run(machine, tables, without=excluded, region=where, seed=seed, stations=stations)
+        result = run(
+            machine, tables, without=excluded, prior=expected, region=where, seed=seed, stations=stations
+        )
     known = effects_text(machine.effects)
     before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
@@ -94,6 +103,7 @@ def diagnose(
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
+        from beamstiff.functions.written import as_written
         from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply):
@@ -101,12 +111,30 @@ def diagnose(
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
-            write_output(
-                apply, robot_yaml(larger, file, written_std(larger), f"# {head}\n")
-            )  # the error's text is one line
+            simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
+            if simulator:
+                text, lost = as_written(larger, apply, file)
+                for item in lost:
+                    note(item)
+            else:  # the error's text is one line
+                text = robot_yaml(larger, file, written_std(larger), f"# {head}\n")
+            write_output(apply, text, as_it_is=simulator)
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 note(f"{apply} holds what is no more than the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
+
+
+def parse_expected(texts: Sequence[str]) -> dict[str, float]:
+    """Return expected numbers of causes by name, from texts such as ``"backlash:q2=0.5"``."""
+    result = {}
+    for text in texts:
+        name, _, value = (word.strip() for word in text.partition("="))
+        try:
+            result[name] = float(value)
+        except ValueError:
+            wanted = "expected NAME=NUMBER such as backlash:q2=0.5"
+            raise BeamstiffError(f"--prior: found {text!r}, {wanted}") from None
+    return result

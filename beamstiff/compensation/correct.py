@@ -1,4 +1,4 @@
-"""Fake poses: commands ``P' = P - dP`` with which the tool of the real robot comes to rest at its targets.
+"""Path correction by fake poses: commands ``P' = P - dP`` that bring the real robot to its targets.
 
 At the solution the tool is where it should be, and so the process load is that at the target: the correction
 needs no equilibrium. What happens without it, or with a command that is not quite right, does: there the load
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from beamstiff.compensation.follow import follow, shortfall, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import NoLoad, Process
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
@@ -78,9 +79,10 @@ def correct_path(
     """Return the commands that bring the real tool to its targets under load.
 
     `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
-    first target, to choose the branch. `taught`: the targets were taught on the unloaded robot: it reaches
-    them as they are, only what the load does is corrected. `positions_only`: leave the orientations of the
-    commands as they are. So it is for robots of fewer than six joints.
+    first target, to choose the branch in place of the postures that the path states. `taught`: the targets
+    were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
+    `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
+    six joints.
     """
     load = load or NoLoad()
     whole = six_freedoms(machine.kinematics)
@@ -95,7 +97,14 @@ def correct_path(
             "another"
         )
     turned = path.turns & (whole and not positions_only)
-    first = follow(machine.kinematics, machine.frames.node_poses(path.poses), start)
+    first = follow(
+        machine.kinematics,
+        machine.frames.node_poses(path.poses),
+        start,
+        arm_of(machine.kinematics) if path.stated_postures else None,
+        path.stated_postures if start is None else (),
+        path.joints,
+    )
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are
         path = _as_they_are(machine, path, first.q, rows)
@@ -107,15 +116,15 @@ def correct_path(
         some = path.at(rows)
         if taught:
             still = np.zeros((len(rows), 6))
-            targets[rows] = _settled(machine, first.q[rows], lambda _: still, some.poses)
+            targets[rows] = settled(machine, first.q[rows], lambda _: still, some.poses)
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
-        before[rows] = difference(_settled(machine, first.q[rows], load_at, meant), meant)
+        before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
         found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows])
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
-        after[rows] = difference(_settled(machine, q[rows], load_at, meant), meant)
+        after[rows] = difference(settled(machine, q[rows], load_at, meant), meant)
     return Correction(
         path=path,
         targets=targets,
@@ -145,7 +154,7 @@ def errors_of(
     if rows.size:
         meant = correction.targets[rows]
         load_at = _load_at(load, correction.path.at(rows), meant)
-        errors[rows] = difference(_settled(machine, found.q[rows], load_at, meant), meant)
+        errors[rows] = difference(settled(machine, found.q[rows], load_at, meant), meant)
     return errors
 
 
@@ -263,7 +272,7 @@ def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array],
     return shifted
 
 
-def _settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
+def settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
     """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.

@@ -7,12 +7,14 @@ be one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from beamstiff.compensation.posture import Arm, StatedPosture
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.inverse import InverseResult, inverse_geometry
@@ -24,6 +26,7 @@ LONGEST_RUN = 1024
 WALK = 12  # steps between targets far apart
 SEARCHED, RESTARTS = 256, 40  # targets at a time, starts each
 TRIED = 48  # starts for the posture to begin with
+POOL = 1000  # to choose these from where the posture is stated
 TOLERANCE = 1e-9  # m, rad
 NEARLY = 2e-7  # m, rad: where an arm is stretched, the last digits cost more steps than they are worth
 AT_LIMIT = 1e-6
@@ -52,22 +55,50 @@ def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: i
     return replace(found, reached=near)
 
 
-def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> Followed:
+def follow(
+    kinematics: Kinematics,
+    poses: Array,
+    start: Array | None = None,
+    arm: Arm | None = None,
+    stated: Sequence[StatedPosture | None] = (),
+    given: Array | None = None,
+) -> Followed:
     """Return joint values that bring the `tcp` node to the poses one after the other.
 
     `poses` (N, 4, 4): base frame, m. `start` (A,): a posture near the first target, which chooses the branch;
-    rad or m.
+    rad or m. `stated` (N or 0): postures that the targets state, of the `arm`; they go before nearness.
+    `given` (N, A): joint values of targets that state these; NaN elsewhere.
     """
     count, actuated = len(poses), len(kinematics.robot.actuated)
     q, reached = np.zeros((count, actuated)), np.zeros(count, dtype=np.bool_)
     reasons: dict[int, str] = {}
     switched: list[int] = []
     anchor, run, row = start, 1, 0
+
+    def fits(rows: Sequence[int], postures: Array) -> NDArray[np.bool_]:
+        """Tell which postures are as their targets state."""
+        result = np.ones(len(postures), dtype=np.bool_)
+        if arm is None or not stated:
+            return result
+        wanted = [stated[at] for at in rows]
+        for one in dict.fromkeys(wanted):
+            if one is not None:
+                mine = np.array([other == one for other in wanted])
+                result[mine] = arm.fits(one, postures[mine])
+        return result
+
     while row < count:
         some = slice(row, min(row + run, count))
+        if given is not None and not np.isnan(given[row, 0]):
+            q[row], reached[row], anchor = given[row], True, given[row]
+            row += 1
+            continue
         if anchor is not None:
             found = solve(kinematics, poses[some], anchor, restarts=0)
             good = found.reached & _near(kinematics, np.vstack([anchor, found.q]))
+            good &= fits(range(row, row + len(good)), found.q)
+            if given is not None:
+                good &= np.isnan(given[some, 0])
             done = len(good) if good.all() else int(np.argmin(good))
             q[row : row + done], reached[row : row + done] = found.q[:done], True
             if done:
@@ -78,7 +109,7 @@ def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> 
                 run = 1
                 continue
             walked = _walk(kinematics, anchor, poses[row])
-            if walked is not None:
+            if walked is not None and fits([row], walked[None]).all():
                 q[row], reached[row], anchor = walked, True, walked
                 row += 1
                 continue
@@ -90,21 +121,49 @@ def follow(kinematics: Kinematics, poses: Array, start: Array | None = None) -> 
             q[row + at], reasons[row + at] = found.q[at], shortfall(kinematics, found, at)
         row += lost
         if lost == 0:  # else the way there may be short again
-            q[row], reached[row] = _convenient(kinematics, poses[row], found.q[0], anchor), True
-            if row and anchor is not None:
+            wanted = stated[row] if stated and arm is not None else None
+            chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted)
+            if wanted is not None and not len(chosen):
+                q[row], reasons[row] = found.q[0], f"no posture within the joints' ranges is {wanted.text}"
+                row += 1
+                continue
+            q[row], reached[row] = chosen, True
+            if row and anchor is not None and wanted is None:
                 switched.append(row)
             anchor = q[row]
             row += 1
     return Followed(q, reached, reasons, np.array(switched, dtype=np.int64))
 
 
-def _convenient(kinematics: Kinematics, pose: Array, known: Array, near: Array | None) -> Array:
-    """Return of many solutions at a pose the one nearest to a posture, or to the middle of the ranges."""
+def _convenient(
+    kinematics: Kinematics,
+    pose: Array,
+    known: Array,
+    near: Array | None,
+    arm: Arm | None,
+    stated: StatedPosture | None,
+) -> Array:
+    """Return of many solutions at a pose the one nearest to a posture, or to the middle of the ranges.
+
+    Where a posture is stated: of those that are as stated; nothing (0,) where none is.
+    """
     limits = [variable.limits or (-np.pi, np.pi) for variable in kinematics.robot.actuated]
     low, high = np.array(limits).T
-    starts = np.random.default_rng(0).uniform(low, high, (TRIED, len(low)))
-    found = solve(kinematics, np.repeat(pose[None], TRIED, axis=0), starts, restarts=0)
+    count = TRIED if arm is None or stated is None else POOL
+    starts = np.random.default_rng(0).uniform(low, high, (count, len(low)))
+    if arm is not None and stated is not None:  # on its side of the singularities, whatever the turns
+        mine = arm.fits(replace(stated, turns=()), starts)
+        if not mine.any():
+            return np.zeros(0)
+        starts = starts[mine][:TRIED]
+    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
     q = np.vstack([known, found.q[found.reached]])
+    if arm is not None and stated is not None:
+        q = arm.turned(stated, q)
+        inside = ((q >= low - AT_LIMIT) & (q <= high + AT_LIMIT)).all(axis=1)
+        q = q[arm.fits(stated, q) & inside]
+        if not len(q):
+            return np.zeros(0)
     wanted = 0.5 * (low + high) if near is None else near
     off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
     return np.asarray(q[int(np.argmin(off))])

@@ -81,11 +81,10 @@ class Machine:
         `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
         for the lever arm of the load.
         """
-        node = tip @ np.linalg.inv(self.frames.tool)
-        at_node = transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3])
-        rows = self._rows(q, at_node)
+        rows = self.rows(q, wrench, tip)
         if self.elasticity is None:
             return predict_with_effects(self.real, rows)
+        at_node = rows.wrench
         bare = self.real.model_copy(update={"effects": ()})
         weight = predict_with_effects(bare, self._rows(q, 0.0 * at_node))
         given = self.elasticity.predict(q, at_node)
@@ -129,6 +128,11 @@ class Machine:
         node[:, :3, 3] += moved[:, :3]
         node[:, :3, :3] = rotation_from_vector(moved[:, 3:]) @ node[:, :3, :3]
         return np.asarray(node @ self.frames.tool)
+
+    def rows(self, q: Array, wrench: Array, tip: Array) -> Measurements:
+        """Return the states as rows, with the load at the `tcp` node; arguments as of `moved`."""
+        node = tip @ np.linalg.inv(self.frames.tool)
+        return self._rows(q, transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3]))
 
     def _rows(self, q: Array, wrench: Array) -> Measurements:
         names = [variable.name for variable in self.real.actuated]

@@ -1,4 +1,7 @@
-"""A tool path: targets in their order, the frames they are written in, loads that come with them."""
+"""A tool path: targets in their order, the frames they are written in, loads that come with them.
+
+Data alone: the correction is in `compensation.correct`.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.compensation.posture import StatedPosture
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array, vector_from_rotation
 
@@ -29,6 +33,9 @@ class ToolPath:
     wrench: Array | None = None
     # (N,): other quantities along the path, SI: what a process may depend on
     columns: Mapping[str, Array] = field(default_factory=dict)
+    stated_postures: tuple[StatedPosture | None, ...] = ()  # one each target; none where no target states one
+    # (N, A), rad or m: targets that the file writes as joint values, of the controller; NaN where it does not
+    joints: Array | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -43,6 +50,8 @@ class ToolPath:
             turns=self.turns[rows],
             wrench=None if self.wrench is None else self.wrench[rows],
             columns={name: values[rows] for name, values in self.columns.items()},
+            stated_postures=tuple(self.stated_postures[row] for row in rows.tolist() if self.stated_postures),
+            joints=None if self.joints is None else self.joints[rows],
         )
 
     @property
@@ -61,10 +70,20 @@ class ToolPath:
 
 
 @dataclass(frozen=True, eq=False)
+class StatedFrame:
+    """A frame or a tool that a program says its targets are in."""
+
+    name: str  # as the program calls it
+    line: int
+    pose: Array | None  # (4, 4), m; None: the program does not say where it is
+
+
+@dataclass(frozen=True, eq=False)
 class Frames:
     """What the numbers of a path count from, and which point of the tool they place."""
 
-    # (4, 4), m: the frame of the path (KRL $BASE, RAPID wobj, APT part) in the base frame of the robot
+    # (4, 4), or (N, 4, 4) where they differ by target, m: the frame of the path (KRL $BASE, RAPID wobj, APT
+    # part) in the base frame of the robot
     base: Array = field(default_factory=lambda: np.eye(4))
     # (4, 4), m: the programmed tool (KRL $TOOL, RAPID tooldata) in the frame of the robot's `tcp` node
     tool: Array = field(default_factory=lambda: np.eye(4))

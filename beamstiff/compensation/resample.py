@@ -57,4 +57,10 @@ def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> Too
         turns=np.concatenate([path.turns[segment], path.turns[-1:]]),
         wrench=None if path.wrench is None else along(path.wrench),
         columns={name: along(values) for name, values in path.columns.items()},
+        stated_postures=tuple(
+            path.stated_postures[at] if part == 0 else None
+            for at, part in zip([*segment.tolist(), len(path) - 1], [*number.tolist(), 0], strict=True)
+            if path.stated_postures
+        ),
+        joints=None,
     )

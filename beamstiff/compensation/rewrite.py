@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,14 @@ from beamstiff.compensation.correct import Correction, correct_path, errors_of
 from beamstiff.compensation.editing import ENCODING
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
+from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import FromPath, Process, Together
 from beamstiff.compensation.resample import resample
+from beamstiff.compensation.uncertainty import correction_std, doubtful
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
@@ -53,6 +58,9 @@ class Compensated(Shown):
     after: Array
     machine: Machine
     notes: tuple[str, ...] = ()
+    std: Array | None = None  # (N, 6), m and rad: standard deviation of every correction; None: not asked for
+    learned: Learned | None = None  # from measured runs, where there were any
+    left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -92,9 +100,12 @@ class Compensated(Shown):
                     "wrench": found.wrench[row].tolist(),
                     "before": row_of(found.before, row),
                     "after": row_of(self.after, row),
+                    **({} if self.std is None else {"std": row_of(self.std, row)}),
+                    **({"left_alone": row in self.left_alone} if self.left_alone else {}),
                 }
                 for row, name in enumerate(found.path.names)
             ],
+            **({} if self.learned is None else {"learned": self.learned.to_dict()}),
             "notes": list(self.notes),
         }
 
@@ -108,19 +119,36 @@ def compensate_program(
     start: Array | None = None,
     taught: bool = False,
     positions_only: bool = False,
+    std: Mapping[str, float] | None = None,
+    load_std: Array | None = None,
+    leave_doubtful: bool = False,
 ) -> Compensated:
     """Return a program with its targets corrected.
 
     `machine`: its `frames` say where the path lies and which tool it moves. `process`: load on the tool, on
     top of what columns of the path state. `steps`: resample to at most this distance, m, and turn, rad, a
-    step: the result is a path table then. `start`, `taught`, `positions_only`: as of `correct_path`.
+    step: the result is a path table then. `start`, `taught`, `positions_only`: as of `correct_path`. `std`,
+    `load_std`: of stiffness parameters and of the load (6,); with either, or `leave_doubtful`, the result has
+    standard deviations. `leave_doubtful`: targets whose correction is below twice its own stay as they are.
     """
-    path = program.path if steps is None else resample(program.path, *steps)
+    path = with_joint_targets(program.path, machine)
+    if steps is not None:
+        path = resample(path, *steps)
     parts = [FromPath(), *([process] if process is not None else [])]
     load = Together(tuple(parts))
     correction = correct_path(
         machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
     )
+    sure: Array | None = None
+    left: tuple[int, ...] = ()
+    if std is not None or load_std is not None or leave_doubtful:
+        sure = _std(machine, correction, std or {}, np.zeros(6) if load_std is None else load_std)
+        if leave_doubtful:
+            moved = difference(correction.commands, correction.path.poses)
+            left = tuple(np.flatnonzero(correction.corrected & doubtful(moved, sure)).tolist())
+            commands = correction.commands.copy()
+            commands[list(left)] = correction.path.poses[list(left)]
+            correction = replace(correction, commands=commands)
     content, written = _written(program, machine, correction, path, steps is not None)
     after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
     lost = np.flatnonzero(correction.corrected & np.isnan(after).any(axis=1)).tolist()
@@ -128,7 +156,17 @@ def compensate_program(
         correction = correction.without(lost, "its command, rounded as the file needs it, is out of reach")
         content, written = _written(program, machine, correction, path, steps is not None)
         after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
-    return Compensated(correction, content, after, machine)
+    return Compensated(correction, content, after, machine, std=sure, left_alone=left)
+
+
+def _std(machine: Machine, found: Correction, std: Mapping[str, float], load_std: Array) -> Array:
+    """Return the standard deviations (N, 6) of the corrections; NaN where there is none."""
+    result = np.full((len(found.path), 6), np.nan)
+    rows = np.flatnonzero(found.corrected & ~np.isnan(found.before[:, 0]))
+    if rows.size:
+        state = found.q[rows], found.wrench[rows], found.targets[rows]
+        result[rows] = correction_std(machine, *state, std, load_std)
+    return result
 
 
 def _written(
@@ -140,5 +178,23 @@ def _written(
         text = path_csv.write(path.moved_to(commands), f"commands that correct {path.source}")
         content = text.encode("utf-8")
         return content, path_csv.read(content.decode(ENCODING), path.source).path
-    content = program.with_poses(commands, correction.corrected)
-    return content, program.read_again(content).path
+    content = program.with_poses(commands, correction.corrected, correction.q)
+    return content, with_joint_targets(program.read_again(content).path, machine)
+
+
+def with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
+    """Return a path with the poses of those targets that are written as joint values."""
+    if path.joints is None:
+        return path
+    kinematics, count = machine.kinematics, len(machine.controller.actuated)
+    rows = np.flatnonzero(~np.isnan(path.joints[:, 0]))
+    if path.joints.shape[1] != count:
+        raise BeamstiffError(
+            f"{path.place(int(rows[0]))}: found {path.joints.shape[1]} joint values, expected {count} as of "
+            f"robot {machine.controller.name!r}"
+        )
+    poses, at = path.poses.copy(), machine.frames.to_base(path).poses
+    node = pose_of(kinematics, posture(kinematics, path.joints[rows]), machine.controller.tcp)
+    at[rows] = node @ machine.frames.tool
+    poses[rows] = machine.frames.to_path(at)[rows]
+    return path.moved_to(poses)

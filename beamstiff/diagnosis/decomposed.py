@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +20,8 @@ from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
+from beamstiff.diagnosis.notes import chosen_for
+from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, optional
@@ -32,7 +34,7 @@ LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in f
 
 
 def beside_calibration(
-    robot: Robot, rows: Measurements, without: Sequence[str], seed: int, stations: bool = False
+    robot: Robot, rows: Measurements, prior: Prior, seed: int, stations: bool = False
 ) -> Diagnosis | None:
     """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
 
@@ -40,26 +42,28 @@ def beside_calibration(
     one: then the geometry is what the robot's description says.
     """
     try:
-        found = decompose(robot, rows, without=without, seed=seed, stations=stations)
+        found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     except BeamstiffError:  # too few readings to calibrate by
         if stations:
             raise
         return None
-    if stations:  # what the tables hold in frames of their own has no geometry as described
-        return diagnosis_of(found)
+    # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
+    told = tuple(chosen_for(robot))
+    if stations or robot.calibrated or found.behind:
+        return diagnosis_of(found, told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
-        return diagnosis_of(found)
+        return diagnosis_of(found, told)
     found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
-    choice = build_choice(closed, forms_of(closed, without, {*OF_GEOMETRY, *found_here}))
+    choice = build_choice(closed, forms_of(closed, prior, {*OF_GEOMETRY, *found_here}))
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
     step = select(choice, folds_of(closed, choice, seed).squared_errors, most=2 * (SINGLE_ERRORS + 2))
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
     needless = left < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
-    return None if needless else diagnosis_of(found)
+    return None if needless else diagnosis_of(found, told)
 
 
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
@@ -79,7 +83,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
         outliers=(),
-        notes=notes,
+        notes=(*notes, *(one.text for one in found.behind)),
         fits=(),
         ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.causes)]),
         where=where(baseline, baseline.used, _components(found)),

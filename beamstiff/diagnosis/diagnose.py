@@ -23,6 +23,7 @@ from beamstiff.diagnosis.held_out.prediction import (
     fitted,
     folds,
     held_out,
+    parts_of,
     shift,
 )
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, component_subspaces
@@ -34,6 +35,7 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
 from beamstiff.diagnosis.notes import notes
+from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
@@ -83,17 +85,16 @@ def diagnose(
     measurements: Measurements,
     *,
     without: Sequence[str] = (),
+    prior: Mapping[str, float] | None = None,
     seed: int = 0,
     stations: bool = False,
 ) -> Diagnosis:
     """Diagnose the gap of a robot and a table; as of `beamstiff.diagnose`."""
     with threadpool_limits(limits=1, user_api="blas"):  # small matrices are slower on several threads
-        return _diagnose(robot, measurements, without, seed, stations)
+        return _diagnose(robot, measurements, Prior(tuple(without), prior or {}), seed, stations)
 
 
-def _diagnose(
-    robot: Robot, measurements: Measurements, without: Sequence[str], seed: int, stations: bool
-) -> Diagnosis:
+def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int, stations: bool) -> Diagnosis:
     require_usable(measurements)
     if stations and measurements.kind != "absolute":
         raise BeamstiffError(
@@ -101,36 +102,34 @@ def _diagnose(
         )
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
-    found = with_next(_of_rows(robot, rows, without, seed, stations), seed)
+    found = with_next(_of_rows(robot, rows, prior, seed, stations), seed)
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"
     return replace(found, notes=(sample, *found.notes))
 
 
-def _of_rows(
-    robot: Robot, rows: Measurements, without: Sequence[str], seed: int, stations: bool
-) -> Diagnosis:
+def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations: bool) -> Diagnosis:
     rows = replace(rows, wrench=np.where(np.abs(rows.wrench) > LEAST_LOAD, rows.wrench, 0.0))
     absolute = rows.kind == "absolute"
-    beside = beside_calibration(robot, rows, without, seed, stations) if absolute else None
+    beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
     if beside is not None:
         return beside
-    baseline, library, screened = _screened(robot, rows, without)
+    baseline, library, screened = _screened(robot, rows, prior)
     # what a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
     stated = baseline if baseline.claimed else screened.baseline
-    several = _decomposed(robot, stated, library, without, seed)
+    several = _decomposed(robot, stated, library, prior, seed)
     if several is not None and len(several.causes) >= CROWD:
         white = whiten(screened.baseline, screened.used)
         return diagnosis_of(several, tuple(notes(screened, white, several.causes[0].key, several.scatter)))
-    found = _weighed_one_by_one(library, screened, without, seed)
+    found = _weighed_one_by_one(library, screened, prior, seed)
     if found.verdict.effect != "unknown" or several is None:
         return found  # one cause of the library was weighed in all its forms, and is not it
     return diagnosis_of(several, found.notes)
 
 
 def _decomposed(
-    robot: Robot, baseline: Baseline, library: Library, without: Sequence[str], seed: int
+    robot: Robot, baseline: Baseline, library: Library, prior: Prior, seed: int
 ) -> Decomposition | None:
     """Return the causes of displacements, where there are several, and they leave hardly more.
 
@@ -140,23 +139,23 @@ def _decomposed(
         return None
     at = by_candidate(library.hypotheses)
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
-    found = decompose(robot, baseline.rows, without=without, seed=seed, baseline=baseline, known=known)
+    found = decompose(robot, baseline.rows, prior=prior, seed=seed, baseline=baseline, known=known)
     several = found.causes and len(found.causes) + len(found.unclear) > 1
-    return found if several and found.remainder.share <= LEFT else None
+    return found if several and found.unexplained <= LEFT else None
 
 
-def _screened(robot: Robot, rows: Measurements, without: Sequence[str]) -> tuple[Baseline, Library, Screened]:
+def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:
     """Return the rows, what could be the cause, and the rows with their noise as they show it."""
     baseline = fit_baseline(robot, rows)
     if not baseline.used[:, :3].any():
         raise BeamstiffError(
             f"{rows.source}: no row has a measured position: the gap is one of positions (dx dy dz or x y z)"
         )
-    library = build_library(baseline, whiten(baseline), without)
+    library = build_library(baseline, whiten(baseline), prior)
     return baseline, library, screen(baseline, library)
 
 
-def _weighed_one_by_one(library: Library, screened: Screened, without: Sequence[str], seed: int) -> Diagnosis:
+def _weighed_one_by_one(library: Library, screened: Screened, prior: Prior, seed: int) -> Diagnosis:
     """Return the diagnosis of one cause, or two, with the geometry as it is described."""
     white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
@@ -164,12 +163,12 @@ def _weighed_one_by_one(library: Library, screened: Screened, without: Sequence[
         raise BeamstiffError("no effect is left that these rows could show: measure more, or leave out fewer")
     scales = noise_prior_of(screened.baseline)
     chance = _chance(white, library, scales, seed)
-    weighed = _weigh(screened, white, library, scales, without)
-    return _diagnosis(weighed, chance, "outliers" not in without, seed)
+    weighed = _weigh(screened, white, library, scales, prior)
+    return _diagnosis(weighed, chance, "outliers" not in prior.without, seed)
 
 
 def _weigh(
-    screened: Screened, white: Whitened, library: Library, scales: NoisePrior, without: Sequence[str]
+    screened: Screened, white: Whitened, library: Library, scales: NoisePrior, prior: Prior
 ) -> Weighed:
     """Return what every cause is worth, about the stiffness that the likeliest leaves."""
     linear = screened.baseline
@@ -180,7 +179,7 @@ def _weigh(
         if moved is None:
             break
         linear, white = moved, whiten(moved, screened.used)
-        library = build_library(linear, white, without)
+        library = build_library(linear, white, prior)
     found = weighed_together(white, library.hypotheses, scales, laws, found)
     return Weighed(screened, linear, white, library, laws, found, scales)
 
@@ -218,7 +217,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
             key: shrinks.get(key) or held_out(linear, used, [found.shapes[key]], scale, seed)
             for key in (judged.verdict, judged.also)
         }
-        judged = larger_first(judged, {key: one.shrink for key, one in alone.items()})
+        judged = larger_first(judged, _sizes(linear, white, found, scale))
     models = _models(judged, found)
     if judged.verdict != UNKNOWN:
         scale = scale_after(white, models, weighed.scales)
@@ -280,6 +279,16 @@ def _each_posture_its_own(pair: Pair) -> bool:
     """Return whether a pair has parameters of some postures alone, which tell nothing of new ones."""
     shapes = [one.hypothesis.shape for shapes in pair.shapes for one in shapes]
     return any(quantity.posture_specific for shape in shapes for quantity in shape.parameters)
+
+
+def _sizes(linear: Baseline, white: Whitened, found: Search, scale: float) -> dict[str, float]:
+    """Return the share of the gap that each of two causes takes away, as large as both together say it is."""
+    pair = found.pairs[0]
+    parts = parts_of(linear, fitted(linear, white.used, pair.shapes, scale))
+    gap = white.project_out(white.gap[:, None])
+    left = gap - white.project_out(white.whiten(np.stack(parts, axis=-1)))
+    closed = 1.0 - (left**2).sum(axis=0) / (gap**2).sum()
+    return dict(zip((pair.first, pair.second), closed.tolist(), strict=True))
 
 
 def _models(judged: Judged, found: Search) -> list[list[Weighted]]:

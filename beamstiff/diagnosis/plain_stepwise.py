@@ -24,6 +24,7 @@ from beamstiff.diagnosis.decomposition.open_model import (
 )
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline
 from beamstiff.diagnosis.result import as_measured, columns_at
 from beamstiff.measure.table import Measurements
@@ -107,7 +108,7 @@ def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[
         model = open_geometry(robot, measurements)
     else:
         model = open_stiffness(fit_baseline(robot, measurements))
-    forms = [form for form in forms_of(model, withheld) if form.sizes.size <= TEXTBOOK]
+    forms = [form for form in forms_of(model, Prior(tuple(withheld))) if form.sizes.size <= TEXTBOOK]
     chosen, squares = _entered(model, forms)
     return PlainStepwise(_told(model, chosen, squares))
 
@@ -180,11 +181,13 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
         )
     last = len(chosen)
     scatter = rms(last) / np.sqrt(noise2)
+    left = max(squares[last] - model.count, 0.0) / explainable
     return Decomposition(
         model=model,
         causes=tuple(causes.values()),
         unclear=(),
-        remainder=Remainder(rms(last), max(squares[last] - model.count, 0.0) / explainable, (), ()),
+        remainder=Remainder(rms(last), left, (), ()),
+        unexplained=left,
         rms=rms(0),
         noise=float(np.sqrt(noise2)),
         change=theta[: model.tangent.shape[1]],

@@ -13,10 +13,12 @@ from beamstiff.diagnosis.decomposition.decompose import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
-from beamstiff.diagnosis.inference.library import Untestable, key_of
+from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline, nominal_pose
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
@@ -136,6 +138,17 @@ class Diagnosis(Shown):
         """Share of the gap's square that is more than noise."""
         return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
 
+    @property
+    def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
+        """Stiffness values that were fitted beside or before the causes: as given, and as fitted, SI."""
+        given, found = self.baseline.nominal, self.baseline.robot
+        names: Sequence[str] = self.baseline.fitted
+        if self.decomposition is not None:
+            given = self.decomposition.model.given
+            found = self.decomposition.model.robot(self.decomposition.change)
+            names = given.identify
+        return {name: (given.parameter(name), found.parameter(name)) for name in names}
+
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
@@ -185,6 +198,10 @@ class Diagnosis(Shown):
                 ),
             },
             **self._causes(),
+            "fitted": {
+                name: {"given": given, "value": stiffness_text(value)}
+                for name, (given, value) in self.fitted_stiffness.items()
+            },
             "next": [dict(item) for item in self.next],
             "untestable": [
                 {"effect": one.effect, "component": one.component, "why": one.why} for one in self.untestable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,12 +13,17 @@ from numpy.typing import ArrayLike
 
 from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.path import Frames
+from beamstiff.compensation.online import OnlineCompensation
+from beamstiff.compensation.path import Frames, StatedFrame
+from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
+from beamstiff.files import read_text
 from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
+from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.coerce import RobotLike
@@ -41,6 +47,11 @@ def compensate(
     taught: bool = False,
     positions_only: bool = False,
     steps: tuple[float, float] | None = None,
+    std: Mapping[str, float] | None = None,
+    load_std: ArrayLike | None = None,
+    leave_doubtful: bool = False,
+    measured: Sequence[str | os.PathLike[str]] = (),
+    ran: Sequence[str | os.PathLike[str]] = (),
 ) -> Compensated:
     """Correct a tool path for what the real robot makes of it.
 
@@ -61,8 +72,10 @@ def compensate(
         Process model.
     base, tool : (4, 4) array, optional
         Frame of the path in the robot's base frame; programmed tool in the frame of the robot's TCP.
+        Default: as the program says, else the base frame and the TCP.
     q : mapping of str to float, or (A,) array, rad or m, optional
-        Posture near the first target, to choose the branch.
+        Posture near the first target, to choose the branch in place of what the program states (S and T of
+        KRL, configuration of RAPID and FANUC).
     only : sequence of str, optional
         Correct these targets alone; ``"XP*"`` takes many.
     taught : bool
@@ -71,6 +84,17 @@ def compensate(
         Leave the orientations as they are.
     steps : (float, float), optional
         Resample to at most this distance, m, and turn, rad, a step: the result is a path table then.
+    std : mapping of str to float, optional
+        Standard deviations of stiffness parameters, SI, as `identify` finds them; effects bring their own.
+    load_std : (6,) array, optional
+        Standard deviation of the load, N and N m.
+    leave_doubtful : bool
+        Targets whose correction is below twice its standard deviation stay as they are.
+    measured : sequence of path, optional
+        Tables of measured runs of the path: x y z of the tool, and the loads that a cell read, if any. The
+        parameters of the process (friction, stiffness, clamp; gain and frame of the cell) are fitted to them.
+    ran : sequence of path, optional
+        The program that ran in each of these; default: `path` in all.
 
     Returns
     -------
@@ -82,24 +106,116 @@ def compensate(
     BeamstiffError
         When the path cannot be read, the robots do not fit, or the load is not defined somewhere.
     """
-    controller = as_robot(robot)
-    real = None if actual is None else as_robot(actual, "actual")
-    machine = Machine(controller, real, frames=Frames(_frame("base", base), _frame("tool", tool)))
+    program, machine = _placed(robot, actual, path, only, base, tool)
+    controller = machine.controller
+    if steps is not None and machine.frames.base.ndim > 2:
+        raise OptionError("steps", "found a path of several frames, expected one: see only")
     start = None if q is None else actuated_values(controller, q)[0]
-    program = _program(path)
-    if names := names_of("only", only):
-        program = program.only(names)
+    load, learned = _load(wrench, process), None
+    if measured:
+        program, learned = learned_from(program, machine, load, measured, ran, start)
+        load, machine = learned.process, learned.machine
+    elif ran:
+        raise OptionError("ran", "found programs that ran, expected what was measured of them (measured) too")
     result = compensate_program(
         program,
         machine,
-        _load(wrench, process),
+        load,
         steps=steps,
         start=start,
         taught=taught,
         positions_only=positions_only,
+        std=std,
+        load_std=None if load_std is None else six_numbers("load_std", load_std),
+        leave_doubtful=leave_doubtful,
     )
-    placed = base is not None or tool is not None
-    return replace(result, notes=tuple(_notes(result, program, placed, q is not None, taught)))
+    given = {"base": base is not None, "tool": tool is not None}
+    result = replace(result, learned=learned)
+    return replace(result, notes=tuple(_notes(result, program, given, q is not None, taught)))
+
+
+def compensate_online(
+    robot: RobotLike,
+    path: Program | str | os.PathLike[str],
+    *,
+    actual: RobotLike | None = None,
+    wrench: ArrayLike | None = None,
+    process: Process | str | os.PathLike[str] | None = None,
+    base: ArrayLike | None = None,
+    tool: ArrayLike | None = None,
+    q: Mapping[str, float] | ArrayLike | None = None,
+    only: Sequence[str] | None = None,
+    std: Mapping[str, float] | None = None,
+    load_std: ArrayLike | None = None,
+    leave_doubtful: bool = False,
+) -> OnlineTargets:
+    """Prepare a path for compensation on line: a target and its load in, the command out.
+
+    Parameters
+    ----------
+    robot, path, actual, wrench, process, base, tool, q, only, std, load_std, leave_doubtful
+        As of `compensate`. The load of path, `wrench` and `process` is what the targets are prepared for, and
+        what counts where a call states none.
+
+    Returns
+    -------
+    OnlineTargets
+        `command(name, wrench)` and `command_at(pose, wrench)`: answers in the base frame, m and rad.
+
+    Raises
+    ------
+    BeamstiffError
+        As of `compensate`, and when a target is out of reach.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "cell.src"
+    >>> _ = file.write_text("PTP {X 1500,Y 0,Z 900,A 0,B 110,C 0,S 6}")
+    >>> targets = compensate_online("kr500", file)
+    >>> answer = targets.command("PTP", [0, 0, -900, 0, 0, 0])
+    >>> answer.warm, float((1e3 * answer.correction[2]).round(1))
+    (True, 0.5)
+    """
+    program, machine = _placed(robot, actual, path, only, base, tool)
+    start = None if q is None else actuated_values(machine.controller, q)[0]
+    online = OnlineCompensation(
+        machine,
+        dict(std or {}),
+        np.zeros(6) if load_std is None else six_numbers("load_std", load_std),
+        leave_doubtful,
+    )
+    return prepared(program, online, _load(wrench, process), start)
+
+
+def read_std(path: str | os.PathLike[str]) -> dict[str, float]:
+    """Return the standard deviations of the parameters that a JSON of `identify` holds, SI."""
+    try:
+        parameters = json.loads(read_text(Path(path)))["parameters"]
+        found = {name: one["std"] for name, one in parameters.items() if one.get("std") is not None}
+        return {str(name): float(value) for name, value in found.items()}
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise OptionError(
+            "std", f"{path}: found no parameters with a std, expected what identify --json writes"
+        ) from None
+
+
+def _placed(
+    robot: RobotLike,
+    actual: RobotLike | None,
+    path: Program | str | os.PathLike[str],
+    only: Sequence[str] | None,
+    base: ArrayLike | None,
+    tool: ArrayLike | None,
+) -> tuple[Program, Machine]:
+    """Return the program, and the machine with the frames that it counts in."""
+    controller = as_robot(robot)
+    real = None if actual is None else as_robot(actual, "actual")
+    program = _program(path)
+    if names := names_of("only", only):
+        program = program.only(names)
+    frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
+    return program, Machine(controller, real, frames=frames)
 
 
 def _program(path: Program | str | os.PathLike[str]) -> Program:
@@ -117,6 +233,45 @@ def _frame(name: str, frame: ArrayLike | None) -> Array:
     return found
 
 
+def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array:
+    """Return the frame of a path (4, 4), or (N, 4, 4) where it differs by target, or its tool (4, 4).
+
+    `what`: ``base`` or ``tool``. The one that is `given` holds, else the one that the program states; where
+    it states one without saying where that is, or several where one can be, the path is refused.
+    """
+    own: list[StatedFrame | None] = [getattr(place, what) for place in program.places]
+    counting = [
+        one for place, one in zip(program.places, own, strict=True) if place.position or what == "tool"
+    ]
+    by_name = {"" if one is None else one.name: one for one in counting or [None]}
+    names = listed([name or "none" for name in by_name], 4)
+    source, many = program.path.source, len(by_name) > 1
+    several = f"{source}: found several frames ({what}) of its targets: {names}; take one's with only"
+    if given is not None:
+        if many:
+            raise OptionError(what, f"{several}, or leave {what} away where the program says them all")
+        return _frame(what, given)
+    poses: dict[str, Array] = {}
+    for name, one in by_name.items():
+        if one is None:
+            poses[name] = np.eye(4)
+        elif one.pose is not None:
+            poses[name] = one.pose
+        else:
+            at = f":{one.line}" if one.line else ""
+            raise OptionError(
+                what,
+                f"is needed: {source}{at} has {one.name}, whose place the program does not say"
+                + (f"; take the targets of one at a time with only: {names}" if many else ""),
+            )
+    first = next(iter(poses.values()))
+    if all(np.array_equal(pose, first) for pose in poses.values()):
+        return np.asarray(first)
+    if what == "tool":
+        raise OptionError(what, several)
+    return np.array([poses.get("" if one is None else one.name, np.eye(4)) for one in own])
+
+
 def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | None) -> Process | None:
     parts: list[Process] = []
     if wrench is not None:
@@ -127,8 +282,10 @@ def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | 
     return Together(tuple(parts)) if parts else None
 
 
-def _notes(result: Compensated, program: Program, placed: bool, branch: bool, taught: bool) -> list[str]:
-    """Return what is worth knowing, where the frames are `placed` and the `branch` is chosen or not."""
+def _notes(
+    result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
+) -> list[str]:
+    """Return what is worth knowing, where frames are `given` and the `branch` is chosen or not."""
     machine = result.machine
     unproven = [] if taught else _unproven(result, machine)
     found, said = result.correction, [*robot_doubts(machine.controller), *unproven, *program.notes]
@@ -138,11 +295,22 @@ def _notes(result: Compensated, program: Program, placed: bool, branch: bool, ta
             f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
             f"real robot {what}; give it a stiffness, or the real robot as `actual`"
         )
-    if not placed and program.frames:
-        said.append(
-            f"{'; '.join(program.frames)}: --base and --tool say where this is, here both are left out: the "
-            f"path counts from the robot's base, and is that of its TCP {machine.controller.tcp!r}"
-        )
+    for what in ("base", "tool"):
+        stated = [one for place in program.places if (one := getattr(place, what)) is not None]
+        if stated and given[what]:
+            said.append(f"{what} as given, in place of {stated[0].name} of the program")
+        elif used := dict.fromkeys(
+            one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
+        ):
+            said.append(f"{what} as the program says: {listed(used, 4)}")
+    if postures := [one.text for one in found.path.stated_postures if one is not None]:
+        if branch:
+            said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
+        elif arm_of(machine.kinematics) is None:
+            said.append(
+                f"{postures[0]} and the like in the program are not followed: robot "
+                f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
+            )
     if not branch:
         names = [variable.name for variable in machine.controller.actuated]
         first = zip(names, found.q[0].round(6).tolist(), strict=True)
@@ -152,6 +320,25 @@ def _notes(result: Compensated, program: Program, placed: bool, branch: bool, ta
     if found.switched.size:
         lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
+    if result.learned is not None:
+        if result.learned.effects:
+            said.append(
+                f"beside the process the run shows {effects_text(result.learned.effects)}: added to the robot"
+            )
+        if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
+            said.append(f"the run does not identify {listed(open_ones)}: kept near what was expected")
+        if not result.learned.pays:
+            said.append(
+                "another correction no longer pays: the run was "
+                f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
+                f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
+            )
+    if result.left_alone:
+        names = [found.path.names[row] for row in result.left_alone]
+        said.append(
+            f"{len(names)} of {len(found.path)} targets stay as they are, their correction is below twice "
+            f"its standard deviation: {listed(names, 5)}"
+        )
     if machine.set_aside:
         said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
     if machine.real.model is not None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from beamstiff.diagnosis.diagnose import diagnose as run
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
@@ -24,6 +26,7 @@ def diagnose(
     data: DataLike,
     *,
     without: Sequence[str] = (),
+    prior: Mapping[str, float] | None = None,
     region: Sequence[tuple[float, float]] | None = None,
     seed: int = 0,
     stations: bool = False,
@@ -38,6 +41,9 @@ def diagnose(
         Displacements or absolute positions.
     without : sequence of str
         Effects, or ``effect:component``, that are no candidates.
+    prior : mapping of str to float, optional
+        How many of a cause are expected at a component before the data, above 0 and at most 1, by effect or
+        ``effect:component``; what is not named keeps the default (`docs/diagnosis.md`).
     region : three pairs, m, optional
         Least and largest x, y, z of the TCP in what is proposed to measure next.
     seed : int
@@ -53,11 +59,12 @@ def diagnose(
     ------
     BeamstiffError
         When the rows cannot be predicted, hold no position or nothing that an effect could show in
-        (nothing but zeros, all against their load), or `without` names no effect.
+        (nothing but zeros, all against their load), or `without` or `prior` names no effect.
     """
     machine = as_robot(robot)
     whole("seed", seed, 0)
     excluded = names_of("without", without) or ()
+    expected = checked_prior(prior or {})
     tables = as_tables(data, machine)
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
@@ -65,7 +72,24 @@ def diagnose(
     if region is not None:
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):
-        result = run(machine, rows, without=excluded, seed=seed, stations=stations)
+        result = run(machine, rows, without=excluded, prior=expected, seed=seed, stations=stations)
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))
+
+
+def checked_prior(prior: Mapping[str, Any]) -> dict[str, float]:
+    """Return expected numbers of causes, each above 0 and at most 1.
+
+    >>> checked_prior({"backlash": 0.0})
+    Traceback (most recent call last):
+    ...
+    beamstiff.errors.OptionError: prior: backlash: found 0.0, expected a number above 0, at most 1
+    """
+    for name, value in prior.items():
+        if isinstance(value, bool) or not (isinstance(value, int | float) and 0.0 < value <= 1.0):
+            raise OptionError(
+                "prior",
+                f"{name}: found {shown(value)}, expected a number above 0, at most 1",
+            )
+    return {name: float(value) for name, value in prior.items()}

@@ -21,7 +21,9 @@ def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None)
 
     Its loops are put together as `assembly` says, where it is given.
     """
-    found = coerce.as_robot(robot, what)
+    found = (
+        coerce.as_robot(robot, what) if isinstance(robot, Robot) or not _mjcf(robot) else load_robot(robot)
+    )
     if not isinstance(robot, Robot):
         found = check_known(found, Path(robot))
     if assembly is None:
@@ -32,7 +34,7 @@ def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None)
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML, URDF or SDF file describes, by its ending.
+    """Return the robot that a YAML, URDF, SDF or MJCF (.xml) file describes, by its ending.
 
     Parameters
     ----------
@@ -54,7 +56,15 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     >>> load_robot("cantilever").fixed
     ('root',)
     """
+    if _mjcf(path):
+        from beamstiff.simulators.mjcf_reader import read_mjcf
+
+        return read_mjcf(path).robot
     return check_known(reader.load_robot(path), Path(path))
+
+
+def _mjcf(path: object) -> bool:
+    return isinstance(path, str | os.PathLike) and Path(path).suffix.lower() == ".xml"
 
 
 def check_known(robot: Robot, file: Path) -> Robot:

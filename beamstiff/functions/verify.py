@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
+from beamstiff.errors import OptionError
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate
 from beamstiff.model.correction import extrapolation_notes
+from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.coerce import RobotLike
+from beamstiff.se3 import Array
+from beamstiff.simulators.deflection import mujoco_deflection
 
 
 def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Verification:
@@ -42,3 +49,78 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame)
     return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOpinion:
+    """Deflections of rows by this package and by a physics engine, N rows.
+
+    Attributes
+    ----------
+    engine : str
+    displacement, other : (N, 6) array, m and rad
+        Loaded minus unloaded, base frame: with the stiffness of the loaded machine, and the engine's.
+    notes : tuple of str
+        What the engine's model lacks.
+    """
+
+    engine: str
+    displacement: Array
+    other: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def difference(self) -> Array:
+        """Distance of both positions of every row, (N,), m."""
+        return np.asarray(np.linalg.norm((self.other - self.displacement)[:, :3], axis=1))
+
+    @property
+    def relative(self) -> float:
+        """RMS of the distances over that of the displacements."""
+        return float(np.linalg.norm(self.difference) / (np.linalg.norm(self.displacement[:, :3]) or 1.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON: m and rad, a row each."""
+        return {
+            "engine": self.engine,
+            "displacement": self.displacement.tolist(),
+            "engine_displacement": self.other.tolist(),
+            "relative_difference": self.relative,
+            "notes": list(self.notes),
+        }
+
+
+def second_opinion(robot: RobotLike, data: DataLike, *, engine: str = "mujoco") -> SecondOpinion:
+    """Compare the deflection of every row with that of the exported model in a physics engine.
+
+    Needs the extra: ``pip install 'beamstiff[mujoco]'``.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    data : Measurements or path, or several
+        Postures and loads; measured displacements are not looked at.
+    engine : "mujoco"
+
+    Returns
+    -------
+    SecondOpinion
+
+    Raises
+    ------
+    BeamstiffError
+        When the engine is unknown or missing, or a row has no equilibrium.
+
+    Examples
+    --------
+    >>> from beamstiff.measure import make_measurements
+    >>> push = make_measurements([], [[]], tcp="tip", wrench=[[0, 0, -10, 0, 0, 0]])
+    >>> second_opinion("cantilever", push).relative < 1e-3
+    True
+    """
+    if engine != "mujoco":
+        raise OptionError("engine", f"found {engine!r}, expected mujoco")
+    machine = as_robot(robot)
+    rows = concatenate(as_tables(data, machine, require_measured=False))
+    other, lost = mujoco_deflection(machine, rows)
+    return SecondOpinion(engine, predict_displacements(machine, rows, True), other, lost)

@@ -113,6 +113,12 @@ def _read_cell(
         if not variable.actuated:
             wrong(name, f"this variable follows others (= {variable.equals}): leave the column out")
         return Column(name, variable.kind, _unit(variable.kind, unit, name, wrong))
+    behind = name.removesuffix("_link") if name.endswith("_link") else name.removeprefix("tau_")
+    if behind != name and behind in declared and declared[behind].actuated:
+        kind = declared[behind].kind
+        if name.startswith("tau_"):
+            kind = "force" if kind == "length" else "moment"
+        return Column(name, kind, _unit(kind, unit, name, wrong))
     if name in ("A", "B", "C"):
         if orientation is None:
             wrong(name, KUKA_HINT)
@@ -159,7 +165,8 @@ def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
     wrong(
         shown(name),
         f"unknown column{hint}, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
-        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, remark "
+        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, a joint's encoder behind "
+        "the gear (q1_link), its torque (tau_q1), remark "
         "(for text of your own); delete the column if it is none of these",
     )
 

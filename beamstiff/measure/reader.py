@@ -11,6 +11,8 @@ decided so:
 - ``a b c`` are a rotation vector, never longer than pi. Euler angles are refused unless declared:
   ``# orientation: KUKA ABC`` converts columns A B C (or a b c), R = Rz(A) Ry(B) Rx(C), to the rotation
   vector; ``# orientation: rotation vector`` says that columns A B C (or a b c) are one.
+- ``q2_link`` is the reading of an encoder behind the gear of q2, ``tau_q2`` the measured torque (or force) of
+  its drive; empty cells are unmeasured.
 - Semicolons or tabs separate where the header has these and no comma; decimal commas only after
   ``# decimal: comma``, since 1,234 may be either.
 - An empty cell of a wrench or joint variable is an error; of ``step``, ``t``, ``temperature`` unknown; of
@@ -30,7 +32,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.columns import NODES, RESERVED, Column, kind_of, read_header, to_si
+from beamstiff.measure.columns import NODES, Column, kind_of, read_header, to_si
 from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
@@ -111,7 +113,8 @@ def parse_measurements(
     _check_choices(choices, columns, kind, raw)
 
     cells = dict(zip((column.name for column in columns), zip(*raw.cells, strict=True), strict=True))
-    values = _values(columns, cells, raw, choices["decimal"] == "comma")
+    actuated = [variable.name for variable in robot.actuated]
+    values = _values(columns, actuated, cells, raw, choices["decimal"] == "comma")
 
     def stack(names: Sequence[str], default: float) -> Array:
         columns = [values.get(name, np.full(len(raw.cells), default)) for name in names]
@@ -126,7 +129,6 @@ def parse_measurements(
         )
     if kind == "absolute":
         measured[:, 3:] = _orientation(measured[:, 3:], choices["orientation"], raw)
-    actuated = [variable.name for variable in robot.actuated]
     q = stack(actuated, 0.0)
     nodes = {column: _nodes(column, cells[column], robot, raw) for column in NODES if column in cells}
     return make_measurements(
@@ -147,6 +149,8 @@ def parse_measurements(
         step=values.get("step"),
         time=values.get("t"),
         temperature=values.get("temperature"),
+        link=stack([f"{name}_link" for name in actuated], np.nan),
+        torque=stack([f"tau_{name}" for name in actuated], np.nan),
         rows=raw.lines,
         shared_unloaded=choices["unloaded_reading"] == "shared",
         continuous=choices["history"] == "continuous",
@@ -157,7 +161,11 @@ def parse_measurements(
 
 
 def _values(
-    columns: Sequence[Column], cells: Mapping[str, Sequence[str]], raw: RawTable, decimal_comma: bool
+    columns: Sequence[Column],
+    actuated: Sequence[str],
+    cells: Mapping[str, Sequence[str]],
+    raw: RawTable,
+    decimal_comma: bool,
 ) -> dict[str, Array]:
     """Return the numeric columns in SI; of several bad cells the uppermost is told."""
     values: dict[str, Array] = {}
@@ -165,7 +173,7 @@ def _values(
     for at, column in enumerate(columns):
         if column.name in ("pose", "remark", *NODES):
             continue
-        may_be_empty = column.name in RESERVED and column.name not in WRENCH
+        may_be_empty = column.name not in actuated and column.name not in WRENCH
         try:
             read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=decimal_comma)
             values[column.name] = to_si(read, column)

@@ -57,6 +57,10 @@ class Measurements:
         Since the start of the run; NaN where not given.
     temperature : (N,) array, degC
         NaN where not given.
+    link : (N, A) array, rad or m
+        Readings of encoders behind the gears (`q2_link`); NaN where not read.
+    torque : (N, A) array, N m or N
+        Measured drive torques or forces (`tau_q2`); NaN where not measured.
     rows : (N,) array of int
         Line of the file that each row stands in.
     run : (N,) array of int
@@ -95,6 +99,8 @@ class Measurements:
     step: Array
     time: Array
     temperature: Array
+    link: Array
+    torque: Array
     rows: Integers
     run: Integers
     sigma_position: float | None
@@ -120,6 +126,11 @@ class Measurements:
     def source(self) -> str:
         """The file the rows come from; several are joined by " + "."""
         return " + ".join(self.sources)
+
+    @property
+    def drive_columns(self) -> tuple[list[str], list[str]]:
+        """Names of the columns that `link` and `torque` stand in."""
+        return [f"{name}_link" for name in self.variables], [f"tau_{name}" for name in self.variables]
 
     @property
     def measured(self) -> Array:
@@ -152,6 +163,8 @@ class Measurements:
         columns: dict[str, Any] = dict(zip(self.variables, self.q.T, strict=True))
         columns |= dict(zip(WRENCH, self.wrench.T, strict=True))
         columns |= dict(zip(MEASURED[self.kind], self.measured.T, strict=True))
+        for names, values in zip(self.drive_columns, (self.link, self.torque), strict=True):
+            columns |= {n: v for n, v in zip(names, values.T, strict=True) if not np.isnan(v).all()}
         columns |= {f"sigma_{n}": s for n, s in zip(MEASURED[self.kind], self.sigma.T, strict=True)}
         columns |= {"point": self.point, "load_point": self.load_point, "pose": self.pose, "step": self.step}
         columns |= {"t": self.time, "temperature": self.temperature, "row": self.rows}
@@ -178,6 +191,8 @@ def make_measurements(
     step: ArrayLike | None = None,
     time: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
+    link: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
     rows: ArrayLike | None = None,
     shared_unloaded: bool = False,
     continuous: bool = False,
@@ -265,6 +280,8 @@ def make_measurements(
         step=column(step, "step"),
         time=column(time, "time"),
         temperature=column(temperature, "temperature"),
+        link=column(link, "link", len(variables)),
+        torque=column(torque, "torque", len(variables)),
         rows=np.arange(1, n + 1) if rows is None else whole(rows, "rows"),
         run=np.zeros(n, dtype=np.int64),
         sigma_position=sigma_position,

@@ -78,6 +78,14 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
             f"{variable.name} [{unit}]",
             _texts(q) if unit == UNITS[variable.kind] else _in_unit(q, variable, unit),
         )
+    kinds = [variable.kind for variable in robot.actuated]
+    units = [UNITS[kind] for kind in kinds], ["N" if kind == "length" else "N*m" for kind in kinds]
+    drives = zip(measurements.drive_columns, units, (measurements.link, measurements.torque), strict=True)
+    for label, unit, values in (
+        (n, u, v) for ns, us, vs in drives for n, u, v in zip(ns, us, vs.T, strict=True)
+    ):
+        if not np.isnan(values).all():
+            yield f"{label} [{unit}]", _texts(values)
     for name, values in zip(WRENCH, measurements.wrench.T, strict=True):
         yield f"{name} [{_UNITS[name]}]", _texts(values)
     names, measured = MEASURED[measurements.kind], measurements.measured

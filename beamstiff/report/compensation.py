@@ -9,12 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
 
 NOTHING = 1e-6  # mm
+UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
 
 
@@ -67,6 +69,18 @@ def uncorrected_table(result: Compensated) -> Table:
     made = table("Targets that cannot be corrected", "target", "line", "why", left=3)
     for row, reason in found.reasons.items():
         made.add_row(found.path.names[row], str(found.path.lines[row]), reason)
+    return made
+
+
+def learned_table(learned: Learned) -> Table:
+    """Return a table of the process parameters that measured runs taught."""
+    made = table(
+        "Process, from the measured runs", "parameter", "value", "std", "before", "identifiable", left=1
+    )
+    for one in learned.parameters:
+        factor, unit = UNITS.get(one.unit, (1.0, ""))
+        values = (number(factor * value) for value in (one.value, one.std, one.expected))
+        made.add_row(f"{one.name}{unit}", *values, "yes" if one.identifiable else "no")
     return made
 
 

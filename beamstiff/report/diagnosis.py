@@ -14,7 +14,8 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import Column, Table, add_rows, counted, small, table
+from beamstiff.report.tables import Column, Table, add_rows, counted, number, small, table
+from beamstiff.robot.stiffness import parameter_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,25 +41,49 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield Text(summary(result))
     yield Text("")
     if result.decomposition is not None and result.decomposition.gap_shows:
-        yield causes_table(result.decomposition, CAUSES)
+        if result.decomposition.causes:
+            yield causes_table(result.decomposition, CAUSES)
         yield Text(remainder_text(result.decomposition))
     if not several(result):
         yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
         yield sizes
-    if result.verdict.effect != "none":
-        places = result.where.get("components", [])[:SHOWN]
+    if result.verdict.effect != "none" and (places := result.where.get("components", [])[:SHOWN]):
         yield places_table(places, "Where: share of the explainable gap that each place could account for")
     for key in PARTS_OF_GAP:
         if found := result.where.get(key):
             yield gap_table(found, f"Position gap by {key}, RMS", key)
+    if moved := stiffness_text(result):
+        yield Text(moved)
     if result.untestable:
         yield untestable_table(result, "What these data cannot show")
     if result.next and result.verdict.effect != "none":
         yield Text(f"\nMeasure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
+
+
+def stiffness_text(result: Diagnosis) -> str:
+    """Return, in words, which fitted stiffness is farthest from the file's; empty where none was fitted."""
+    finite = {
+        name: (given, value)
+        for name, (given, value) in result.fitted_stiffness.items()
+        if 0.0 < given < np.inf
+    }
+    if not finite:
+        return ""
+    name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
+    unit = parameter_unit(result.baseline.nominal, name)
+    return (
+        f"Fitted stiffness: farthest from the robot file is {name}, {stiffness_in_words(value)} instead of "
+        f"{stiffness_in_words(given)} {unit}."
+    )
+
+
+def stiffness_in_words(value: float) -> str:
+    """Return a stiffness as it is read: a number, ``rigid`` or ``free``."""
+    return "rigid" if value == np.inf else number(value)
 
 
 def causes_table(found: Decomposition, title: str) -> Table:
@@ -85,7 +110,8 @@ def remainder_text(found: Decomposition) -> str:
     if rest.follows:
         said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
     if found.unclear:
-        said += f". Minor or undecided, {percent(sum(one.closes for one in found.unclear))} together: "
+        share = percent(sum(one.closes for one in found.unclear))
+        said += f". Minor or undecided causes are a part of it ({share} of the gap): "
         said += in_words([one.key for one in found.unclear])
     return f"{said}."
 

@@ -40,7 +40,7 @@ def find_problems(robot: Robot) -> Iterator[Problem]:
     for checks in (
         (_duplicates, _names),
         (_variables,),
-        (_assembly, _frames, _elements, _identify, _model),
+        (_assembly, _frames, _elements, _identify, _model, _calibrated),
         (_support,),
     ):
         problems = list(islice(chain.from_iterable(check(robot) for check in checks), _MOST_PROBLEMS))
@@ -54,8 +54,15 @@ def _assembly(robot: Robot) -> Iterator[Problem]:
         yield ("assembly",), f"found {shown(robot.assembly)}, but the robot has no closed loops"
 
 
+def _calibrated(robot: Robot) -> Iterator[Problem]:
+    for at, item in enumerate(robot.calibrated):
+        if len(item.correlation) > at:
+            found = f"found {len(item.correlation)} values"
+            yield ("calibrated", at, "correlation"), f"{found}, expected one for each of the {at} before it"
+
+
 def _duplicates(robot: Robot) -> Iterator[Problem]:
-    for field in ("variables", "frames", "loops", "nodes"):
+    for field in ("variables", "frames", "loops", "nodes", "calibrated"):
         seen: set[str] = set()
         for at, item in enumerate(getattr(robot, field)):
             if item.name in seen:

@@ -24,6 +24,7 @@ from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     AddedEffect,
     Beam,
+    CalibratedParameter,
     Frame,
     Joint,
     JointStiffness,
@@ -76,9 +77,8 @@ class Robot(Shown, Described):
     tcp: Name
     identify: tuple[Name, ...] = ()
     effects: tuple[AddedEffect, ...] = ()
-    model: FittedModel | None = (
-        None  # of elasticity, in place of constant springs; a path is read by the reader
-    )
+    model: FittedModel | None = None  # of elasticity, in place of constant springs
+    calibrated: tuple[CalibratedParameter, ...] = ()  # what `calibrate` fitted: `diagnose` keeps it open
     urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back
 
     @model_validator(mode="after")

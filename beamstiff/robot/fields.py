@@ -199,6 +199,13 @@ def _scale(value: Any) -> float | tuple[float, ...]:
     return quantity(value, "number")
 
 
+def _correlation(value: Any) -> float:
+    result = quantity(value, "number")
+    if not -1.0 <= result <= 1.0:
+        raise BeamstiffError(f"found {shown(value)}, expected a correlation from -1 to 1")
+    return result
+
+
 def stiffness_text(value: float) -> float | str:
     """Return a stiffness as it is written: a number, or ``rigid`` or ``free``."""
     return "rigid" if value == RIGID else "free" if value == FREE else value
@@ -221,6 +228,8 @@ Density = Annotated[float, BeforeValidator(_of("density", least=0.0))]
 ParameterValue = Annotated[float | str, BeforeValidator(_parameter_value)]
 Scale = Annotated[float | tuple[float, ...], BeforeValidator(_scale)]
 Number = Annotated[float, BeforeValidator(_of("number"))]
+PositiveNumber = Annotated[float, BeforeValidator(_of("number", positive=True))]
+Correlation = Annotated[float, BeforeValidator(_correlation)]
 TranslationalStiffness = Annotated[
     float, BeforeValidator(_stiffness("translational stiffness")), PlainSerializer(stiffness_text)
 ]

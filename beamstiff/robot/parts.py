@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.robot.fields import (
     RIGID,
+    Correlation,
     Density,
     Described,
     DescriptionError,
@@ -27,6 +28,7 @@ from beamstiff.robot.fields import (
     PositiveForce,
     PositiveMass,
     PositiveModulus,
+    PositiveNumber,
     RotationalStiffness,
     Scale,
     TranslationalStiffness,
@@ -319,3 +321,20 @@ class AddedEffect(Described):
             return self.model_copy(update={**own, "shapes": ()})
         none: dict[str, Any] = {"shape": None, "parameters": {}, "std": {}, "scales": {}}
         return self.model_copy(update={**none, "shapes": shapes})
+
+
+class CalibratedParameter(Described):
+    """A parameter that `calibrate` fitted, such as ``base.x``, ``q2`` or ``f3.d``; its value is the robot's.
+
+    Attributes
+    ----------
+    name : str
+    std : float
+        Standard deviation, SI.
+    correlation : tuple of float
+        With each of the parameters before it; default 0.
+    """
+
+    name: Name
+    std: PositiveNumber
+    correlation: tuple[Correlation, ...] = ()

@@ -63,15 +63,15 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     text = read_text(file)
     if text.lstrip().startswith("<"):
         raise BeamstiffError(
-            f"{file}:1: found XML, expected YAML: the name of a URDF ends in .urdf, of an SDF in .sdf; xacro "
-            f"is expanded first (xacro {file.name} > robot.urdf)"
+            f"{file}:1: found XML, expected YAML: the name of a URDF ends in .urdf, of an SDF in .sdf, of an "
+            f"MJCF in .xml; xacro is expanded first (xacro {file.name} > robot.urdf)"
         )
     return parse_robot(text, str(file))
 
 
 def line_of(file: Path, path: tuple[str | int, ...]) -> str:
     """Return ``FILE:LINE`` of a key path of a file that was read; of a file that is no YAML its name."""
-    if file.suffix.lower() in (".urdf", ".sdf"):
+    if file.suffix.lower() in (".urdf", ".sdf", ".xml"):
         return str(file)
     return f"{file}:{parse_yaml(read_text(file), str(file))[1].at(path)}"
 

@@ -43,7 +43,6 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
     before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
     assert before > 0.3
     assert after < 0.001
-    assert "line 2 sets $BASE: --base and --tool say where this is" in result.stderr
     assert "the path begins at q1 = " in result.stderr
     assert "axis values are left as they are: line 3" in result.stderr
 
@@ -285,3 +284,88 @@ def test_a_real_robot_whose_effect_is_a_mean_of_shapes_is_taken(succeed: Run, ce
     result = succeed("compensate", "kr500", "cell.src", *arguments, "--out", "new.src")
     before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
     assert after < 0.01 * before
+
+
+def test_status_and_turn_choose_between_the_arms_of_one_target(folder: Path, succeed: Run) -> None:
+    sags = {}
+    for status, turn in ((0, 37), (2, 11), (6, 59)):
+        text = f"PTP {{X 2500,Y 100,Z 1700,A 0,B 90,C 10,S {status},T {turn}}}\n"
+        (folder / "a.src").write_text(text)
+        result = succeed("compensate", "kr500", "a.src", "--wrench", "fz=-900N", "--json", "-")
+        [found] = json.loads(result.stdout)["targets"]
+        q = [found["q"][f"q{axis}"] for axis in range(1, 7)]
+        assert [q[2] > 0, q[4] < 0] == [bool(status & 2), bool(status & 4)]
+        assert [q[axis] < 0 for axis in (0, 3, 5)] == [bool(turn >> axis & 1) for axis in (0, 3, 5)]
+        sags[status] = 1e3 * np.linalg.norm(found["before"][:3])
+    assert abs(sags[0] - sags[2]) > 0.02  # elbow up or down
+    assert abs(sags[2] - sags[6]) < 1e-6  # a wrist turned over has its axes where they were
+    other = succeed("compensate", "kr500", "a.src", "--q", "q2=12deg,q3=-80deg,q5=60deg")
+    assert "q chooses the posture: S 6, T 59 and the like in the program are not followed" in other.stderr
+
+
+def test_a_frame_that_the_program_does_not_hold_is_asked_for(cell: Path, run: Run) -> None:
+    text = PROGRAM.replace("{FRAME: X 0,Y 0,Z 0,A 0,B 0,C 0}", "BASE_DATA[2]")
+    (cell / "cell.src").write_bytes(text.encode("latin-1"))
+    result = run("compensate", "kr500", "cell.src", "--out", "new.src")
+    assert result.exit_code == 2
+    assert "--base: is needed: cell.src:2 has $BASE = BASE_DATA[2], whose place" in result.stderr
+    assert not (cell / "new.src").exists()
+
+
+def test_a_stream_of_forces_is_answered_line_by_line(folder: Path) -> None:
+    from typer.testing import CliRunner
+
+    from beamstiff.cli.main import app
+
+    (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
+    lines = "target PTP 0 0 -900 0 0 0\ntarget PTP 0 0 0 0 0 0\nquit\n"
+    result = CliRunner().invoke(app, ["compensate", "kr500", str(folder / "a.src"), "--stream"], input=lines)
+    assert result.exit_code == 0
+    ready, loaded, free = result.stdout.splitlines()
+    assert ready == "ready beamstiff-stream/1 1 6"
+    up = [float(line.split()[3]) for line in (loaded, free)]
+    assert 5e-4 < up[0] - up[1] < 2e-3
+    assert loaded.endswith("warm corrected")
+
+
+def test_standard_deviations_come_from_identify(folder: Path, run: Run, succeed: Run) -> None:
+    (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
+    facts = {"parameters": {"J2.torsional": {"value": 1e6, "std": 2e6}, "J3.torsional": {"std": None}}}
+    (folder / "i.json").write_text(json.dumps(facts))
+    load = ("--wrench", "fz=-900N", "--std", "i.json")
+    result = succeed("compensate", "kr500", "a.src", *load, "--leave-doubtful", "--json", "-")
+    [found] = json.loads(result.stdout)["targets"]
+    assert found["std"][2] > 0
+    (folder / "i.json").write_text("[]")
+    refused = run("compensate", "kr500", "a.src", *load)
+    assert refused.exit_code == 2
+    assert "--std: i.json: found no parameters with a std" in refused.stderr
+
+
+def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) -> None:
+    table = "kind: cutting-table\nvariable: way\nvalues: [0, 1]\nfx: [400, 300]\nfz: [-900, -900]\n"
+    (cell / "p.yaml").write_text(table)
+    before = json.loads(
+        succeed("compensate", "kr500", "cell.src", "--process", "p.yaml", "--json", "-").stdout
+    )
+    # the run went half as far again as the process says
+    targets = np.array([[1.5, y, 0.9] for y in (-0.2, 0.0, 0.2)])
+    weight = json.loads(succeed("compensate", "kr500", "cell.src", "--json", "-").stdout)
+    sag, loaded = (np.array([one["before"][:3] for one in facts["targets"]]) for facts in (weight, before))
+    seen = targets + sag + 1.5 * (loaded - sag)
+    rows = "".join(f"{x:.9f},{y:.9f},{z:.9f}\n" for x, y, z in seen)
+    (cell / "run.csv").write_text("# sigma_position: 1e-6\nx,y,z\n" + rows)
+    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src")
+    result = succeed("compensate", "kr500", "cell.src", *learned, "--json", "l.json")
+    facts = json.loads((cell / "l.json").read_text())
+    size = facts["learned"]["parameters"]["process stiffness"]
+    assert abs(size["value"] - 1.5) < 0.01
+    assert size["identifiable"]
+    assert facts["before"]["rms_mm"] == pytest.approx(
+        1e3 * np.sqrt(((seen - targets) ** 2).sum(1).mean()), rel=0.01
+    )
+    assert "Process, from the measured runs" in result.stdout
+    assert (cell / "new.src").exists()
+    alone = run("compensate", "kr500", "cell.src", "--ran", "cell.src")
+    assert alone.exit_code == 2
+    assert "--ran: found programs that ran, expected what was measured of them" in alone.stderr

@@ -134,6 +134,50 @@ def rapid_modules(draw: st.DrawFn) -> tuple[Pieces, int]:
     return joined(lines, end), count
 
 
+@st.composite
+def ur_scripts(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a URScript program and its number of targets."""
+    end, count = draw(ENDS), draw(st.integers(1, 4))
+    lines = [["def prog():"], ["  # " + draw(REMARKS)], ["  set_tcp(p[0,0,0.1,0,0,0])"]]
+    for number in range(count):
+        head, foot = draw(
+            st.sampled_from(
+                [
+                    ("  movel(p[", "], a=1.2, v=0.25, r=0)"),
+                    ("movej(get_inverse_kin( p[", "]), a=1)"),
+                    ("  movel(pose_trans(plane, p [", "]), 1.2,0.25)"),
+                    (f"  global Way_{number} = p[", f"] ; movej(Way_{number})"),
+                ]
+            )
+        )
+        line = [head]
+        for at in range(6):
+            line[-1] += draw(BLANKS)
+            line += [draw(number_texts(2.0)), draw(BLANKS) + ("," if at < 5 else foot)]
+        line[-1] += draw(st.sampled_from(["", " # p[1,2,3,4,5,6]"]))
+        lines.append(line)
+        lines.append([draw(st.sampled_from(["", 'textmsg("p[1,2,3,4,5,6]")', "x = [1,2,3,4,5,6]"]))])
+    return joined([*lines, ["end"]], end), count
+
+
+@st.composite
+def tp_programs(draw: st.DrawFn) -> tuple[Pieces, int]:
+    """Return a FANUC program and its number of targets."""
+    end, count = draw(st.sampled_from(["\n", "\r\n"])), draw(st.integers(1, 4))
+    lines = [["/PROG  A"], ["/MN"], ["   1:J P[1] 100% FINE    ;"], ["/POS"]]
+    for number in range(1, count + 1):
+        comment = draw(st.sampled_from(["", ':"pick"']))
+        config = draw(st.sampled_from(["N U T, 0, 0, 0", "F D B, 0, -1, 0", "N, 0, 0, 0"]))
+        lines += [[f"P[{number}{comment}]{{"], ["   GP1:"], [f"\tUF : 0, UT : 1,\t\tCONFIG : '{config}',"]]
+        line = [""]
+        for key, unit in zip("XYZWPR", ["mm"] * 3 + ["deg"] * 3, strict=True):
+            line[-1] += f"\t{key} ={draw(GAPS)}"
+            value = draw(number_texts(2000.0 if unit == "mm" else 80.0))
+            line += [value, f" {unit}" + ("" if key == "R" else ",")]
+        lines += [line, ["   GP2:"], ["\tUF : 0, UT : 1,\t"], ["\tJ1=     6.378 deg"], ["};"]]
+    return joined([*lines, ["/END"]], end), count
+
+
 AXES = (("0", "0", "1"), ("0.6", "0.0", "8.0E-01"), ("-.7071068", "0", ".7071068"), ("1.", "0", "0"))
 
 

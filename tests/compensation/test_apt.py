@@ -27,7 +27,9 @@ def test_a_text_that_ends_with_a_dollar_swallows_no_target() -> None:
 
 def test_coordinates_that_are_set_are_told() -> None:
     program = apt.read("MSYS/100,0,0,1,0,0,0,1,0\nGOTO/1,2,3\nTRANS/0,0,5\nMSYS/0,0,0,1,0,0,0,1,0", "a.cls")
-    assert program.frames == ("line 1 sets MSYS", "line 3 sets TRANS")
+    [place] = program.places
+    assert place.base is not None
+    assert (place.base.name, place.base.line, place.base.pose) == ("MSYS/100,0,0,1,0,0,0,1,0", 1, None)
 
 
 def test_other_motions_are_told() -> None:

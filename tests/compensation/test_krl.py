@@ -32,7 +32,6 @@ def test_what_is_no_target_is_left_alone() -> None:
     assert program.path.names == ("XP7",)
     assert program.path.lines.tolist() == [10]
     said = " | ".join(program.notes)
-    assert program.frames == ("line 1 sets $BASE", "line 2 sets $TOOL")
     assert "frames, tools and loads are left as they are: lines 3, 4, 5" in said
     assert "relative motions are left as they are: line 7" in said
     assert "axis values are left as they are: line 8" in said
@@ -60,22 +59,6 @@ def test_a_position_alone_keeps_the_orientation_before_it() -> None:
     program = krl.read("LIN {X 1,Y 2,Z 3,A 30,B 0,C 0}\nLIN {X 2,Y 2,Z 3}\n", "a.src")
     assert program.path.turns.tolist() == [True, False]
     np.testing.assert_array_equal(program.path.poses[1, :3, :3], program.path.poses[0, :3, :3])
-
-
-def test_frames_that_are_set_by_number_are_told() -> None:
-    text = "BAS (#INITMOV,0 )\n$BASE = BASE_DATA[2]\nLIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n"
-    assert krl.read(text, "a.src").frames == ("line 2 sets $BASE",)
-    text = "DECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\n"
-    assert krl.read(text, "a.dat").frames == ("its points use tool 1, base 0",)
-
-
-def test_points_of_several_tools_are_told() -> None:
-    text = (
-        "DECL E6POS XP1={X 1,Y 2,Z 3,A 0,B 0,C 0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\n"
-        "DECL FDAT FP2={TOOL_NO 2,BASE_NO 3}\n"
-    )
-    [note] = krl.read(text, "a.dat").notes
-    assert "tool 1, base 0; tool 2, base 3" in note
 
 
 @pytest.mark.parametrize(

@@ -55,12 +55,12 @@ def test_what_is_no_robtarget_is_left_alone() -> None:
     program = rapid.read(text, "a.mod")
     assert program.path.names == ("p",)
     assert any("Offs and RelTool" in note and "line 6" in note for note in program.notes)
-    assert any("several work objects (w, w2)" in note for note in program.notes)
-
-
-def test_the_work_object_is_told() -> None:
-    program = rapid.read(f"MoveL {TARGET},v100,z5,t\\WObj:=w1;", "a.mod")
-    assert program.frames == ("its targets are in the work object w1",)
+    [place] = program.places
+    assert place.base is not None
+    assert place.base.name == "several for p (w and w2)"
+    assert place.base.pose is None
+    assert place.tool is not None
+    np.testing.assert_allclose(place.tool.pose[:3, 3], [0, 0, 0.1])
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.compensation.formats import apt, krl, path_csv, rapid
+from beamstiff.compensation.formats import apt, fanuc, krl, path_csv, rapid, urscript
 from beamstiff.measure.orientation import KUKA
 
-from .programs import FEWER, apt_files, krl_programs, path_tables, rapid_modules
+from .programs import (
+    FEWER,
+    apt_files,
+    krl_programs,
+    path_tables,
+    rapid_modules,
+    tp_programs,
+    ur_scripts,
+)
 
 FORMATS = {
     "krl": (krl.read, "a.src", krl_programs()),
     "rapid": (rapid.read, "a.mod", rapid_modules()),
+    "urscript": (urscript.read, "a.script", ur_scripts()),
+    "fanuc": (fanuc.read, "a.ls", tp_programs()),
     "apt": (apt.read, "a.apt", apt_files()),
     "csv": (path_csv.read, "a.csv", path_tables()),
 }
@@ -52,7 +62,7 @@ def test_only_numbers_of_targets_change_and_they_say_where_to(
             again.poses[again.turns, :3, 2], poses[again.turns, :3, 2], rtol=0, atol=1e-6
         )
     else:  # 0.0001 deg, of three angles
-        atol = 1e-6 if kind == "rapid" else 3e-6
+        atol = 1e-6 if kind in ("rapid", "urscript") else 3e-6
         np.testing.assert_allclose(again.poses[:, :3, :3], poses[:, :3, :3], rtol=0, atol=atol)
 
 

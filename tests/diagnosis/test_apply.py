@@ -18,7 +18,8 @@ from beamstiff.diagnosis.apply import (
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
-from beamstiff.diagnosis.inference.library import build_library, key_of
+from beamstiff.diagnosis.inference.library import build_library
+from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis

@@ -226,3 +226,23 @@ def test_joints_of_another_robot_are_not_taken_for_other_columns(arm: Robot) -> 
         assert "did you mean" not in str(refused.value)
     with pytest.raises(BeamstiffError, match="did you mean 'q1'"):
         parse_measurements("axis_q1,d2,dx\n0,0,0\n", arm)
+
+
+def test_encoders_behind_gears_and_torques_are_read_in_their_units(arm: Robot) -> None:
+    name = arm.actuated[0].name
+    joints = ",".join(variable.name for variable in arm.actuated)
+    zeros = ",".join("0" for _ in arm.actuated)
+    text = f"{joints},{name}_link [deg],tau_{name} [kN*m],dz [mm]\n{zeros},90,1.2,-1\n{zeros},,,-1\n"
+    table = parse_measurements(text, arm)
+    assert table.link[0, 0] == pytest.approx(np.pi / 2)
+    assert table.torque[0, 0] == 1200.0
+    assert np.isnan(table.link[1]).all()
+    again = parse_measurements(measurements_to_csv(table, arm), arm)
+    np.testing.assert_array_equal(again.link, table.link)
+    np.testing.assert_array_equal(again.torque, table.torque)
+    assert {f"{name}_link", f"tau_{name}"} <= set(table.to_frame().columns)
+
+
+def test_an_encoder_behind_no_gear_is_no_column(arm: Robot) -> None:
+    with pytest.raises(BeamstiffError, match="unknown column"):
+        parse_measurements("q99_link,dz\n0,1\n", arm)

@@ -11,6 +11,7 @@ import re
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.path import StatedFrame
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import ToolAxis
 
@@ -33,7 +34,7 @@ def read(text: str, source: str) -> Program:
     """Return the targets of an APT text; `text` as of `editing.read_bytes`."""
     places: list[Place] = []
     left: dict[str, list[int]] = {}
-    moved: dict[str, int] = {}
+    moved: StatedFrame | None = None
     unit, axis = 1e-3, (0.0, 0.0, 1.0)
     for number, at, statement in _statements(text):
         match = _WORD.match(statement)
@@ -47,19 +48,18 @@ def read(text: str, source: str) -> Program:
         elif word == "GOTO":
             name = f"GOTO {len(places) + 1}"
             slots = _numbers(tail, at + match.end(), text, source, number, name, unit)
-            place = Place(name, number, slots[:3], slots[3:], () if slots[3:] else axis)
+            place = Place(name, number, slots[:3], slots[3:], () if slots[3:] else axis, base=moved)
             if place.orientation:
                 axis = tuple(slot.value for slot in place.orientation)  # type: ignore[assignment]
             places.append(place)
         elif word in ("GODLTA", "CIRCLE", "FROM", "ARC", "MOVARC"):
             left.setdefault(word, []).append(number)
         elif word in PLACED:
-            moved.setdefault(word, number)
+            moved = StatedFrame(f"{word}/{tail.strip()}", number, None)
     if not places:
         raise BeamstiffError(f"{source}: found no target, expected lines such as GOTO/10.0,0.0,25.0")
     notes = [f"{word} is left as it is, first in line {numbers[0]}" for word, numbers in left.items()]
-    said = [f"line {number} sets {word}" for word, number in moved.items()]
-    return make_program(text, source, places, ToolAxis(), read, notes, said)
+    return make_program(text, source, places, ToolAxis(), read, notes)
 
 
 def _statements(text: str) -> list[tuple[int, int, str]]:

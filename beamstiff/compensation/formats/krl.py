@@ -6,19 +6,27 @@ $BASE, $TOOL, BASE_DATA[..] and the like, and variables that these are set to; F
 of the file goes to, since they may be bases and tools (move one, and all its targets move); axis values
 {A1 ..}; relative motions (LIN_REL ...); structures within structures. S, T and the external axes E1 to E6 of
 a target stay. A motion to {X ..,Y ..,Z ..} alone keeps the orientation of the target before it.
+
+Frames (`krl_frames`): of a literal those that hold where it stands; of a declared point those of its FDAT,
+else those that hold at the motions to it. S and T choose the posture, but of targets that only LIN, CIRC and
+the like go to, where the controller does not look at them.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
+from beamstiff.compensation.formats.krl_frames import FrameState, Literals
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.posture import TURNING, WHOLE, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import KUKA
 from beamstiff.units import unit_factor
 
+MOTIONS = ("PTP", "SPTP", "LIN", "SLIN", "CIRC", "SCIRC", "SPL")
 POSITION, ROTATION = ("X", "Y", "Z"), ("A", "B", "C")
 MILLIMETRE, DEGREE = 1e-3, unit_factor("deg", "angle")[0]
 AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
@@ -41,14 +49,13 @@ _COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<va
 _NUMBER = re.compile(NUMBER)
 _PART = re.compile(r"^\s*[A-Za-z_]\w*(?:\[[^\]]*\])?\.[XYZABC]\s*=", re.IGNORECASE)
 _EXTERNAL = re.compile(r"\bE[1-6]\s+[-+.0]*[1-9]", re.IGNORECASE)
-_SET = re.compile(r"\$(BASE|TOOL)\s*=", re.IGNORECASE)
 _GIVEN = re.compile(r"(?:\$(?:BASE|TOOL)|(?:BASE|TOOL)_DATA\s*\[[^\]]*\])\s*=(?P<from>.*)", re.IGNORECASE)
 _FRAME = re.compile(
     r"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?FRAME\s+(?P<names>[A-Za-z_].*)", re.IGNORECASE
 )
 _LITERAL = re.compile(r"\{[^{}]*\}?")
 _WORD = re.compile(r"[A-Za-z_]\w*")
-_BASES = re.compile(r"\bTOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)", re.IGNORECASE)
+_BITS = re.compile(r"'?(?P<base>[BH]?)(?P<digits>[0-9A-F]+)'?", re.IGNORECASE)
 
 
 def read(text: str, source: str) -> Program:
@@ -56,12 +63,15 @@ def read(text: str, source: str) -> Program:
     places: list[Place] = []
     notes: list[str] = []
     left: dict[str, list[int]] = {what: [] for what in LEFT}
-    frames: dict[str, int] = {}
     code = masked(text, ";")
     apart = _frame_names(code)
+    state = FrameState(Literals(code))
+    reached: dict[str, list[tuple[str, FrameState]]] = {}  # motions to a named point, and what holds there
     for number, at, line in lines(code):
-        for match in _SET.finditer(line):
-            frames.setdefault(f"sets ${match[1].upper()}", number)
+        state = state.after(line, number)
+        for match in _MOTION.finditer(bare := _LITERAL.sub("", line)):
+            for word in _WORD.findall(bare[match.end() :].upper()):
+                reached.setdefault(word, []).append((match[1].upper(), state))
         if _PART.search(line):
             left["components set one by one"].append(number)
         if "{" not in line or line.lstrip().startswith("&"):
@@ -87,23 +97,33 @@ def read(text: str, source: str) -> Program:
                 if _EXTERNAL.search(inner):
                     left["external axes, which are not followed,"].append(number)
                 at_place = at + start + 1
-                places.append(_target(inner, at_place, label, number, source, text, places, name is None))
+                place = _target(inner, at_place, label, number, source, text, places, name is None)
+                followed = name is not None or motion in ("PTP", "SPTP")
+                posture = place.posture if followed else None
+                places.append(replace(place, base=state.base, tool=state.tool, posture=posture))
             else:
                 left["literals that are neither moved to nor given a name"].append(number)
     notes += [f"{what} are left as they are: {_lines(found)}" for what, found in left.items() if found]
-    said = [f"line {number} {what}" for what, number in frames.items()]
-    used = sorted({(int(tool), int(base)) for tool, base in _BASES.findall(code)})
-    known = "; ".join(f"tool {tool}, base {base}" for tool, base in used)
-    if len(used) > 1:
-        notes.append(f"its points use several frames ({known}): take those of one at a time with --only")
-    elif used:
-        said.append(f"its points use {known}")
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected literals such as {{X 1,Y 2,Z 3,A 0,B 90,C 0}}; the points "
             "of a .src may stand in its .dat"
         )
-    return make_program(text, source, places, KUKA, read, notes, said)
+    places = [_as_reached(place, reached, state) for place in places]
+    return make_program(text, source, places, KUKA, read, notes)
+
+
+def _as_reached(place: Place, reached: dict[str, list[tuple[str, FrameState]]], end: FrameState) -> Place:
+    """Return a named target with the frames of its data, else of the motions to it; a literal as it is."""
+    if place.name in MOTIONS:
+        return place
+    name = place.name.upper().partition("[")[0]
+    motions = reached.get(name, [])
+    here = replace(end, base=place.base, tool=place.tool)
+    if (own := end.of_point(name)) is None:
+        own = end.common([state for _, state in motions] or [here], place)
+    posture = None if motions and all(kind not in ("PTP", "SPTP") for kind, _ in motions) else place.posture
+    return replace(place, base=own.base, tool=own.tool, posture=posture)
 
 
 def _frame_names(code: str) -> set[str]:
@@ -168,6 +188,7 @@ def _target(
     inner: str, at: int, name: str, line: int, source: str, text: str, before: list[Place], motion: bool
 ) -> Place:
     slots: dict[str, Slot] = {}
+    stated: dict[str, int] = {}
     _, parts = _parts(inner)
     for offset, match in parts:
         if match is None or match["value"] is None:
@@ -176,6 +197,8 @@ def _target(
             hint = "; decimals follow a point, not a comma" if _NUMBER.fullmatch(piece) else ""
             refuse(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
         key, value = match["key"].upper(), match["value"]
+        if key in ("S", "T") and (bits := _BITS.fullmatch(value)):
+            stated[key] = int(bits["digits"], {"B": 2, "H": 16}.get(bits["base"].upper(), 10))
         if key not in POSITION + ROTATION:
             continue
         if not _NUMBER.fullmatch(value):
@@ -195,7 +218,25 @@ def _target(
         why = ": what is left out follows the target before, which is corrected" if motion else ""
         refuse(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
-    return Place(name, line, tuple(slots[key] for key in POSITION), rotation, inherited)
+    position = tuple(slots[key] for key in POSITION)
+    return Place(name, line, position, rotation, inherited, posture=_stated(stated))
+
+
+def _stated(bits: dict[str, int]) -> StatedPosture | None:
+    """Return the posture of S and T (KUKA System Software, status and turn).
+
+    S: bit 0 overhead, bit 1 A3 beyond the stretched arm, bit 2 A5 negative. T: bit n, axis n + 1 negative.
+    """
+    if not bits:
+        return None
+    status, turn = bits.get("S"), bits.get("T")
+    text = ", ".join(f"{key} {value}" for key, value in bits.items())
+    turns: tuple[tuple[int, float, float], ...] = ()
+    if turn is not None:  # KUKA's axes 1, 4 and 6 turn the other way
+        turns = tuple((axis, 0.0, WHOLE) if turn >> axis & 1 else (axis, -WHOLE, 0.0) for axis in TURNING)
+    if status is None:
+        return StatedPosture(text, turns=turns)
+    return StatedPosture(text, not status & 1, bool(status & 2), not status & 4, turns)
 
 
 def _lines(numbers: list[int]) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.editing import ENCODING, Slot, replaced
-from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path import StatedFrame, ToolPath
+from beamstiff.compensation.posture import StatedPosture
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.orientation import Orientation
 from beamstiff.measure.text import RowError
@@ -25,14 +26,19 @@ MOST_TURNED = 1e3  # rad: beyond, angles lose the decimals that count
 class Place:
     """A target in a text: its name, line, three numbers of position and those of its orientation, if any.
 
-    Without numbers of its own, the target has the `inherited` ones (SI), which are not written.
+    Without numbers of its own, the target has the `inherited` ones (SI), which are not written. Or it is
+    written as joint values: then it has numbers of `joints` alone.
     """
 
     name: str
     line: int
-    position: tuple[Slot, ...]
+    position: tuple[Slot, ...] = ()
     orientation: tuple[Slot, ...] = ()
     inherited: tuple[float, ...] = ()
+    joints: tuple[Slot, ...] = ()
+    base: StatedFrame | None = None  # what the program says of the target's frame and tool; None: nothing
+    tool: StatedFrame | None = None
+    posture: StatedPosture | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +51,15 @@ class Program:
     orientation: Orientation  # how the file writes orientations
     read: Callable[[str, str], Program]  # of the file's format
     notes: tuple[str, ...] = ()  # what is worth knowing, such as motions that are left as they are
-    # what the file says of its frames, which only whoever calls knows the place of
-    frames: tuple[str, ...] = ()
     chosen: tuple[int, ...] = ()  # which of the file's targets these are, where it has others (`only`)
 
-    def with_poses(self, poses: Array, which: NDArray[np.bool_] | None = None) -> bytes:
+    def with_poses(
+        self, poses: Array, which: NDArray[np.bool_] | None = None, joints: Array | None = None
+    ) -> bytes:
         """Return the file with the numbers of targets replaced.
 
         `poses` (N, 4, 4): in the frame of the path. `which` (N,) bool: the targets to change; default all.
+        `joints` (N, A): joint values for those that are written so; without it they stay.
         """
         chosen = np.flatnonzero(np.ones(len(self.path), dtype=np.bool_) if which is None else which).tolist()
         changes = []
@@ -66,7 +73,11 @@ class Program:
             for row, values in zip(turned, numbers.tolist(), strict=True):
                 changes += list(zip(self.places[row].orientation, values, strict=True))
         for row in chosen:
-            changes += list(zip(self.places[row].position, poses[row, :3, 3].tolist(), strict=True))
+            place = self.places[row]
+            if place.position:
+                changes += list(zip(place.position, poses[row, :3, 3].tolist(), strict=True))
+            elif joints is not None:
+                changes += list(zip(place.joints, joints[row].tolist(), strict=True))
         return replaced(self.text, changes).encode(ENCODING)
 
     def read_again(self, content: bytes) -> Program:
@@ -109,16 +120,17 @@ def make_program(
     orientation: Orientation,
     read: Callable[[str, str], Program],
     notes: Sequence[str] = (),
-    frames: Sequence[str] = (),
     *,
     stated: bool = True,
     wrench: Array | None = None,
     columns: Mapping[str, Array] | None = None,
 ) -> Program:
     """Return a program from the targets found in a text."""
-    positions = np.array([[slot.value for slot in place.position] for place in places])
+    positions = np.array([[slot.value for slot in place.position] or [0.0] * 3 for place in places])
     numbers = np.zeros((len(places), orientation.count))
     for row, place in enumerate(places):
+        if place.joints:  # its pose is the robot's to say
+            continue
         numbers[row] = [slot.value for slot in place.orientation] or place.inherited
         if not (np.isfinite(numbers[row]).all() and np.isfinite(positions[row]).all()):
             refuse(source, place.line, place.name, "found a number that is not finite")
@@ -142,9 +154,23 @@ def make_program(
         names=tuple(place.name for place in places),
         lines=np.array([place.line for place in places], dtype=np.int64),
         poses=transform(rotations, positions),
-        turns=np.array([bool(place.orientation) for place in places]),
+        turns=np.array([bool(place.orientation or place.joints) for place in places]),
         stated=stated,
         wrench=wrench,
         columns=columns or {},
+        stated_postures=tuple(place.posture for place in places) if any(p.posture for p in places) else (),
+        joints=_joints(places),
     )
-    return Program(text, path, tuple(places), orientation, read, tuple(notes), tuple(frames))
+    return Program(text, path, tuple(places), orientation, read, tuple(notes))
+
+
+def _joints(places: Sequence[Place]) -> Array | None:
+    """Return the joint values (N, A) of targets that are written so, NaN elsewhere, or None."""
+    count = max(len(place.joints) for place in places)
+    if not count:
+        return None
+    values = np.full((len(places), count), np.nan)
+    for row, place in enumerate(places):
+        if place.joints:
+            values[row] = [slot.value for slot in place.joints]
+    return values

@@ -2,7 +2,8 @@
 
 x y z are mm in the work object, q1 is the scalar of the quaternion. Targets are found wherever such a literal
 stands: declared (CONST, PERS, VAR, arrays too) or in a motion. Axis configuration and external axes stay, and
-so do tooldata, wobjdata, jointtargets and what is computed from a target (Offs, RelTool).
+so do tooldata, wobjdata, jointtargets and what is computed from a target (Offs, RelTool). The configuration
+chooses the posture, tool and work object of the motions say where a target is (`rapid_frames`).
 """
 
 from __future__ import annotations
@@ -11,8 +12,12 @@ import re
 from collections.abc import Iterator
 from typing import NoReturn
 
+import numpy as np
+
 from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.rapid_frames import Motions
+from beamstiff.compensation.posture import TURNING, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import Quaternion
 
@@ -29,7 +34,6 @@ _NESTED = re.compile(r"\[\s*\[")
 _NAME = re.compile(r"(\w+)\s*(?:\{[^}]*\})?\s*:=\s*\Z")
 _PART = re.compile(r"\.(?:trans|rot)(?:\.\w+)?\s*:=", re.IGNORECASE)
 _TOKEN = re.compile(rf"\s*(?:(?P<number>{NUMBER})|(?P<mark>[\[\],])|(?P<other>[^\s\[\],;]+|;))")
-_FRAMES = re.compile(r"\\\s*WObj\s*:=\s*(\w+)", re.IGNORECASE)
 _OFFSETS = re.compile(r"\b(?:Offs|RelTool)\s*\(", re.IGNORECASE)
 
 
@@ -55,19 +59,15 @@ def read(text: str, source: str) -> Program:
             "[9E9,9E9,9E9,9E9,9E9,9E9]]"
         )
     notes = []
-    frames = list(dict.fromkeys(name.lower() for name in _FRAMES.findall(code)))
-    if len(frames) > 1:
-        notes.append(
-            f"it uses several work objects ({', '.join(frames)}): take one's targets at a time with --only"
-        )
+    motions = Motions(code)
+    places = [motions.applied(place) for place in places]
     if match := _PART.search(code):
         notes.append(f"components set one by one are left as they are: line {line_of(text, match.start())}")
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
     if travelling:
         notes.append(f"external axes are not followed, first in line {min(travelling)}")
-    said = [f"its targets are in the work object {frames[0]}"] if len(frames) == 1 else []
-    return make_program(text, source, places, Quaternion(), read, notes, said)
+    return make_program(text, source, places, Quaternion(), read, notes)
 
 
 def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
@@ -160,7 +160,25 @@ def _target(
         )
         for part, unit, decimals in zip(item[:2], units, DECIMALS, strict=True)
     ]
-    return Place(name, line, slots[0], slots[1])
+    configuration = tuple(int(float(number)) for _, number in item[2])
+    return Place(name, line, slots[0], slots[1], posture=_stated(configuration))
+
+
+def _stated(configuration: tuple[int, ...]) -> StatedPosture:
+    """Return the posture of an axis configuration (RAPID reference, confdata, robots of six axes).
+
+    cf1, cf4, cf6: quarters of a turn of these axes; cfx: 4 wrist behind axis 1, 2 behind the lower arm, 1
+    axis 5 negative.
+    """
+    turns = tuple(
+        (axis, 0.5 * np.pi * quarter, 0.5 * np.pi * (quarter + 1))
+        for axis, quarter in zip(TURNING, configuration, strict=False)
+    )
+    kind = configuration[3]
+    text = f"configuration [{','.join(map(str, configuration))}]"
+    if not 0 <= kind <= 7:
+        return StatedPosture(text, turns=turns)
+    return StatedPosture(text, not kind & 4, not kind & 2, not kind & 1, turns)
 
 
 def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:

@@ -102,7 +102,7 @@ def doubt(residual_fraction: float, free: float, explained_fraction: float) -> f
         Share of the gap's size that it leaves to the unknown.
     free : float
         Share of its evidence that the best free law of a place has.
-    worth : float
+    explained_fraction : float
         The share of the gap that it closes on held-out postures.
     """
     return LEFT * float(np.log(residual_fraction + 0.01)) + FREE * free - WORTH * explained_fraction - REAL

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 from scipy.special import expit
 
+from beamstiff.diagnosis.decomposition.behind_gears import Behind, behind_gears, informed
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
-from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, interval, ordered
+from beamstiff.diagnosis.decomposition.held_out import (
+    Folds,
+    closed,
+    errors_along,
+    folds_of,
+    interval,
+    ordered,
+)
 from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
-from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
@@ -27,7 +34,9 @@ from beamstiff.diagnosis.decomposition.selection import (
     select,
 )
 from beamstiff.diagnosis.effects.target_slip import slip_row
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.inference.library import check_names
+from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -107,7 +116,9 @@ class Decomposition:
     causes, unclear : tuple of Cause
         Those that are named, and those that are there but could as well be another.
     remainder : Remainder
-        What all of them leave.
+        What those that are named leave.
+    unexplained : float
+        Share of the explainable gap that those that are unclear leave as well.
     rms, noise : float, m
         Held-out position gap of the open model without a cause, and what noise alone would leave.
     change : (t,) array
@@ -118,18 +129,22 @@ class Decomposition:
         Of the open model with the causes.
     largest : float
         Probability that the first cause closes more than the second, over the postures.
+    behind : tuple of Behind
+        What encoders behind the gears say.
     """
 
     model: OpenModel
     causes: tuple[Cause, ...]
     unclear: tuple[Cause, ...]
     remainder: Remainder
+    unexplained: float
     rms: float
     noise: float
     change: Array
     scatter: float
     bic: float
     largest: float
+    behind: tuple[Behind, ...] = ()
 
     @property
     def closes(self) -> float:
@@ -155,7 +170,7 @@ def decompose(
     robot: Robot,
     rows: Measurements,
     *,
-    without: Sequence[str] = (),
+    prior: Prior = DEFAULT,
     seed: int = 0,
     stations: bool = False,
     baseline: Baseline | None = None,
@@ -167,10 +182,10 @@ def decompose(
     ----------
     robot : Robot
     rows : Measurements
-        Absolute positions: geometry, base frame, reflectors and drives are estimated with the causes.
-        Displacements: the robot's `identify` parameters are.
-    without : sequence of str
-        Effects, or ``effect:component``, that are no candidates.
+        Absolute positions: geometry, base frame, reflectors and drives (`fitted_names`) are estimated with
+        the causes. Displacements: the drives are.
+    prior : Prior
+        Of the causes.
     seed : int
         Of the folds.
     stations : bool
@@ -187,10 +202,17 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, forms_of(model, without, known=known)), seed)
+        folds = folds_of(model, build_choice(model, forms_of(model, prior, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
+    robot = robot.model_copy(update={"identify": fitted_names(robot)})
     model, parameters = _opened(robot, rows, stations)
-    choice = build_choice(model, forms_of(model, without))
+    check_names(model.baseline, prior)
+    forms = forms_of(model, prior)
+    behind = behind_gears(model, forms, prior)
+    if behind:
+        prior = informed(prior, behind)
+        forms = forms_of(model, prior)
+    choice = build_choice(model, forms)
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -209,12 +231,12 @@ def decompose(
             )
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        choice = build_choice(model, forms_of(model, without))
+        choice = build_choice(model, forms_of(model, prior))
         folds = folds_of(model, choice, seed)
         step = select(choice, folds.squared_errors)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    return _told(folds, step, seed)
+    return replace(_told(folds, step, seed), behind=tuple(behind))
 
 
 def _opened(robot: Robot, rows: Measurements, stations: bool) -> tuple[OpenModel, tuple[str, ...] | None]:
@@ -281,31 +303,51 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    causes = []
     rivals = [rival_of(choice, step, cause, folds.squared_errors) for cause in order]
     odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
-    for cause, rival, present, before, after in zip(
-        order, rivals, expit(odds / TEMPERING), errors[:-1], errors[1:], strict=True
-    ):
-        causes.append(
-            Cause(
-                forms=tuple(choice.forms[number] for number in cause),
-                theta=tuple(thetas[number] for number in cause),
-                std=tuple(stds[number] for number in cause),
-                probability=rival.probability * float(present),
-                present=float(present),
-                closes=float((before - after).sum()) / (total - noise2) if total > noise2 else 0.0,
-                closes_interval=interval(before, after, noise2, total, seed),
-                rms_after=float(np.sqrt(after.sum() / folds.rows)),
-                indistinguishable=rival.indistinguishable,
-                rivals=tuple(choice.forms[number] for number in rival.forms),
-            )
+    causes = {
+        cause: Cause(
+            forms=tuple(choice.forms[number] for number in cause),
+            theta=tuple(thetas[number] for number in cause),
+            std=tuple(stds[number] for number in cause),
+            probability=rival.probability * float(present),
+            present=float(present),
+            closes=share,
+            closes_interval=(share, share),
+            rms_after=0.0,
+            indistinguishable=rival.indistinguishable,
+            rivals=tuple(choice.forms[number] for number in rival.forms),
         )
+        for cause, rival, present, share in zip(
+            order, rivals, expit(odds / TEMPERING), closed(errors, noise2), strict=True
+        )
+    }
+    # those that are named alone are the answer, so what each closes is what it closes beside these
+    order.sort(key=lambda cause: not causes[cause].named)
+    errors = errors_along(folds, order)
+    every = [
+        replace(
+            causes[cause],
+            closes=share,
+            closes_interval=interval(before, after, noise2, total, seed),
+            rms_after=float(np.sqrt(after.sum() / folds.rows)),
+        )
+        for cause, share, before, after in zip(
+            order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
+        )
+    ]
+    count = sum(causes[cause].named for cause in order)
+    rest = remainder_of(model, forms, theta, noise2, total, folds.rows)
+    unexplained = rest.share
+    if count < len(every):
+        some = [form for cause in every[:count] for form in cause.forms]
+        rest = remainder_of(model, some, solved(model, some)[0], noise2, total, folds.rows)
     return Decomposition(
         model=model,
-        causes=tuple(cause for cause in causes if cause.named),
-        unclear=tuple(cause for cause in causes if not cause.named),
-        remainder=remainder_of(model, forms, theta, noise2, total, folds.rows),
+        causes=tuple(every[:count]),
+        unclear=tuple(every[count:]),
+        remainder=rest,
+        unexplained=unexplained,
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         change=theta[:opened],

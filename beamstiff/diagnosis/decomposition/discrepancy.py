@@ -61,11 +61,12 @@ def discrepancy_odds(
         left_out = unit[:, own]
         rest = mixture - scale * left_out @ left_out.T
         without = [k for k in step.chosen if k not in cause]
-        values = []
-        for numbers in (without, step.chosen):
-            some = np.concatenate([drives, *(at[number] for number in numbers)])
-            values.append(_least(rest, residual, every[:, some], choice.precision[some], count))
-        result.append(0.5 * (values[0] - values[1]))
+        # the cause's own columns last: without them a fit is the first part of one triangle
+        order = [*without, *cause]
+        some = np.concatenate([drives, *(at[number] for number in order)])
+        kept = len(some) - sum(len(at[number]) for number in cause)
+        beside, whole = _least(rest, residual, every[:, some], choice.precision[some], kept, count)
+        result.append(0.5 * (beside - whole))
     return result
 
 
@@ -92,17 +93,26 @@ def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Ar
     return columns[:, shown] * (np.sqrt(likely / count[cause]) / size[shown]), own
 
 
-def _least(mixture: Array, residual: Array, columns: Array, precision: Array, count: int) -> float:
-    """Return the least BIC over u of a fit with columns (m, c) and a mixture (m, m)."""
+def _least(
+    mixture: Array, residual: Array, columns: Array, precision: Array, kept: int, count: int
+) -> tuple[float, float]:
+    """Return the least BIC over u of fits with the first columns of (m, c), and with all; mixture (m, m).
+
+    Of the normal matrix ``G + D = L L^T`` a fit with the first columns has the first rows of L.
+    """
     result = []
     for size in SIZES:
         root = cholesky(np.eye(len(residual)) + size**2 * mixture, lower=True)
         seen = solve_triangular(root, np.column_stack([residual, columns]), lower=True)
         left, fitted = seen[:, 0], seen[:, 1:]
-        gram = fitted.T @ fitted
-        pull = fitted.T @ left
-        found = np.linalg.solve(gram + np.diag(precision), np.column_stack([pull, gram]))
-        squares = float(left @ left - pull @ found[:, 0])
-        determined = float(np.trace(found[:, 1:]))
-        result.append(float(bic(squares, determined, count, 0.0)) + 2.0 * float(np.log(np.diag(root)).sum()))
-    return min(result)
+        triangle = cholesky(fitted.T @ fitted + np.diag(precision), lower=True)
+        pull = solve_triangular(triangle, fitted.T @ left, lower=True)
+        known = solve_triangular(triangle, np.diag(np.sqrt(precision)), lower=True)
+        values = []
+        for some in (kept, len(precision)):
+            squares = float(left @ left - pull[:some] @ pull[:some])
+            determined = some - float((known[:some, :some] ** 2).sum())
+            values.append(float(bic(squares, determined, count, 0.0)))
+        result.append(np.array(values) + 2.0 * float(np.log(np.diag(root)).sum()))
+    beside, whole = np.min(result, axis=0).tolist()
+    return beside, whole

@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.prior import TEMPERING, expected
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
-from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior, key_of
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -97,7 +96,7 @@ class Form:
 
 def forms_of(
     model: OpenModel,
-    without: Sequence[str] = (),
+    prior: Prior = DEFAULT,
     effects: Collection[str] = EFFECTS,
     known: Shapes | None = None,
 ) -> list[Form]:
@@ -106,7 +105,7 @@ def forms_of(
     Shapes that are known already, by ``effect:component``, are not computed anew.
     """
     baseline = model.baseline
-    skipped = {*without, *_open_already(model), "outliers"}
+    skipped = {*prior.without, *_open_already(model), "outliers"}
     found: list[Form] = []
     absent = _no_links(model)
     for effect in EFFECTS.values():
@@ -119,7 +118,8 @@ def forms_of(
             every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
-            found += _weighed(model, effect.name, component, shapes, total, expected(effect.name, component))
+            likely = prior.expected(effect.name, component)
+            found += _weighed(model, effect.name, component, shapes, total, likely)
     return found
 
 

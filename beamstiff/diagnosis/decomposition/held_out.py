@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -102,20 +103,45 @@ def folds_of(model: OpenModel, choice: Choice, seed: int) -> Folds:
 
 
 def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:
-    """Return causes in the order of what they close after those before, and the errors (P,) from none on."""
+    """Return causes, the largest first, and the errors (P,) of fits with more and more of them, from none on.
 
-    def errors_with(some: Sequence[tuple[int, ...]]) -> Array:
-        return folds.squared_errors(fit_step(folds.choice, [number for cause in some for number in cause]))
+    The largest is the one without which least is left, each as large as all causes together say: fitted
+    alone, a flexible one would take the share of another that it resembles.
+    """
+    order = _largest_first(folds.choice, causes)
+    return order, errors_along(folds, order)
 
-    errors = [errors_with(())]
+
+def errors_along(folds: Folds, order: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Return the errors (P,) of fits with no cause, the first, the first two, and so on."""
+    fits = [[number for cause in order[:count] for number in cause] for count in range(len(order) + 1)]
+    return [folds.squared_errors(fit_step(folds.choice, numbers)) for numbers in fits]
+
+
+def closed(errors: Sequence[Array], noise: float) -> list[float]:
+    """Return the share of the explainable gap that each cause closes after those before it."""
+    sums = [float(each.sum()) for each in errors]
+    explainable = sums[0] - noise
+    return [(a - b) / explainable if explainable > 0.0 else 0.0 for a, b in pairwise(sums)]
+
+
+def _largest_first(choice: Choice, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Return causes in the order in which taking one away leaves least."""
+    step = fit_step(choice, [number for cause in causes for number in cause])
+    sizes = [int(step.drives.sum()), *(int(free.sum()) for free in step.free)]
+    columns = np.split(step.columns, np.cumsum(sizes)[:-1], axis=1)
+    thetas = np.split(step.theta, np.cumsum(sizes)[:-1])
+    drives = orthonormal(columns[0])
+    moved = iter([own @ theta for own, theta in zip(columns[1:], thetas[1:], strict=True)])
+    parts = {cause: sum((next(moved) for _ in cause), np.zeros(len(step.left))) for cause in causes}
+    parts = {cause: part - drives @ (drives.T @ part) for cause, part in parts.items()}
+    left = choice.residual - drives @ (drives.T @ choice.residual)
     order: list[tuple[int, ...]] = []
-    left = list(causes)
-    while left:
-        tried = [errors_with((*order, one)) for one in left]
-        best = int(np.argmin([one.sum() for one in tried]))
-        errors.append(tried[best])
-        order.append(left.pop(best))
-    return order, errors
+    while len(order) < len(causes):
+        rest = {cause: left - part for cause, part in parts.items() if cause not in order}
+        order.append(min(rest, key=lambda cause: float(rest[cause] @ rest[cause])))
+        left = rest[order[-1]]
+    return order
 
 
 def interval(before: Array, after: Array, noise: float, total: float, seed: int) -> tuple[float, float]:

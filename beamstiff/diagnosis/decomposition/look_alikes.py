@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.selection import Choice, HeldOut, Step, fit_step, gain, with_each
+from beamstiff.diagnosis.prior import TEMPERING
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it

@@ -17,6 +17,7 @@ from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
+from beamstiff.diagnosis.decomposition.known import known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
@@ -24,9 +25,6 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-KNOWN = (
-    10.0  # realistic deviations (1 mm, 1 mrad): geometry and zeros lie within so many of what is described
-)
 INDEPENDENT = 1e-7  # singular value of unit columns, of the largest, below which a direction is rounding
 
 
@@ -153,18 +151,13 @@ def open_geometry(
         about, there, parameters, compliances=robot.identify, stations=stations
     ).problem
     residual, tangent = problem.linearised(problem.expected)
-    change = {one.name: one.change for one in found.parameters}
-    known = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]
-    std = np.array([KNOWN * problem.parameters[at].size for at in known])
-    back = np.array([-change[problem.parameters[at].name] for at in known])
-    prior = np.zeros((len(known), tangent.shape[1]))
-    prior[np.arange(len(known)), known] = 1.0 / std
+    known = known_beforehand(robot, problem, {one.name: one.change for one in found.parameters})
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
     return OpenModel(
         robot,
         baseline,
-        np.concatenate([residual, back / std]),
-        np.concatenate([tangent, prior]),
+        np.concatenate([residual, known[0]]),
+        np.concatenate([tangent, known[1]]),
         there.pose[np.nonzero(problem.used)[0]],
         whitening(problem.sigma, problem.used, baseline.sharing),
         problem.split(problem.expected)[1],

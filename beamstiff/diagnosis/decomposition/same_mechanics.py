@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from beamstiff.diagnosis.inference.library import key_of
+from beamstiff.diagnosis.prior import key_of
 from beamstiff.robot.description import Robot
 
 GROUND = "base"  # frame
@@ -16,7 +16,8 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     Behind the last joint everything turns with the tool: the last bearing, a link or stalk behind it and the
     tool bend alike for every point behind them, and only a reflector on either side distinguishes them.
     Adapters, force sensors and grippers are more compliant than the last bearing and link usually. What
-    stands on the ground in front of the first joint is the pedestal.
+    stands on the ground in front of the first joint is the pedestal, and the first joint's bearing, whose
+    seat is the ground, tilts as it does.
     """
     parts = [(part.name, set(part.nodes)) for part in robot.rigids]
     parts += [(part.name, set(part.nodes)) for part in robot.beams]
@@ -30,7 +31,9 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
         )
     ground = {node.name for node in robot.nodes if node.frame == GROUND}
     pedestal = [key_of("link-bending", name) for name, ends in parts if ends <= ground]
-    groups.append((key_of("base-compliance", None), *pedestal))
+    first = [joint.variable or joint.name for joint in robot.joints if set(joint.nodes) & ground]
+    bearings = [key_of("bearing-tilt", name) for name in first[:1]]
+    groups.append((key_of("base-compliance", None), *bearings, *pedestal))
     return {key: group for group in groups for key in group}
 
 

@@ -1,4 +1,7 @@
-"""What effects are worth on postures that did not see them: gap before, gap after, the share that closes."""
+"""What effects are worth on postures that did not see them: gap before, gap after, the share that closes.
+
+Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.held_out`.
+"""
 
 from __future__ import annotations
 
@@ -167,6 +170,17 @@ def shift(baseline: Baseline, fits: Sequence[Fitted], columns: Sequence[Sequence
         if fit.shapes:
             total += fit.weight * (np.concatenate(own, axis=-1) @ (fit.theta * sizes))
     return total
+
+
+def parts_of(baseline: Baseline, fits: Sequence[Fitted]) -> list[Array]:
+    """Return what each effect of the fits adds to a baseline's prediction, (N, 6) each."""
+    count = max(len(fit.shapes) for fit in fits)
+    parts = [np.zeros_like(baseline.predicted) for _ in range(count)]
+    for fit in fits:
+        theta = np.split(fit.theta, np.cumsum([one.hypothesis.sizes.size for one in fit.shapes])[:-1])
+        for part, one, own in zip(parts, fit.shapes, theta, strict=True):
+            part += fit.weight * (one.hypothesis.shape.columns @ (own * one.hypothesis.sizes))
+    return parts
 
 
 def stacked_covariance(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:

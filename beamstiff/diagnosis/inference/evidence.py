@@ -5,7 +5,7 @@ scale s and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1
 free: in the axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the
 density is closed in s and u. Parameters that cannot be negative come from the upper half of the normal, which
 weighs the density by twice the probability that they are not. It is averaged over s, u and r (Bayesian model
-averaging; MacKay, Neural Comp. 4 (1992) 415).
+averaging; MacKay, Neural Comp. 4 (1992) 415), and tempered in `diagnosis.decision.verdict`.
 """
 
 from __future__ import annotations
@@ -134,7 +134,10 @@ def evidence(
     stacks = stacks_of(hypotheses) if stacks is None else stacks
     spread = np.array([one.shape.prior_factor for one in hypotheses])
     logs = np.stack(
-        [_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0] for share in shares]
+        [
+            _log_density_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0]
+            for share in shares
+        ]
     )  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
     span = np.log(spread)
@@ -165,7 +168,7 @@ def evidence(
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
     spread = np.array([one.shape.prior_factor for one in hypotheses])
-    logs = _given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
+    logs = _log_density_given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
     result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
@@ -183,7 +186,7 @@ def _share_weights(size: Array, shares: Array) -> Array:
     return np.concatenate([1.0 - off.sum(axis=0)[None], off])
 
 
-def _given_share(
+def _log_density_given_share(
     white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, share: float, gaps: Array
 ) -> Array:
     """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""

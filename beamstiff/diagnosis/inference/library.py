@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import component_of, drives
+from beamstiff.diagnosis.prior import DEFAULT, Prior, key_of
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import BeamstiffError, listed, suggest
@@ -74,27 +75,22 @@ class Library:
     untestable: tuple[Untestable, ...]
 
 
-def key_of(effect: str, component: str | None) -> str:
-    """Return ``effect:component``, a missing component written ``null``."""
-    return f"{effect}:{'null' if component is None else component}"
-
-
-def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = ()) -> Library:
+def build_library(baseline: Baseline, white: Whitened, prior: Prior = DEFAULT) -> Library:
     """Return what the data could be explained by.
 
     Parameters
     ----------
     baseline : Baseline
     white : Whitened
-    without : sequence of str
-        Effects, or ``effect:component``, to leave out.
+    prior : Prior
 
     Raises
     ------
     BeamstiffError
-        When `without` names no effect, or a component that it cannot have on this robot.
+        When `prior` names no effect, or a component that it cannot have on this robot.
     """
-    _check(baseline, without)
+    check_names(baseline, prior)
+    without = prior.without
     hypotheses: list[Hypothesis] = []
     untestable = []
     known = [effect for effect in EFFECTS.values() if effect.name not in (*without, *DECOMPOSED)]
@@ -115,13 +111,13 @@ def build_library(baseline: Baseline, white: Whitened, without: Sequence[str] = 
                 untestable += [] if shapes else [Untestable(effect.name, component, why)]
             elif not shapes and effect.name != "outliers":  # found by their rows, not by a shape
                 untestable.append(Untestable(effect.name, component, "nothing of it is left to vary here"))
-            total = sum(shape.weight for shape in shapes)
+            total = sum(shape.weight for shape in shapes) * len(components) * len(known)
             hypotheses += [
                 Hypothesis(
                     effect=effect.name,
                     component=component,
                     shape=shape,
-                    prior=shape.weight / total / len(components) / len(known),
+                    prior=prior.ratio(effect.name, component) * shape.weight / total,
                     columns=np.zeros((0, len(shape.parameters))),
                     places=effect.places(component),
                 )
@@ -153,16 +149,18 @@ def seen_by(library: Library, white: Whitened) -> Library:
     return Library(hypotheses, (*never, *hidden))
 
 
-def _check(baseline: Baseline, without: Sequence[str]) -> None:
-    for name in without:
-        effect, _, component = name.partition(":")
-        if effect not in EFFECTS:
-            hint = suggest(effect, EFFECTS) or f"; known: {listed(EFFECTS, len(EFFECTS))}"
-            raise BeamstiffError(f"without: unknown effect {effect!r}{hint}")
-        known = [key_of(effect, one).partition(":")[2] for one in EFFECTS[effect].components(baseline)]
-        if component and component not in known:
-            hint = suggest(component, known) or f"; it can be at {listed(known) or 'none'}"
-            raise BeamstiffError(f"without: {effect} has no component {component!r} on this robot{hint}")
+def check_names(baseline: Baseline, prior: Prior) -> None:
+    """Refuse a prior that names no effect, or a component that it cannot have under these rows."""
+    for option, names in (("without", prior.without), ("prior", prior.given)):
+        for name in names:
+            effect, _, component = name.partition(":")
+            if effect not in EFFECTS:
+                hint = suggest(effect, EFFECTS) or f"; known: {listed(EFFECTS, len(EFFECTS))}"
+                raise BeamstiffError(f"{option}: unknown effect {effect!r}{hint}")
+            known = [key_of(effect, one).partition(":")[2] for one in EFFECTS[effect].components(baseline)]
+            if component and component not in known:
+                hint = suggest(component, known) or f"; it can be at {listed(known) or 'none'}"
+                raise BeamstiffError(f"{option}: {effect} has no component {component!r} on this robot{hint}")
 
 
 def whitened(hypotheses: Sequence[Hypothesis], white: Whitened) -> tuple[Hypothesis, ...]:

@@ -29,6 +29,7 @@ from beamstiff.report.diagnosis import (
     separations,
     several,
     sizes_table,
+    stiffness_in_words,
     summary,
     tested,
     untestable_table,
@@ -41,7 +42,6 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.tables import Table, number
-from beamstiff.robot.fields import stiffness_text
 from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
@@ -233,13 +233,14 @@ def _how_far(result: Diagnosis) -> Section:
 
 
 def _others(result: Diagnosis) -> Iterator[Section]:
-    baseline = result.baseline
     fitted = [
-        [name, _stiffness(baseline.nominal.parameter(name)), _stiffness(baseline.robot.parameter(name))]
-        for name in baseline.fitted
+        [name, stiffness_in_words(given), stiffness_in_words(value)]
+        for name, (given, value) in result.fitted_stiffness.items()
     ]
     if fitted:
-        text = "Fitted to the same rows before the diagnosis; beamstiff identify gives their intervals."
+        text = (
+            "Fitted to the same rows before or beside the causes; beamstiff identify gives their intervals."
+        )
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
         yield Section("parameters", "Parameters of the model", [text], tables=[table])
     following = [
@@ -269,8 +270,3 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
         tables=[Table("Evidence", ("quantity", "value"), features, open=False)] if features else [],
     )
-
-
-def _stiffness(value: float) -> str:
-    text = stiffness_text(value)
-    return text if isinstance(text, str) else number(text)

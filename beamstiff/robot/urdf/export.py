@@ -25,7 +25,7 @@ FARTHEST = 100.0  # m: limits of a slide that has none, which URDF asks for
 
 
 @dataclass
-class _Step:
+class Step:
     """A joint to be written: the variable that moves it, by how much, about or along which axis."""
 
     parent: str
@@ -49,15 +49,15 @@ def numbers_text(values: Array) -> str:
 def urdf_skeleton(robot: Robot) -> str:
     """Return a URDF text with the links, joints and masses of a robot's frames."""
     joined = coupling(robot)
-    steps = [*_steps(robot, joined)]
-    own: dict[str, _Step] = {}
+    steps = [*elementary_steps(robot, joined)]
+    own: dict[str, Step] = {}
     for step in steps:
         if step.variable and abs(step.coefficient) == 1.0:
             own.setdefault(step.variable, step)
     for name in joined.free:  # nothing moves by the variable as it is: a link beside the machine does
         if name not in own:
             kind = variable_kinds(robot)[name]
-            own[name] = _Step("base", f"{name} drive", np.eye(4), name, 1.0, kind)
+            own[name] = Step("base", f"{name} drive", np.eye(4), name, 1.0, kind)
             steps.append(own[name])
     masses = _masses(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
@@ -71,7 +71,8 @@ def urdf_skeleton(robot: Robot) -> str:
     return "\n".join([*lines, "</robot>", ""])
 
 
-def _steps(robot: Robot, joined: Coupling) -> Iterator[_Step]:
+def elementary_steps(robot: Robot, joined: Coupling) -> Iterator[Step]:
+    """Yield the motions that make the frames of a robot, parents first; each moved by one free variable."""
     expressions = frame_expressions(robot)
     kinematics = compile_frames(robot)
     parents = {frame.name: frame.parent for frame in robot.frames}
@@ -84,7 +85,7 @@ def _steps(robot: Robot, joined: Coupling) -> Iterator[_Step]:
         if "theta" in moved and own["beta"] == Expression():
             order = ["gamma", "b", "alpha", "d", "r", "theta"]
         parent, placed, count = parents[name], np.eye(4), 0
-        steps: list[_Step] = []
+        steps: list[Step] = []
         for motion in order:
             constant, terms = _resolved(own[motion], joined)
             placed = placed @ elementary({motion: constant})
@@ -93,11 +94,11 @@ def _steps(robot: Robot, joined: Coupling) -> Iterator[_Step]:
                 count += 1
                 while (link := f"{name} {count}") in taken:
                     count += 1
-                step = _Step(parent, link, placed, variable, coefficient, kind, axis)
+                step = Step(parent, link, placed, variable, coefficient, kind, axis)
                 steps.append(step)
                 parent, placed = step.child, np.eye(4)
         if not steps or not np.array_equal(placed, np.eye(4)):
-            steps.append(_Step(parent, name, placed))
+            steps.append(Step(parent, name, placed))
         steps[-1].child = name
         taken.update(step.child for step in steps)
         yield from steps
@@ -150,7 +151,7 @@ def _link_lines(name: str, mass: float, centre: Array, inertia: Array) -> list[s
     ]
 
 
-def _joint_lines(robot: Robot, step: _Step, own: dict[str, _Step], names: set[str]) -> list[str]:
+def _joint_lines(robot: Robot, step: Step, own: dict[str, Step], names: set[str]) -> list[str]:
     home = own.get(step.variable)
     name = step.variable if home is step else f"{step.child} joint"
     while home is not step and name in names:

@@ -11,7 +11,6 @@ from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
-from beamstiff.diagnosis.decomposition.prior import TEMPERING
 from beamstiff.diagnosis.decomposition.selection import (
     Choice,
     build_choice,
@@ -22,6 +21,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_each,
 )
 from beamstiff.diagnosis.effects import Quantity, Shape
+from beamstiff.diagnosis.prior import TEMPERING
 from tests.diagnosis.decomposition.test_decompose import UR10, read
 
 VALUES = 60

@@ -1,0 +1,298 @@
+"""Compensation on line: a force in, the corrected target out, within half a millisecond.
+
+What the real tool does beside a command, ``D(command, load)``, is smooth. Around a target it is written as a
+polynomial of second order in the pose of the command and the load, from one evaluation of the machine in 91
+states and checked in others; where the check fails the neighbourhood is made smaller, or given up. A call
+then solves ``command + D(command, load) = target`` within a known neighbourhood, else makes a new one,
+slowly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from beamstiff.compensation.correct import correct_path
+from beamstiff.compensation.follow import follow, six_freedoms, solve
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.posture import StatedPosture, arm_of
+from beamstiff.compensation.process.load import Constant
+from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
+from beamstiff.se3 import Array, rotation_from_vector
+
+REACH, TURN = 0.05, 0.2  # of the machine's size; rad: how far a neighbourhood goes at first
+LOADS = np.array([2000.0] * 3 + [400.0] * 3)  # N and N m: likewise, at least
+ENOUGH = 1e-6  # m and rad: error of the polynomial at its edge
+HALVINGS = 8
+CHECKED = 30  # states of each kind
+ITERATIONS, SETTLED = 5, 1e-8  # m and rad
+_UPPER = np.triu_indices(12, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineCorrection:
+    """The answer to one target and its load."""
+
+    command: Array  # (4, 4), m: pose of the tool to send the controller to, base frame
+    q: Array  # (A,), rad or m: joint values of the controller there
+    correction: Array  # (6,): ``[command less target, rotation vector]``, m and rad
+    std: Array  # (6,): standard deviation of it, as far as the robot file and `std` say
+    warm: bool  # a known neighbourhood answered
+    left_alone: bool  # the correction is below twice its standard deviation: the command is the target
+
+
+@dataclass(frozen=True, eq=False)
+class _Neighbourhood:
+    """A polynomial of ``[D, q]`` in scaled ``[way, turn, load]``."""
+
+    position: Array  # (3,)
+    rotation: Array  # (3, 3)
+    load: Array  # (6,)
+    scale: Array  # (12,)
+    value: Array  # (6 + A,)
+    slope: Array  # (6 + A, 12)
+    bend: Array  # (6 + A, 12, 12), symmetric, of half the second derivative
+    columns: Array  # (K, 6): of uncertain parameters
+    column_slopes: Array  # (K, 6, 6): by the load
+
+    def at(self, scaled: Array) -> Array:
+        """Return ``[D, q]`` at a state (12,)."""
+        return np.asarray(self.value + self.slope @ scaled + (self.bend @ scaled) @ scaled)
+
+
+@dataclass(eq=False)
+class OnlineCompensation:
+    """Corrects one target after the other, under loads that only become known then.
+
+    It keeps the neighbourhoods that it has made: an answer does not depend on them beyond `ENOUGH`.
+    """
+
+    machine: Machine
+    std: Mapping[str, float] = field(default_factory=dict)  # of stiffness parameters, SI
+    load_std: Array = field(default_factory=lambda: np.zeros(6))  # of the load as it is read, N and N m
+    leave_doubtful: bool = False
+    _known: list[_Neighbourhood] = field(default_factory=list)
+    _boxes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros((0, 9)), np.zeros((0, 9))))
+    _last: _Neighbourhood | None = None
+    _q: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not six_freedoms(self.machine.kinematics):
+            raise BeamstiffError(
+                f"robot {self.machine.controller.name!r}: found fewer than six joints, expected six or more: "
+                "on line whole poses are corrected"
+            )
+
+    def prepare(
+        self,
+        poses: Array,
+        wrench: Array | None = None,
+        start: Array | None = None,
+        stated: Sequence[StatedPosture | None] = (),
+        given: Array | None = None,
+    ) -> dict[int, str]:
+        """Make what calls near these targets (N, 4, 4), base frame, will need, under loads about (N, 6).
+
+        `start`, `stated`, `given`: as of `follow`. Returns the targets that are out of reach, and why.
+        """
+        kinematics = self.machine.kinematics
+        arm = arm_of(kinematics) if stated else None
+        found = follow(kinematics, self.machine.frames.node_poses(poses), start, arm, stated, given)
+        loads = np.zeros((len(poses), 6)) if wrench is None else wrench
+        for row in np.flatnonzero(found.reached).tolist():
+            if self._nearest(poses[row], loads[row]) is None:
+                self._add(poses[row], loads[row], found.q[row])
+            self._q = found.q[row] if self._q is None else self._q
+        return found.reasons
+
+    def correct(self, target: Array, wrench: Array) -> OnlineCorrection:
+        """Return the command for a target (4, 4) of the tool, base frame, m, under a load (6,) at its tip."""
+        near = self._nearest(target, wrench)
+        warm = near is not None
+        if near is None and (near := self._add(target, wrench, self._start(target))) is None:
+            return self._exact(target, wrench)
+        scaled = self._scaled(near, target, wrench)
+        first = scaled[:6].copy()
+        for _ in range(ITERATIONS):
+            before = scaled[:6].copy()
+            found = near.at(scaled)
+            scaled[:6] = first - found[:6] / near.scale[:6]
+        if not np.abs((scaled[:6] - before) * near.scale[:6]).max() <= SETTLED:
+            return self._exact(target, wrench)
+        deviation = found[:6]
+        columns = near.columns + near.column_slopes @ scaled[6:]
+        loads = near.slope[:6, 6:] * (self.load_std / near.scale[6:])
+        std = np.sqrt((columns**2).sum(axis=0) + (loads**2).sum(axis=1))
+        self._last, self._q = near, found[6:]
+        return self._answer(target, -deviation, found[6:], std, warm)
+
+    def _answer(self, target: Array, correction: Array, q: Array, std: Array, warm: bool) -> OnlineCorrection:
+        if self.leave_doubtful and bool(doubtful(correction[None], std[None])[0]):
+            return OnlineCorrection(target, q, correction, std, warm, True)
+        command = target.copy()
+        command[:3, 3] += correction[:3]
+        command[:3, :3] = _rotation(correction[3:]) @ target[:3, :3]
+        return OnlineCorrection(command, q, correction, std, warm, False)
+
+    def _exact(self, target: Array, wrench: Array) -> OnlineCorrection:
+        """Return the answer where no polynomial is good: at a kink, or beside the end of a joint's range."""
+        path = ToolPath("on line", ("target",), np.ones(1, np.int64), target[None], np.ones(1, np.bool_))
+        found = correct_path(self.machine, path, Constant(tuple(wrench.tolist())), start=self._q)
+        if found.reasons:
+            raise BeamstiffError(f"the target is not corrected: {found.reasons[0]}")
+        std = correction_std(self.machine, found.q, wrench[None], target[None], self.std, self.load_std)
+        self._q = found.q[0]
+        correction = difference(found.commands, target[None])[0]
+        return self._answer(target, correction, found.q[0], std[0], False)
+
+    def _nearest(self, target: Array, wrench: Array) -> _Neighbourhood | None:
+        """Return a neighbourhood that holds a state, the last one before all."""
+        if self._last is not None and np.abs(self._scaled(self._last, target, wrench)).max() <= 1.0:
+            return self._last
+        if not self._known:
+            return None
+        centres, scales = self._boxes
+        state = np.concatenate([target[:3, 3], wrench])
+        best: _Neighbourhood | None = None
+        least = 1.0
+        for at in np.flatnonzero((np.abs(state - centres) <= scales).all(axis=1)).tolist():
+            far = float(np.abs(self._scaled(self._known[at], target, wrench)).max())
+            if far <= least:
+                best, least = self._known[at], far
+        return best
+
+    @staticmethod
+    def _scaled(one: _Neighbourhood, target: Array, wrench: Array) -> Array:
+        state = np.empty(12)
+        state[:3] = target[:3, 3] - one.position
+        state[3:6] = _vector(target[:3, :3] @ one.rotation.T)
+        state[6:] = wrench - one.load
+        state /= one.scale
+        return state
+
+    def _start(self, target: Array) -> Array:
+        node = self.machine.frames.node_poses(target[None])
+        found = follow(self.machine.kinematics, node, self._q)
+        if not found.reached.all():
+            raise BeamstiffError(f"the target is {found.reasons[0]}")
+        return np.asarray(found.q[0])
+
+    def _add(self, target: Array, wrench: Array, q: Array) -> _Neighbourhood | None:
+        """Make a neighbourhood about a target as a command, as large as its polynomial is good; or none."""
+        load = np.maximum(LOADS, np.repeat([np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()], 3))
+        way = np.repeat([REACH * self.machine.kinematics.size, TURN], 3)
+        scale = np.concatenate([way, load])
+        if self._known:  # what was good elsewhere is a good guess
+            scale[:6] = self._known[-1].scale[:6]
+        for _ in range(HALVINGS):
+            made, by_pose, by_load, by_both = self._fitted(target, wrench, q, scale)
+            if max(by_pose, by_load, by_both) <= ENOUGH:
+                self._known.append(made)
+                self._boxes = (
+                    np.array([np.concatenate([one.position, one.load]) for one in self._known]),
+                    np.array([one.scale[[0, 1, 2, *range(6, 12)]] for one in self._known]),
+                )
+                return made
+            single = max(by_pose, by_load) > ENOUGH
+            narrower = [0.5 if by_pose > ENOUGH or not single else 1.0, 0.25 if by_load > ENOUGH else 1.0]
+            scale = scale * np.repeat(narrower, 6)
+        return None
+
+    def _fitted(
+        self, target: Array, wrench: Array, q: Array, scale: Array
+    ) -> tuple[_Neighbourhood, float, float, float]:
+        """Return the polynomial by differences, and its largest error in other states of the box.
+
+        Errors where the pose alone differs, the load alone, and both; infinite where a state is out of reach.
+        """
+        eye = np.eye(12)
+        both = eye[_UPPER[0]] + eye[_UPPER[1]]
+        checks = self._checks(target, q)
+        states = np.vstack([np.zeros(12), eye, -eye, both, checks])
+        values = self._evaluated(target, wrench, q, states * scale)
+        middle, plus, minus = values[0], values[1:13], values[13:25]
+        mixed = values[25 : 25 + len(both)]
+        bend = np.zeros((values.shape[1], 12, 12))
+        bend[:, range(12), range(12)] = (0.5 * (plus + minus) - middle).T
+        half = 0.5 * (mixed - plus[_UPPER[0]] - plus[_UPPER[1]] + middle)
+        bend[:, _UPPER[0], _UPPER[1]] = bend[:, _UPPER[1], _UPPER[0]] = half.T
+        loads = wrench + np.vstack([np.zeros(6), np.diag(scale[6:])])
+        many = np.repeat(target[None], 7, axis=0)
+        columns = parameter_columns(self.machine, np.repeat(q[None], 7, axis=0), loads, many, self.std)
+        made = _Neighbourhood(
+            position=target[:3, 3].copy(),
+            rotation=target[:3, :3].copy(),
+            load=np.array(wrench, dtype=np.float64),
+            scale=scale,
+            value=middle,
+            slope=0.5 * (plus - minus).T,
+            bend=bend,
+            columns=columns[:, 0],
+            column_slopes=(columns[:, 1:] - columns[:, :1]).swapaxes(1, 2),
+        )
+        if not np.isfinite(values).all():
+            return made, np.inf, 0.0, np.inf
+        seen = np.array([made.at(state) for state in checks])
+        off = np.abs(seen - values[-len(checks) :])[:, :6].max(axis=1)
+        still, free = (~checks[:, part].any(axis=1) for part in (slice(0, 6), slice(6, 12)))
+        return made, float(off[free].max()), float(off[still].max()), float(off.max())
+
+    def _checks(self, target: Array, q: Array) -> Array:
+        """Return states (K, 12) of the box: random ones, and the ends of every joint's torque in it.
+
+        What is not smooth goes with the torque of a joint: where both ends are right, no kink is between.
+        """
+        random = np.random.default_rng(0).uniform(-1.0, 1.0, (3, CHECKED, 12))
+        random[0, :, 6:] = random[1, :, :6] = 0.0
+        kinematics, tcp = self.machine.kinematics, self.machine.controller.tcp
+        at = posture(kinematics, q)
+        jacobian = twist_jacobian(kinematics, at, tcp)[0]
+        arm = target[:3, 3] - pose_of(kinematics, at, tcp)[0, :3, 3]
+        torque = jacobian + np.vstack([np.cross(jacobian[3:].T, arm).T, np.zeros_like(jacobian[3:])])
+        ends = np.zeros((2 * torque.shape[1], 12))
+        ends[:, 6:] = np.vstack([np.sign(torque.T), -np.sign(torque.T)])
+        tilted = ends.copy()
+        tilted[:, :6] = np.sign(random[2, : len(ends), :6])
+        return np.vstack([*random, ends, tilted])
+
+    def _evaluated(self, target: Array, wrench: Array, q: Array, states: Array) -> Array:
+        """Return ``[D, q]`` (K, 6 + A) of the machine at states (K, 12) about a target; NaN out of reach."""
+        machine = self.machine
+        commands = np.repeat(target[None], len(states), axis=0)
+        commands[:, :3, 3] += states[:, :3]
+        commands[:, :3, :3] = rotation_from_vector(states[:, 3:6]) @ commands[:, :3, :3]
+        found = solve(machine.kinematics, machine.frames.node_poses(commands), q, restarts=0)
+        if not found.reached[0]:
+            raise BeamstiffError("the target is out of reach")
+        loads, undeformed = wrench + states[:, 6:], machine.undeformed(found.q)
+        tip = commands
+        for _ in range(2):  # the load acts where the real tool is
+            tip = machine.displaced(undeformed, machine.moved(found.q, loads, tip))
+        result = np.hstack([difference(tip, commands), found.q])
+        result[~found.reached] = np.nan
+        return result
+
+
+def _vector(turn: Array) -> Array:
+    """Return the rotation vector (3,) of a rotation of less than half a turn."""
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = 0.5 * np.sqrt(axis @ axis)
+    cosine = 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
+    factor = 0.5 if sine < 1e-9 else 0.5 * np.arctan2(sine, cosine) / sine
+    return np.asarray(axis * factor)
+
+
+def _rotation(vector: Array) -> Array:
+    """Return the rotation (3, 3) of a vector (3,), by Rodrigues' formula."""
+    x, y, z = vector.tolist()
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-12:
+        return np.asarray(np.eye(3) + skew)
+    once, twice = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2
+    return np.asarray(np.eye(3) + once * skew + twice * (skew @ skew))

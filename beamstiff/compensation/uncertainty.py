@@ -1,0 +1,95 @@
+"""How sure a correction is: what standard deviations of stiffness, effects and load move the real tool by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamstiff.compensation.machine import Machine
+from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.robot.description import Robot
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array
+
+STEP = 1e-3  # of a stiffness: the compliance follows its inverse
+SURE = 2.0  # standard deviations, below which a correction is doubtful
+
+
+def parameter_columns(
+    machine: Machine, q: Array, wrench: Array, tip: Array, std: Mapping[str, float]
+) -> Array:
+    """Return how the real tool moves with one standard deviation of every uncertain parameter, (K, N, 6).
+
+    `std`: of stiffness parameters, as `identify` gives them, SI. Effects of the real robot bring their own.
+    `q` (N, A), `wrench` (N, 6), `tip` (N, 4, 4): as of `Machine.moved`.
+    """
+    columns = []
+    if std:
+        as_is = machine.moved(q, wrench, tip)
+        for robot, scale in _stiffness(machine.real, std):
+            columns.append((replace(machine, actual=robot).moved(q, wrench, tip) - as_is) * scale)
+    alone = _effects(machine.real)
+    if alone:  # an effect is its parameters times its shapes
+        bare = machine.real.model_copy(update={"effects": ()})
+        without = replace(machine, actual=bare).moved(q, wrench, tip)
+        columns += [replace(machine, actual=robot).moved(q, wrench, tip) - without for robot in alone]
+    return np.array(columns).reshape(-1, len(q), 6)
+
+
+def load_columns(machine: Machine, q: Array, wrench: Array, tip: Array, load_std: Array) -> Array:
+    """Return how the real tool moves with a standard deviation of every component of the load, (K, N, 6)."""
+    steps = [np.eye(6)[axis] * load_std[axis] for axis in np.flatnonzero(load_std)]
+    if not steps:
+        return np.zeros((0, len(q), 6))
+    as_is = machine.moved(q, wrench, tip)
+    return np.array([machine.moved(q, wrench + step, tip) - as_is for step in steps])
+
+
+def correction_std(
+    machine: Machine, q: Array, wrench: Array, tip: Array, std: Mapping[str, float], load_std: Array
+) -> Array:
+    """Return the standard deviations (N, 6) of corrections, m and rad; zero where none is stated."""
+    columns = [
+        parameter_columns(machine, q, wrench, tip, std),
+        load_columns(machine, q, wrench, tip, load_std),
+    ]
+    return np.asarray(np.sqrt((np.concatenate(columns) ** 2).sum(axis=0)))
+
+
+def doubtful(correction: Array, std: Array) -> NDArray[np.bool_]:
+    """Tell which corrections (N, 6) are below twice their standard deviation (N, 6), turn and way alike."""
+    parts = [
+        np.linalg.norm(correction[:, part], axis=1) < SURE * np.linalg.norm(std[:, part], axis=1)
+        for part in (slice(0, 3), slice(3, 6))
+    ]
+    return np.asarray(parts[0] & parts[1])
+
+
+def _stiffness(robot: Robot, std: Mapping[str, float]) -> list[tuple[Robot, float]]:
+    known = stiffness_parameters(robot)
+    for name in std:
+        if name not in known:
+            raise BeamstiffError(
+                f"std: found {name!r}{suggest(name, known)}, expected stiffness of robot {robot.name!r}: "
+                f"{listed(known)}"
+            )
+    return [
+        (robot.with_parameters({name: known[name] * (1 + STEP)}), sigma / (STEP * known[name]))
+        for name, sigma in std.items()
+        if np.isfinite(known[name]) and known[name] > 0 and sigma > 0
+    ]
+
+
+def _effects(robot: Robot) -> list[Robot]:
+    """Return robots with one effect alone, of the size of one parameter's standard deviation."""
+    return [
+        robot.model_copy(
+            update={"effects": (effect.model_copy(update={"parameters": {name: sigma}, "std": {}}),)}
+        )
+        for effect in robot.effects
+        for name, sigma in effect.std.items()
+        if name in effect.parameters
+    ]

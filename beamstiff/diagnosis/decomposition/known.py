@@ -1,0 +1,68 @@
+"""What is known of open parameters beforehand: the machine is built as described, or as it was calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from beamstiff.calibration.problem import Problem
+from beamstiff.calibration.result import CORRELATION_DIGITS
+from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
+
+# realistic deviations (1 mm, 1 mrad) of geometry and zeros from what is described; and standard deviations
+# from what a calibration found, for it took up a part of every cause that it did not know
+FACTOR = 10.0
+
+
+def known_beforehand(robot: Robot, problem: Problem, change: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return rows (p,) and (p, t) behind the residual and the tangent of an open model, of unit noise.
+
+    Parameters
+    ----------
+    robot : Robot
+        As it was given: described, or calibrated before.
+    problem : Problem
+        Of t parameters, about the present calibration.
+    change : mapping of str to float
+        Of every parameter from the robot as given to the present calibration, SI.
+    """
+    places = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]
+    names = [problem.parameters[at].name for at in places]
+    weights = np.diag([1.0 / problem.parameters[at].size for at in places])
+    weights = np.concatenate([weights, _as_calibrated(robot, names)]) / FACTOR
+    tangent = np.zeros((len(weights), len(problem.parameters)))
+    tangent[:, places] = weights
+    return -weights @ np.array([change[name] for name in names]), tangent
+
+
+def _as_calibrated(robot: Robot, names: list[str]) -> Array:
+    """Return rows (k, names) by which zeros and frames have unit noise, as an earlier calibration left them.
+
+    Base and reflectors are set up anew for other readings: they are left out.
+    """
+    covariance, kept = calibrated_covariance(robot), []
+    places = []
+    for at, item in enumerate(robot.calibrated):
+        if item.name in names:
+            kept.append(at)
+            places.append(names.index(item.name))
+    rows = np.zeros((len(kept), len(names)))
+    if kept:
+        own = covariance[np.ix_(kept, kept)]
+        std = np.sqrt(np.diag(own))
+        values, vectors = np.linalg.eigh(own / np.outer(std, std))
+        least = 10.0**-CORRELATION_DIGITS  # what rounding leaves of a direction that was known exactly
+        rows[:, places] = vectors.T / np.sqrt(np.maximum(values, least))[:, None] / std
+    return rows
+
+
+def calibrated_covariance(robot: Robot) -> Array:
+    """Return the covariance (k, k) of the parameters that the robot was calibrated by, SI."""
+    std = np.array([item.std for item in robot.calibrated])
+    correlation = np.eye(len(std))
+    for at, item in enumerate(robot.calibrated):
+        correlation[at, : len(item.correlation)] = item.correlation
+        correlation[: len(item.correlation), at] = item.correlation
+    return np.asarray(correlation * np.outer(std, std))

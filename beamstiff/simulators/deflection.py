@@ -1,0 +1,41 @@
+"""The deflection of every row of a table in MuJoCo: a second opinion on a robot's model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.measure.rows import history_order
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.closure import close_loops
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.mjcf_writer import write_mjcf
+from beamstiff.simulators.statics import MujocoModel
+
+
+def mujoco_deflection(robot: Robot, rows: Measurements) -> tuple[Array, tuple[str, ...]]:
+    """Return displacements (N, 6), loaded minus unloaded, in MuJoCo's equilibria; and what the model lacks.
+
+    Drives are held exactly, gravity acts. A robot that is not the same in every posture (beams whose length
+    follows a slide) is written anew for each.
+    """
+    kinematics = compile_kinematics(robot)
+    values = close_loops(kinematics, rows.q).values
+    names, tree = [variable.name for variable in robot.actuated], assemble(robot)
+    model = MujocoModel(write_mjcf(tree))
+    result, at_pose = np.zeros((len(rows), 6)), None
+    for row in history_order(rows).tolist():
+        if rows.pose[row] != at_pose:
+            at_pose, q = rows.pose[row], rows.q[row]
+            if tree.varies:
+                model = MujocoModel(write_mjcf(assemble(robot, q)))
+            held = dict(zip(names, q.tolist(), strict=True))
+            start = model.at(dict(zip(kinematics.coupling.names, values[row].tolist(), strict=True)))
+            unloaded = now = model.equilibrium(held, np.zeros(6), robot.tcp, start, friction=False)
+        point, load_point = str(rows.point[row]), str(rows.load_point[row])
+        now = model.equilibrium(held, rows.wrench[row], load_point, now)
+        (before, turned), (after, turned_on) = (model.site_pose(point, qpos) for qpos in (unloaded, now))
+        result[row] = [*(after - before), *vector_from_rotation(turned_on @ turned.T)]
+    return result, tree.lost

@@ -1,0 +1,161 @@
+"""A robot's compliance written into an MJCF file: springs beside its joints, no other byte changed.
+
+Joints of the file that carry the names of the robot's drives say where a part of the machine is; MuJoCo's
+parser (optional extra `mujoco`) says how its bodies lie. A spring goes behind the drive before it, that of
+the base before the first joint; what is compliant at the tool gets a body of its own around the TCP's site.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.robot.description import Robot
+from beamstiff.robot.xml_text import Edit, Element, apply_edits, parse_xml, set_attribute
+from beamstiff.se3 import Array
+from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.bodies import BodyJoint, BodyTree, placed_bodies
+from beamstiff.simulators.mjcf_writer import LEAST_MASS, SETTLE, joint_text
+from beamstiff.simulators.statics import engine
+
+SAME = 1e-9  # of a stiffness: not worth an edit
+FAR = 1e-6  # m or rad: farther apart, the axes of file and robot are not the same
+
+
+def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tuple[str, tuple[str, ...]]:
+    """Return an MJCF text with the compliance of a robot in it, and what of the robot it does not say.
+
+    `file`: the path of the text, from which MuJoCo finds meshes and included files.
+    """
+    root = parse_xml(text, file)
+    elements = {item.attributes["name"]: item for item in _all(root, "joint") if "name" in item.attributes}
+    for item in [*elements.values()]:  # variables have letters, digits and _ alone
+        elements.setdefault(re.sub(r"[^A-Za-z0-9_]", "_", item.attributes["name"]), item)
+    tree = assemble(robot)
+    lost = [*tree.lost]
+    if tree.closures or tree.tendons:
+        lost.append("struts, balancers and elements that close loops: the file keeps those that it has")
+    poses, ours = _poses(file), placed_bodies(tree.bodies, {})
+    data, edits = text.encode("utf-8"), list[Edit]()
+    added: dict[tuple[str, bool], list[str]] = {}
+    for name, before, number, springs in _groups(tree, elements):
+        body = next(item for item in _all(root, "body") if elements[name] in item.children)
+        there = np.linalg.inv(poses[body.attributes.get("name", "")]) @ ours[number]
+        for spring in springs:
+            if (known := elements.get(spring.name)) is not None:
+                edits += _restiffened(data, known, spring)
+                continue
+            moved = replace(
+                spring, at=there[:3, :3] @ spring.at + there[:3, 3], axis=there[:3, :3] @ spring.axis
+            )
+            added.setdefault((name, before), []).append(joint_text(moved, settle, 0.0))
+    for (name, before), lines in added.items():
+        anchor = elements[name]
+        indent = _indent(data, anchor.start)
+        at = anchor.start if before else anchor.end
+        edits.append(
+            Edit(at, at, "".join(f"{one}\n{indent}" if before else f"\n{indent}{one}" for one in lines))
+        )
+    edits += _at_tool(robot, tree, root, data, elements, settle, lost)
+    result = apply_edits(data, edits) if edits else text
+    return result, tuple(lost)
+
+
+def _groups(tree: BodyTree, elements: dict[str, Element]) -> Iterator[tuple[str, bool, int, list[BodyJoint]]]:
+    """Yield springs: the joint beside which they go, whether before it, the body they are given in."""
+    drives = [joint.name for body in tree.bodies for joint in body.joints if joint.role == "drive"]
+    anchors: dict[int, str] = {}
+    for number, body in enumerate(tree.bodies):
+        own = [joint.name for joint in body.joints if joint.role in ("drive", "passive")]
+        anchors[number] = own[-1] if own else anchors.get(body.parent, "")
+        springs = [joint for joint in body.joints if joint.role == "spring"]
+        if not springs or body.name == "tool-compliance":
+            continue
+        name = anchors[number] or next(iter(drives), "")  # the base: before the first drive
+        if name not in elements:
+            raise BeamstiffError(
+                f"the file has no joint {name!r}, behind which {springs[0].name} goes: expected joints "
+                f"named as the robot's variables, found {listed(elements, 12) or 'none'}"
+            )
+        yield name, not anchors[number], number, springs
+
+
+def _all(root: Element, name: str) -> Iterator[Element]:
+    for child in root.children:
+        if child.name == name:
+            yield child
+        if child.name not in ("default", "equality", "actuator", "sensor", "tendon"):
+            yield from _all(child, name)
+
+
+def _poses(file: str) -> dict[str, Array]:
+    """Return where the bodies of a file are with all joints at 0, (4, 4), by name."""
+    mujoco = engine()
+    model = mujoco.MjModel.from_xml_path(file)
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.0
+    for joint in np.flatnonzero(model.jnt_type < 2):  # free and ball joints stay
+        at = int(model.jnt_qposadr[joint])
+        width = 7 if model.jnt_type[joint] == 0 else 4
+        data.qpos[at : at + width] = model.qpos0[at : at + width]
+    mujoco.mj_kinematics(model, data)
+    poses = {}
+    for number in range(model.nbody):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = data.xmat[number].reshape(3, 3), data.xpos[number]
+        poses[model.body(number).name] = pose
+    return poses
+
+
+def _restiffened(data: bytes, element: Element, spring: BodyJoint) -> Iterator[Edit]:
+    """Yield the edit that gives a joint of the file another stiffness, if it has another one."""
+    said = element.attributes.get("stiffness", "0").split()
+    if abs(float(said[0]) - spring.stiffness) > SAME * spring.stiffness:
+        yield set_attribute(data, element, "stiffness", repr(float(spring.stiffness)))
+
+
+def _at_tool(
+    robot: Robot,
+    tree: BodyTree,
+    root: Element,
+    data: bytes,
+    elements: dict[str, Element],
+    settle: float,
+    lost: list[str],
+) -> Iterator[Edit]:
+    """Yield the edit that puts the TCP's site into a body behind the springs of the tool."""
+    tools = [(number, body) for number, body in enumerate(tree.bodies) if body.name == "tool-compliance"]
+    sites = [item for item in _all(root, "site") if item.attributes.get("name") == robot.tcp]
+    for number, body in tools:
+        if body.joints and body.joints[0].name in elements:
+            for joint in body.joints:
+                yield from _restiffened(data, elements[joint.name], joint)
+            continue
+        holder = [item for item in _all(root, "body") if sites and sites[0] in item.children]
+        if not holder:
+            lost.append(f"tool-compliance: the file has no site {robot.tcp!r}, around which it goes")
+            continue
+        poses = _poses(root.source)
+        ours = placed_bodies(tree.bodies, {})[number]
+        there = np.linalg.inv(poses[holder[0].attributes.get("name", "")]) @ ours
+        (site,) = sites
+        indent, least = _indent(data, site.start), repr(LEAST_MASS)
+        lines = [
+            f'<body name="{body.name}">',
+            f'  <inertial pos="0 0 0" mass="{least}" diaginertia="{least} {least} {least}"/>',
+        ]
+        for joint in body.joints:
+            at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis
+            lines.append(f"  {joint_text(replace(joint, at=at, axis=axis), settle, 0.0)}")
+        lines += [f"  {data[site.start : site.end].decode()}", "</body>"]
+        yield Edit(site.start, site.end, f"\n{indent}".join(lines))
+
+
+def _indent(data: bytes, at: int) -> str:
+    line = data[data.rfind(b"\n", 0, at) + 1 : at].decode()
+    return "".join(itertools.takewhile(str.isspace, line))

@@ -1,0 +1,165 @@
+"""URDF and SDF in which every compliance is a joint in series, for simulators that read these formats.
+
+SDF says the stiffness of a joint itself (`<dynamics><spring_stiffness>`), URDF does not: there a comment
+lists it. Neither holds loops, tendons, stops that rub; what is lost is listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from beamstiff.robot.description import Robot
+from beamstiff.robot.placement import roll_pitch_yaw
+from beamstiff.robot.urdf.export import FARTHEST, numbers_text
+from beamstiff.se3 import Array, transform
+from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.bodies import BodyJoint, BodyTree
+from beamstiff.simulators.mjcf_writer import SETTLE, mass_of
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesLink:
+    """A link and the one joint that carries it; none (fixed) where `joint` is None."""
+
+    name: str
+    parent: str
+    placed: Array  # (4, 4): its frame in its parent's, the joint's axis through its origin
+    joint: BodyJoint | None
+    body: int | None  # whose masses and sites it carries
+    frame: Array  # (4, 4): that body's frame in the link's
+
+
+def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say."""
+    tree = assemble(robot)
+    links = [*series_links(tree)]
+    lost = [*tree.lost]
+    if tree.closures:
+        lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
+    if tree.tendons:
+        lost.append(f"struts and balancers: {', '.join(one.name for one in tree.tendons)}")
+    joints = [link.joint for link in links if link.joint is not None]
+    if any(joint.friction or joint.cubic for joint in joints):
+        lost.append("friction and cubic springs of drives")
+    if kind == "urdf" and any(joint.stiffness for joint in joints):
+        lost.append("the stiffness of the joints in series: a comment in the file lists it")
+    return (_urdf if kind == "urdf" else _sdf)(tree, links), tuple(lost)
+
+
+def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
+    """Yield links, parents first: one for every joint of every body, and one for every site."""
+    own: dict[int, tuple[str, Array]] = {-1: ("", np.eye(4))}
+    for number, body in enumerate(tree.bodies):
+        parent, frame = own[body.parent]
+        frame = frame @ body.placed
+        joints: list[BodyJoint | None] = [*body.joints] or [None]
+        for at, joint in enumerate(joints):
+            last = at == len(joints) - 1
+            anchor = transform(np.eye(3), np.zeros(3) if joint is None else joint.at)
+            name = body.name if last or joint is None else f"{body.name} behind {joint.name}"
+            behind: Array = np.asarray(np.linalg.inv(anchor), dtype=np.float64)
+            yield SeriesLink(name, parent, frame @ anchor, joint, number if last else None, behind)
+            parent, frame = name, behind
+        own[number] = parent, frame
+        for site, pose in body.sites:
+            yield SeriesLink(f"site {site}", parent, frame @ pose, None, None, np.eye(4))
+
+
+def _inertial(tree: BodyTree, link: SeriesLink) -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia of a link, in its frame."""
+    masses = [] if link.body is None else tree.bodies[link.body].masses
+    mass, centre, inertia = mass_of(masses)
+    return mass, link.frame[:3, :3] @ centre + link.frame[:3, 3], inertia
+
+
+def _urdf(tree: BodyTree, links: list[SeriesLink]) -> str:
+    springs = [link.joint for link in links if link.joint is not None and link.joint.stiffness]
+    listed = "".join(f"\n    {one.name}: {float(one.stiffness)!r}" for one in springs)
+    said = f"stiffness of the joints in series, N/m and N m/rad:{listed}".replace("--", "- -")
+    lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(tree.name)}>", f"  <!-- {said} -->"]
+    for link in links:
+        mass, centre, inertia = _inertial(tree, link)
+        moments = " ".join(
+            f'i{"xyz"[i]}{"xyz"[j]}="{float(inertia[i, j])!r}"' for i in range(3) for j in range(i, 3)
+        )
+        lines.append(
+            f'  <link name={quoteattr(link.name)}><inertial><origin xyz="{numbers_text(centre)}"/>'
+            f'<mass value="{mass!r}"/><inertia {moments}/></inertial></link>'
+        )
+    for link in links[1:]:
+        joint, placed = link.joint, link.placed
+        kind, name = "fixed", f"{link.name} in {link.parent}"
+        inside = ""
+        if joint is not None:
+            name, slides = joint.name, joint.kind == "slide"
+            kind = "prismatic" if slides else "revolute" if joint.limits else "continuous"
+            inside = f'<axis xyz="{numbers_text(joint.axis)}"/>'
+            if joint.stiffness:
+                inside += f'<dynamics damping="{2 * float(joint.stiffness) * SETTLE!r}"/>'
+            low, high = joint.limits or (-FARTHEST, FARTHEST)
+            if kind != "continuous":
+                inside += f'<limit lower="{low!r}" upper="{high!r}" effort="0" velocity="0"/>'
+            if joint.leader:
+                inside += f'<mimic joint={quoteattr(joint.leader)} multiplier="{joint.factor!r}"/>'
+        lines.append(
+            f"  <joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(link.parent)}/>"
+            f'<child link={quoteattr(link.name)}/><origin xyz="{numbers_text(placed[:3, 3])}" '
+            f'rpy="{numbers_text(roll_pitch_yaw(placed[:3, :3]))}"/>{inside}</joint>'
+        )
+    return "\n".join([*lines, "</robot>", ""])
+
+
+def _sdf(tree: BodyTree, links: list[SeriesLink]) -> str:
+    lines = ['<?xml version="1.0"?>', '<sdf version="1.11">', f"  <model name={quoteattr(tree.name)}>"]
+    carried = {link.name: _joint_name(link) for link in links[1:]}
+    for link in links:
+        mass, centre, inertia = _inertial(tree, link)
+        moments = "".join(
+            f"<i{'xyz'[i]}{'xyz'[j]}>{float(inertia[i, j])!r}</i{'xyz'[i]}{'xyz'[j]}>"
+            for i in range(3)
+            for j in range(i, 3)
+        )
+        at = f"<pose relative_to={quoteattr(carried[link.name])}>0 0 0 0 0 0</pose>" if link.parent else ""
+        lines.append(
+            f"    <link name={quoteattr(link.name)}>{at}<inertial><pose>{numbers_text(centre)} 0 0 0</pose>"
+            f"<mass>{mass!r}</mass><inertia>{moments}</inertia></inertial></link>"
+        )
+    lines.append(
+        f'    <joint name="base to world" type="fixed"><parent>world</parent><child>{escape(links[0].name)}'
+        "</child></joint>"
+    )
+    for link in links[1:]:
+        joint = link.joint
+        kind, inside = "fixed", ""
+        if joint is not None:
+            kind = "prismatic" if joint.kind == "slide" else "revolute"
+            k = float(joint.stiffness)
+            spring = (
+                f"<dynamics><spring_stiffness>{k!r}</spring_stiffness><spring_reference>0</spring_reference>"
+                f"<damping>{2 * k * SETTLE!r}</damping></dynamics>"
+                if k
+                else ""
+            )
+            low, high = (-joint.deadband, joint.deadband) if joint.deadband else joint.limits or (-1e16, 1e16)
+            mimic = (
+                f"<mimic joint={quoteattr(joint.leader)}><multiplier>{joint.factor!r}</multiplier></mimic>"
+            )
+            inside = (
+                f"<axis><xyz>{numbers_text(joint.axis)}</xyz><limit><lower>{float(low)!r}</lower>"
+                f"<upper>{float(high)!r}</upper></limit>{spring}{mimic if joint.leader else ''}</axis>"
+            )
+        pose = np.concatenate([link.placed[:3, 3], roll_pitch_yaw(link.placed[:3, :3])])
+        lines.append(
+            f"    <joint name={quoteattr(_joint_name(link))} type={quoteattr(kind)}>"
+            f"<parent>{escape(link.parent)}</parent><child>{escape(link.name)}</child>"
+            f"<pose relative_to={quoteattr(link.parent)}>{numbers_text(pose)}</pose>{inside}</joint>"
+        )
+    return "\n".join([*lines, "  </model>", "</sdf>", ""])
+
+
+def _joint_name(link: SeriesLink) -> str:
+    return f"{link.name} in {link.parent}" if link.joint is None else link.joint.name

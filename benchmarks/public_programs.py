@@ -1,0 +1,138 @@
+"""Programs of public repositories, read and written: ``python -m benchmarks.public_programs [FOLDER]``.
+
+FOLDER (default: what BEAMSTIFF_PROGRAMS names) holds clones of the repositories below, each as
+``owner+name``. None of their programs is part of this repository. Target: every program with targets comes
+back byte for byte; where all its targets move, no byte beside their numbers changes and they are read where
+they were sent.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from beamstiff.compensation.editing import ENCODING
+from beamstiff.compensation.formats import ENDINGS, Program
+from beamstiff.errors import BeamstiffError
+
+REPOSITORIES = {
+    "KUKA KRL": (
+        "ingeniado/KRC4-Robot-Palletizer",
+        "XabierFernandez/MyPythonProjects",
+        "LozanIvanov/kuka-krl-training-test1",
+    ),
+    "ABB RAPID": ("TPHugo/TimovyProjekt", "DanielPaans/SMR1", "XabierFernandez/MyPythonProjects"),
+    "FANUC TP": ("Creearc/welding_project", "GilbertPan97/SnapMaster"),
+    "URScript": ("salvacmp/SMR2", "condongilbert/UR5Projects"),
+}
+LANGUAGE = {
+    **dict.fromkeys((".src", ".dat", ".sub"), "KUKA KRL"),
+    **dict.fromkeys((".mod", ".modx", ".prg"), "ABB RAPID"),
+    ".ls": "FANUC TP",
+    ".script": "URScript",
+}
+MOVED = np.array([1.3e-3, -0.7e-3, 0.9e-3])  # m
+TURNED = 1e-4  # rad, of joint values
+
+
+def programs(folder: Path) -> Iterator[tuple[str, str, str, bytes]]:
+    """Yield language, repository, path and bytes of every program of the repositories that are there."""
+    for repository in sorted({name for names in REPOSITORIES.values() for name in names}):
+        clone = folder / repository.replace("/", "+")
+        root = next((at for at in (clone, clone / "repo", clone / "repo" / ".git") if _is_git(at)), None)
+        if root is None:
+            continue
+        for name in _git(root, "ls-tree", "-r", "-z", "--name-only", "HEAD").decode("utf-8").split("\0"):
+            language = LANGUAGE.get(Path(name).suffix.lower())
+            if language and repository in REPOSITORIES[language]:
+                yield language, repository, name, _git(root, "show", f"HEAD:{name}")
+
+
+def _is_git(folder: Path) -> bool:
+    return (folder / "HEAD").is_file() or (folder / ".git").exists()
+
+
+def _git(root: Path, *arguments: str) -> bytes:
+    git = root / ".git" if (root / ".git").is_dir() else root
+    return subprocess.run(["git", f"--git-dir={git}", *arguments], capture_output=True, check=True).stdout
+
+
+def faults(content: bytes, name: str) -> tuple[Program, list[str]]:
+    """Return a program, and what is wrong with how it comes back; raises where it has no targets."""
+    program = ENDINGS[Path(name).suffix.lower()](content.decode(ENCODING), name)
+    found = []
+    joints = program.path.joints
+    if program.with_poses(program.path.poses, joints=joints) != content:
+        found.append("other bytes")
+    poses = program.path.poses.copy()
+    poses[:, :3, 3] += MOVED
+    new = program.with_poses(poses, joints=None if joints is None else joints + TURNED)
+    again = program.read_again(new)
+    at = [row for row, place in enumerate(program.places) if place.position]
+    if not np.allclose(again.path.poses[at], poses[at], atol=1.1e-6):
+        found.append("targets elsewhere")
+    if _between(program, content) != _between(again, new):
+        found.append("bytes beside the numbers")
+    return program, found
+
+
+def _between(program: Program, content: bytes) -> list[str]:
+    """Return the text between the numbers of the targets, but for blanks that a number may grow into."""
+    text, at, parts = content.decode(ENCODING), 0, []
+    slots = [
+        slot for place in program.places for slot in (*place.position, *place.orientation, *place.joints)
+    ]
+    for slot in sorted(slots, key=lambda slot: slot.start):
+        parts.append(text[at : slot.start].rstrip(" "))
+        at = slot.end
+    return [*parts, text[at:]]
+
+
+def main() -> None:
+    """Print a row for every language."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("BEAMSTIFF_PROGRAMS", ""))
+    console = Console(width=118)
+    counts: dict[str, Counter[str]] = {}
+    for language, repository, name, content in programs(folder):
+        count = counts.setdefault(language, Counter())
+        try:
+            program, found = faults(content, name)
+        except (BeamstiffError, UnicodeDecodeError) as error:
+            count["without targets" if "found no target" in str(error) else "refused"] += 1
+            if "found no target" not in str(error):
+                console.print(f"refused: {repository} {error}", style="yellow")
+            continue
+        count["programs"] += 1
+        count["targets"] += len(program.path)
+        count["faulty"] += bool(found)
+        count["with posture"] += sum(place.posture is not None for place in program.places)
+        for what in ("base", "tool"):
+            for place in program.places:
+                frame = getattr(place, what)
+                count[f"{what} followed"] += frame is not None and frame.pose is not None
+                count[f"{what} asked for"] += frame is not None and frame.pose is None
+        if found:
+            console.print(f"{repository} {name}: {', '.join(found)}", style="red")
+    if not counts:
+        console.print(
+            f"no clones found in {str(folder)!r}: set BEAMSTIFF_PROGRAMS, see the head of this file"
+        )
+        return
+    frames = ("base followed", "base asked for", "tool followed", "tool asked for")
+    columns = ("programs", "targets", "faulty", "with posture", *frames, "refused", "without targets")
+    table = Table("language", *columns, title="Public programs (target: 0 faulty)", title_justify="left")
+    for language, count in counts.items():
+        table.add_row(language, *(str(count[column]) for column in columns))
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

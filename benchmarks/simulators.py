@@ -1,0 +1,319 @@
+"""Exported models in physics engines: `python -m benchmarks.simulators [POSTURES]`.
+
+Asked: the static deflection in MuJoCo within 1e-3 of `deflect --preload` at a tenth of the nominal load and
+within 1 % at nominal; what differs falls with the load. The same in a second engine, Pinocchio, which loads
+the URDF with joints in series (its wheel `pin` is no dependency: skipped where it is missing). Effects one by
+one: curve over a load cycle within 2 % of its range. MJCF files of FOLDER (environment variable MJCF), read
+and written: the same places of sites and the same masses to 1e-9.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from beamstiff import load_robot
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.robots import random_arm
+from beamstiff.functions.predict import predict
+from beamstiff.measure import make_measurements
+from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import predict_displacements
+from beamstiff.report.tables import table
+from beamstiff.robot.closure import close_loops
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.parts import Mass
+from beamstiff.robot.reference import sampled_postures
+from beamstiff.se3 import Array
+from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.deflection import mujoco_deflection
+from beamstiff.simulators.mjcf_reader import robot_of_model
+from beamstiff.simulators.mjcf_writer import robot_to_mjcf
+from beamstiff.simulators.series_joints import robot_to_series
+from beamstiff.simulators.statics import MujocoModel, engine
+from tests.fem.random_frames import machine_frame
+from tests.simulators.test_effects import EFFECTS, cycle, with_effect
+
+UR10_SPRINGS = {"J1": 6e4, "J2": 6e4, "J3": 4e4, "J4": 1e4, "J5": 1e4, "J6": 1e4}  # N m/rad, of our choice
+NOMINAL = {"kr240-2": 2400.0, "ir663": 900.0, "ur10": 100.0, "gantry": 1000.0}  # N
+SHARES = (0.1, 1.0)
+LARGEST = 40  # bodies of an MJCF file that is tried
+STEP = 1e-6  # of the differences that make Pinocchio's tangent
+
+
+def robots() -> Iterator[tuple[str, Robot, float]]:
+    """Yield the robots of the issue with their nominal loads, N."""
+    for name, load in NOMINAL.items():
+        if name == "ur10":
+            robot = load_robot(Path(__file__).parents[1] / "examples" / "data" / "ur10.yaml")
+            robot = robot.with_parameters({f"{joint}.torsional": k for joint, k in UR10_SPRINGS.items()})
+        else:
+            robot = load_robot(name)
+        yield name, robot, load
+
+
+def random_robot(seed: int) -> tuple[Robot, float]:
+    """Return an arm of random proportions with weight, and a nominal load of 1 mm of deflection or so."""
+    rng = np.random.default_rng(seed)
+    arm = random_arm(rng)
+    masses = [Mass(node=f"n{at}b", mass=float(rng.uniform(5, 60)), at=(0.1, 0.0, 0.05)) for at in range(1, 7)]
+    return arm.model_copy(update={"masses": tuple(masses)}), 0.002 * min(
+        joint.stiffness.torsional for joint in arm.joints
+    )
+
+
+def weightless(robot: Robot) -> Robot:
+    """Return a robot on which no gravity acts."""
+    return robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+
+
+def loads(robot: Robot, force: float, count: int, seed: int = 1) -> Measurements:
+    """Return postures under forces and moments of random directions, at the TCP."""
+    q = sampled_postures(robot, 6 * count, seed)[1:]
+    q = q[close_loops(compile_kinematics(robot), q, strict=False).closed][:count]
+    way = np.random.default_rng(seed).normal(size=(len(q), 6))
+    way[:, :3] *= force / np.linalg.norm(way[:, :3], axis=1, keepdims=True)
+    way[:, 3:] *= 0.2 * force / np.linalg.norm(way[:, 3:], axis=1, keepdims=True)
+    return make_measurements([v.name for v in robot.actuated], q, tcp=robot.tcp, wrench=way)
+
+
+def relative(ours: Array, theirs: Array) -> tuple[Array, Array]:
+    """Return by how much rows differ, over their size: positions and rotations."""
+    parts = (slice(3), slice(3, 6))
+    position, rotation = (
+        np.linalg.norm((theirs - ours)[:, part], axis=1) / np.linalg.norm(ours[:, part], axis=1)
+        for part in parts
+    )
+    return position, rotation
+
+
+def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
+    """Return median and largest errors at shares of the load, with and without weight."""
+    cells = []
+    for machine in (robot, weightless(robot)):
+        for share in SHARES:
+            rows = loads(machine, share * force, count)
+            found = relative(predict_displacements(machine, rows, True), mujoco_deflection(machine, rows)[0])
+            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in found))
+    return cells
+
+
+def structures(count: int) -> tuple[list[float], int]:
+    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium."""
+    errors, refused, seed = list[float](), 0, 0
+    while len(errors) < count:
+        robot = weightless(machine_frame(seed, more=6, loops=3).robot())
+        push = make_measurements([], [[]], tcp=robot.tcp, wrench=[[1e-3, 2e-3, 3e-3, 1e-4, 2e-4, 3e-4]])
+        seed += 1
+        try:
+            ours = predict_displacements(robot, push, True)
+        except BeamstiffError:
+            continue  # a mechanism
+        if not np.abs(ours[:, :3]).max() > 1e-13:
+            continue  # the tool cannot move
+        try:
+            errors.append(float(relative(ours, mujoco_deflection(robot, push)[0])[0][0]))
+        except BeamstiffError:
+            refused += 1
+            errors.append(np.inf)
+    return errors, refused
+
+
+def in_pinocchio(robot: Robot, rows: Measurements) -> Array:
+    """Return displacements (N, 6) of the URDF with joints in series, in Pinocchio's gravity and Jacobians."""
+    import pinocchio
+
+    tree = assemble(robot)
+    model = pinocchio.buildModelFromXML(robot_to_series(robot, "urdf")[0])
+    model.gravity.linear = np.array(robot.gravity)
+    data, tool = model.createData(), model.getFrameId(f"site {robot.tcp}")
+    stiffness = np.zeros(model.nv)
+    place = {name: model.joints[model.getJointId(name)].idx_v for name in model.names[1:]}
+    for joint in (joint for body in tree.bodies for joint in body.joints):
+        stiffness[place[joint.name]] = joint.stiffness
+    drives = [place[name] for name in rows.variables]
+    free = np.setdiff1d(np.arange(model.nv), drives)
+
+    def placed(v: Array) -> Array:
+        return np.asarray(pinocchio.integrate(model, pinocchio.neutral(model), v))
+
+    def balance(v: Array, wrench: Array) -> Array:
+        q = placed(v)
+        weight = pinocchio.computeGeneralizedGravity(model, data, q)
+        pinocchio.computeJointJacobians(model, data, q)
+        pinocchio.updateFramePlacements(model, data)
+        J = pinocchio.getFrameJacobian(model, data, tool, pinocchio.LOCAL_WORLD_ALIGNED)
+        return np.asarray((J.T @ wrench - weight - stiffness * v)[free])
+
+    def rest(v: Array, wrench: Array) -> Array:
+        for _ in range(30):
+            left = balance(v, wrench)
+            tangent = np.empty((free.size, free.size))
+            for column, at in enumerate(free):
+                ahead = v.copy()
+                ahead[at] += STEP
+                tangent[:, column] = (left - balance(ahead, wrench)) / STEP
+            step = np.linalg.solve(tangent, left)
+            v = v.copy()
+            v[free] += step
+            if np.abs(step).max() < 1e-12:
+                break
+        return v
+
+    def pose(v: Array) -> tuple[Array, Array]:
+        pinocchio.framesForwardKinematics(model, data, placed(v))
+        return data.oMf[tool].translation.copy(), data.oMf[tool].rotation.copy()
+
+    result = np.zeros((len(rows), 6))
+    for row, (q, wrench) in enumerate(zip(rows.q, rows.wrench, strict=True)):
+        start = np.zeros(model.nv)
+        start[drives] = q
+        unloaded = rest(start, np.zeros(6))
+        (before, turned), (after, on) = pose(unloaded), pose(rest(unloaded, wrench))
+        result[row] = [*(after - before), *pinocchio.log3(on @ turned.T)]
+    return result
+
+
+def effects() -> Iterator[list[str]]:
+    """Yield a row for each effect: what it adds, and how far MuJoCo is from it, of the range of the curve."""
+    for name, component, shape, parameters, scales in EFFECTS:
+        robot = with_effect(name, component, shape, parameters, scales)
+        rows = cycle(robot)
+        ours = predict(robot, rows, preload=True).displacement
+        plain = predict(robot.model_copy(update={"effects": ()}), rows, preload=True).displacement
+        gap = np.abs(mujoco_deflection(robot, rows)[0] - ours)
+        cells = []
+        for part in (slice(3), slice(3, 6)):
+            size = np.ptp(ours[:, part], axis=0).max()
+            cells += [f"{np.abs(ours - plain)[:, part].max() / size:.1%}", f"{gap[:, part].max() / size:.2%}"]
+        yield [f"{name}, {shape}", *cells]
+
+
+def round_trips(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield each MJCF of a folder and what came of it: `same`, or why not."""
+    mujoco = engine()
+    for file in sorted(folder.rglob("*.xml")):
+        try:
+            model = mujoco.MjModel.from_xml_path(str(file))
+        except ValueError:
+            yield str(file), "refused by MuJoCo (a part of a model, or files are missing)"
+            continue
+        moving = [at for at in range(model.njnt) if model.jnt_type[at] >= 2]
+        if not moving or model.nbody > LARGEST:
+            yield str(file), f"without hinges and slides, or of more than {LARGEST} bodies"
+            continue
+        try:
+            tip = model.body(model.nbody - 1).name or f"body {model.nbody - 1}"
+            robot = robot_of_model(mujoco, model, str(file), tip).robot
+            again = MujocoModel(robot_to_mjcf(robot)[0])
+        except BeamstiffError as error:
+            yield str(file), f"refused: {str(error).split(': ', 1)[-1][:70]}"
+            continue
+        yield str(file), same(mujoco, model, again, robot)
+
+
+def same(mujoco: Any, model: Any, again: MujocoModel, robot: Robot) -> str:
+    """Return `same` where bodies stand in the same places at random joint values, with the same masses."""
+    heavy = sum(float(mass) for mass in model.body_mass if mass > 1e-6)
+    if abs(heavy - sum(mass.mass for mass in robot.masses)) > 1e-9 * max(heavy, 1.0):
+        return "other masses"
+    variables = {joint.name: joint.variable for joint in robot.joints}
+    called = {at: model.joint(at).name or f"joint_{at}" for at in range(model.njnt)}
+    names = {variables.get(name) or name: at for at, name in called.items()}
+    data, worst, rng = mujoco.MjData(model), 0.0, np.random.default_rng(0)
+    for _ in range(5):
+        full = again.at({one.name: float(rng.uniform(-0.5, 0.5)) for one in robot.actuated})
+        again._lead_followers(full)
+        data.qpos[:] = model.qpos0
+        for name, at in names.items():
+            there = mujoco.mj_name2id(again.model, mujoco.mjtObj.mjOBJ_JOINT, name)
+            if there >= 0 and model.jnt_type[at] >= 2:
+                data.qpos[model.jnt_qposadr[at]] = full[again.model.jnt_qposadr[there]]
+        mujoco.mj_kinematics(model, data)
+        for number in range(1, model.nbody):
+            name = model.body(number).name or f"body {number}"
+            if mujoco.mj_name2id(again.model, mujoco.mjtObj.mjOBJ_SITE, name) >= 0:
+                position, rotation = again.site_pose(name, full)
+                worst = max(worst, np.abs(position - data.xpos[number]).max())
+                worst = max(worst, np.abs(rotation - data.xmat[number].reshape(3, 3)).max())
+    return "same" if worst < 1e-9 else f"apart by {worst:.0e}"
+
+
+def main() -> None:
+    """Print the tables."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    console = Console(width=170)
+    first = table(
+        f"MuJoCo, {count} postures: difference of positions and of rotations, median/largest",
+        *(
+            "robot",
+            "weight, load/10 (1e-3)",
+            "weight, nominal (1e-2)",
+            "load/10, weightless",
+            "nominal, weightless",
+        ),
+    )
+    for name, robot, load in robots():
+        first.add_row(name, *in_mujoco(robot, load, count))
+    arms = [in_arm(seed) for seed in range(count)]
+    first.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
+    console.print(first)
+    errors, refused = structures(count)
+    console.print(
+        f"{count} random structures of all kinds of parts, with loops: median {np.median(errors):.0e}, "
+        f"90 % below {np.quantile(errors, 0.9):.0e}, largest {max(errors):.0e}, without equilibrium {refused}"
+    )
+    try:
+        second = table("Pinocchio", "robot", "weight, load/10 (1e-3)", "weight, nominal (1e-2)")
+        some = [(name, robot, load) for name, robot, load in robots() if name in ("kr240-2", "ur10")]
+        some += [(f"random arm {seed}", *random_robot(seed)) for seed in range(3)]
+        for name, robot, load in some:
+            cells = []
+            for share in SHARES:
+                rows = loads(robot, share * load, count)
+                found = relative(predict_displacements(robot, rows, True), in_pinocchio(robot, rows))
+                cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in found))
+            second.add_row(name, *cells)
+        console.print(second)
+    except ImportError:
+        console.print("Pinocchio is not installed (pip install pin): skipped")
+    third = table(
+        "Effects over a load cycle, of the range of the curve: what each adds, and the difference (2 %)",
+        *("effect", "position", "differs", "rotation", "differs"),
+    )
+    for row in effects():
+        third.add_row(*row)
+    console.print(third)
+    if folder := os.environ.get("MJCF"):
+        found = [*round_trips(Path(folder))]
+        for what, times in Counter(what for _, what in found).most_common():
+            console.print(f"{times} of {len(found)} MJCF files: {what}")
+
+
+def in_arm(seed: int) -> list[tuple[float, float]]:
+    """Return the errors of a random arm in one posture, with weight, then without, at shares of the load."""
+    robot, load = random_robot(seed)
+    found = []
+    for machine in (robot, weightless(robot)):
+        for share in SHARES:
+            rows = loads(machine, share * load, 1, seed)
+            one = relative(predict_displacements(machine, rows, True), mujoco_deflection(machine, rows)[0])
+            found.append((float(one[0][0]), float(one[1][0])))
+    return found
+
+
+def summed(pairs: tuple[tuple[float, float], ...]) -> str:
+    """Return median and largest of positions and of rotations."""
+    return " ".join(f"{np.median(one):.0e}/{max(one):.0e}" for one in zip(*pairs, strict=True))
+
+
+if __name__ == "__main__":
+    main()

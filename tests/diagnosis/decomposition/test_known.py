@@ -1,0 +1,53 @@
+"""A robot that was calibrated: what the calibration fitted stays open, and is known about what it found."""
+
+import numpy as np
+import pytest
+
+from beamstiff import calibrate, diagnose
+from beamstiff.calibration.statement import build_calibration
+from beamstiff.calibration.validation import in_base_frame
+from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
+from beamstiff.robot.parts import CalibratedParameter
+from tests.calibration.machines import machine, machined, measured, serial, within
+
+SOFT = {"J2.torsional": 2e6, "J3.torsional": 1.5e6}
+
+
+def test_precision_is_that_of_the_description_and_of_the_calibration() -> None:
+    """Of Gaussian knowledge the precisions add: 10 mm or mrad, and ten times what the calibration found."""
+    std, correlation = np.array([2e-4, 3e-5]), np.array([[1.0, 0.8], [0.8, 1.0]])
+    fitted = (
+        CalibratedParameter(name="q2", std=std[0]),
+        CalibratedParameter(name="f3.d", std=std[1], correlation=(0.8,)),
+    )
+    robot = serial().model_copy(update={"calibrated": fitted})
+    problem = build_calibration(robot, measured(machine(robot, {}), within(robot, 40, 1))).problem
+    names = [item.name for item in problem.parameters]
+    residual, rows = known_beforehand(robot, problem, dict.fromkeys(names, 0.0) | {"q2": 1e-3})
+    at = [names.index("q2"), names.index("f3.d")]
+    found = (rows.T @ rows)[np.ix_(at, at)]
+    expected = np.eye(2) / (FACTOR * 1e-3) ** 2
+    expected += np.linalg.inv(FACTOR**2 * np.outer(std, std) * correlation)
+    assert found == pytest.approx(expected, rel=1e-6)
+    # the residual is minus what q2 was changed by, weighed by the same rows
+    assert residual == pytest.approx(-1e-3 * rows[:, at[0]])
+    assert not rows[:, [names.index("base.x"), names.index("ball.x")]].any()
+
+
+def test_soft_drives_that_a_rigid_calibration_took_up_are_found_and_no_geometry_error() -> None:
+    real = machine(serial().with_parameters(SOFT), machined(serial(), 3))
+    rows = measured(real, within(serial(), 40, 1))
+    calibration = calibrate(serial(), rows, folds=0)
+    found = diagnose(calibration.robot, in_base_frame(calibration, rows)).to_dict()
+    assert found["verdict"]["effect"] == "joint-compliance"
+    assert {cause["effect"] for cause in found["causes"]} == {"joint-compliance"}
+
+
+def test_drives_that_the_file_has_too_stiff_are_open_though_it_names_none_to_identify() -> None:
+    """Few postures in the frame of an earlier calibration: with it held, a link would bend."""
+    errors = machined(serial(), 3)
+    compliant = serial(False).model_copy(update={"identify": ()})
+    calibration = calibrate(compliant, measured(machine(compliant, errors), within(serial(), 40, 1)), folds=0)
+    soft = compliant.with_parameters({"J2.torsional": 0.5 * compliant.parameter("J2.torsional")})
+    rows = in_base_frame(calibration, measured(machine(soft, errors), within(serial(), 20, 91)))
+    assert diagnose(calibration.robot, rows).verdict.effect == "none"

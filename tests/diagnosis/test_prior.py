@@ -1,0 +1,37 @@
+"""Priors of causes that a user sets: they move probabilities the right way, and wrong names are refused."""
+
+import numpy as np
+import pytest
+
+from beamstiff import BeamstiffError, diagnose
+from tests.diagnosis.machines import kr240
+from tests.diagnosis.planted import backlash, campaign, plan
+
+
+def probability(prior: dict[str, float]) -> float:
+    """Return how likely play at q3 is against hardening there, of a campaign with three load steps only."""
+    some = plan(4, steps=np.array([0.3, 0.6, 1.0]))
+    found = diagnose(kr240(), campaign(some, backlash), prior=prior)
+    share = {one.key: one.probability for one in found.candidates}
+    return share["backlash:q3"] / (share["backlash:q3"] + share["hardening:q3"])
+
+
+def test_what_is_expected_more_often_is_likelier() -> None:
+    usual, likelier = probability({}), probability({"backlash:q3": 0.5})
+    seldom = probability({"backlash": 0.005})
+    assert seldom < usual < likelier
+
+
+@pytest.mark.parametrize(
+    ("prior", "said"),
+    [
+        ({"backlsh": 0.1}, "did you mean 'backlash'"),
+        ({"backlash:q9": 0.1}, "no component 'q9'"),
+        ({"backlash": 0.0}, "expected a number above 0, at most 1"),
+        ({"backlash": 1.5}, "expected a number above 0, at most 1"),
+        ({"backlash": float("nan")}, "expected a number above 0, at most 1"),
+    ],
+)
+def test_priors_of_nothing_are_refused(prior: dict[str, float], said: str) -> None:
+    with pytest.raises(BeamstiffError, match=said):
+        diagnose(kr240(), campaign(plan(3), backlash), prior=prior)
