@@ -126,7 +126,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     laid_over = rigid_gap(statement.problem)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta).model_copy(
-            update={"calibrated": calibrated_parameters(parameters, covariance)}
+            update={"calibrated": calibrated_parameters(parameters, covariance, statement.robot.calibrated)}
         ),
         bases=transform(rotation, position),
         target=problem.geometry.target(problem.split(theta)[0]),

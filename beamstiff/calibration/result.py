@@ -85,19 +85,33 @@ class Found:
         return self.std is not None
 
 
-def calibrated_parameters(found: Sequence[Found], covariance: Array) -> tuple[CalibratedParameter, ...]:
-    """Return what a robot file says of the geometry that was fitted: how sure each parameter is."""
+def calibrated_parameters(
+    found: Sequence[Found], covariance: Array, before: Sequence[CalibratedParameter] = ()
+) -> tuple[CalibratedParameter, ...]:
+    """Return what a robot file says of the geometry that was fitted: how sure each parameter is.
+
+    What an earlier calibration says `before` of parameters that this one held stays.
+    """
     at = [k for k, item in enumerate(found) if item.std and item.parameter.group != "compliance"]
+    fitted = {found[k].name for k in at}
+    stays = [k for k, item in enumerate(before) if item.name not in fitted]
+    kept = [
+        before[k].model_copy(
+            update={"correlation": tuple(c for k2, c in enumerate(before[k].correlation) if k2 in stays)}
+        )
+        for k in stays
+    ]
     std = np.sqrt(np.diag(covariance)[at])
     correlation = np.round(covariance[np.ix_(at, at)] / np.outer(std, std), CORRELATION_DIGITS)
-    return tuple(
+    new = [
         CalibratedParameter(
             name=found[k].name,
             std=float(f"{std[row]:.3g}"),
-            correlation=tuple(np.clip(correlation[row, :row], -1.0, 1.0).tolist()),
+            correlation=(0.0,) * len(kept) + tuple(np.clip(correlation[row, :row], -1.0, 1.0).tolist()),
         )
         for row, k in enumerate(at)
-    )
+    ]
+    return (*kept, *new)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
+
 import typer
 
 from beamstiff.cli.options import Assembly, DataFiles, RobotFile, option, robot_file
 from beamstiff.cli.output import QUIET, Outputs, say, working
-from beamstiff.report.tables import add_rows, table
-from beamstiff.robot.description import Robot
+
+if TYPE_CHECKING:
+    from beamstiff.robot.description import Robot
 
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 
@@ -44,6 +46,7 @@ def verify(
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
+    from beamstiff.report.tables import add_rows, table
     from beamstiff.units import in_unit
 
     outputs = Outputs([robot_file(robot), *data])
@@ -71,7 +74,10 @@ def verify(
 
 
 def _second_opinion(outputs: Outputs, robot: Robot, data: list[str], engine: str) -> None:
+    import numpy as np
+
     from beamstiff.functions.verify import second_opinion
+    from beamstiff.report.tables import add_rows, table
 
     with working(f"solving in {engine}"):
         found = second_opinion(robot, data, engine=engine)

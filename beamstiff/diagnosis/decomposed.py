@@ -85,7 +85,9 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         outliers=(),
         notes=(*notes, *(one.text for one in found.behind)),
         fits=(),
-        ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.causes)]),
+        ceiling=min(
+            [found.rms, found.remainder.rms, *(cause.rms_after for cause in (*found.causes, *found.unclear))]
+        ),
         where=where(baseline, baseline.used, _components(found)),
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
@@ -133,7 +135,7 @@ def _candidates(found: Decomposition) -> tuple[Candidate, ...]:
         return (Candidate(likely, None, 0.95), Candidate(rest, None, 0.05))
     first = found.causes[0]
     sure = found.verdict is not None
-    unknown = max(LEAST_UNKNOWN, min(found.remainder.share, 0.9)) if sure else max(0.5, 1.0 - first.closes)
+    unknown = max(LEAST_UNKNOWN, min(found.unexplained, 0.9)) if sure else max(0.5, 1.0 - first.closes)
     share = first.probability * found.largest if sure else 1.0
     alike = list(first.indistinguishable) or [cause.key for cause in found.causes[1:]]
     weights = {first.key: share, **dict.fromkeys(alike, (1.0 - share) / max(len(alike), 1))}

@@ -58,7 +58,9 @@ class Prior:
 
     def expected(self, effect: str, component: str | None) -> float:
         """Return how many causes of an effect are expected at a component."""
-        default = self.given.get(effect, default_expected(effect, component))
+        default = default_expected(effect, component)
+        if (effect, component) != ("joint-compliance", None):  # all drives at once are no place of one
+            default = self.given.get(effect, default)
         return self.given.get(key_of(effect, component), default)
 
     def ratio(self, effect: str, component: str | None) -> float:

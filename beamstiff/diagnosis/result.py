@@ -144,9 +144,9 @@ class Diagnosis(Shown):
         given, found = self.baseline.nominal, self.baseline.robot
         names: Sequence[str] = self.baseline.fitted
         if self.decomposition is not None:
-            given = self.decomposition.model.given
-            found = self.decomposition.model.robot(self.decomposition.change)
-            names = given.identify
+            model = self.decomposition.model
+            given, found = model.given, model.robot(self.decomposition.change)
+            names = model.baseline.fitted if model.problem is None else given.identify
         return {name: (given.parameter(name), found.parameter(name)) for name in names}
 
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 from beamstiff.diagnosis.diagnose import diagnose as run
@@ -87,7 +88,7 @@ def checked_prior(prior: Mapping[str, Any]) -> dict[str, float]:
     beamstiff.errors.OptionError: prior: backlash: found 0.0, expected a number above 0, at most 1
     """
     for name, value in prior.items():
-        if isinstance(value, bool) or not (isinstance(value, int | float) and 0.0 < value <= 1.0):
+        if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) <= 1.0):
             raise OptionError(
                 "prior",
                 f"{name}: found {shown(value)}, expected a number above 0, at most 1",

@@ -103,6 +103,10 @@ def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str
         for key, value in after.items():
             if key == "model" and key in below and value is None:
                 yield _line_of(node, key, text)
+            elif key == "calibrated" and key in below and value and before[key] != value:
+                start = below[key].start_mark  # another calibration: its list as a whole
+                items = [row.strip() for row in list(rows_of({key: value}))[1:]]
+                yield start.index, _end(below[key]), f"{_newline(text)}{' ' * start.column}".join(items)
             elif key in below:
                 yield from _edits(below[key], before.get(key), value, _inner(name, key), text, std)
             elif key not in before or before[key] != value:

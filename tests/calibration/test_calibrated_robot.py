@@ -9,6 +9,7 @@ from beamstiff import BeamstiffError, Robot, calibrate, load_robot, save_robot
 from beamstiff.diagnosis.decomposition.known import calibrated_covariance
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
+from beamstiff.robot.yaml_edit import robot_yaml
 from tests.calibration.machines import machine, machined, measured, serial, within
 
 
@@ -36,6 +37,17 @@ def test_a_file_keeps_their_covariance(found, tmp_path: Path) -> None:
     )
 
 
+def test_another_calibration_replaces_the_list_and_keeps_the_comments(found, tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    first = found.robot.model_copy(update={"calibrated": found.robot.calibrated[:3]})
+    text = robot_to_yaml(first)
+    file.write_text(text.replace("fixed:", "# the pedestal was levelled in May\nfixed:") + "# end of file\n")
+    written = robot_yaml(found.robot, file)
+    assert "# the pedestal was levelled in May" in written
+    assert "# end of file" in written
+    assert parse_robot(written, "robot.yaml") == found.robot
+
+
 def spoiled(found, line: str) -> Robot:
     text = robot_to_yaml(found.robot.model_copy(update={"calibrated": ()}))
     return parse_robot(f"{text}calibrated:\n  - {{name: base.x, std: 1.0e-05}}\n  - {line}\n", "robot.yaml")
@@ -54,3 +66,18 @@ def spoiled(found, line: str) -> Robot:
 def test_what_no_calibration_can_have_found_is_refused(found, line: str, said: str) -> None:
     with pytest.raises(BeamstiffError, match=said):
         spoiled(found, line)
+
+
+def test_what_a_second_calibration_holds_stays_known(found) -> None:
+    robot = found.robot.model_copy(update={"identify": ()})
+    rows = measured(machine(serial(False), machined(serial(), 3)), within(serial(), 40, 1))
+    again = calibrate(robot, rows, ["base", "ball"], folds=0).robot
+    names = [item.name for item in again.calibrated]
+    assert sorted(names) == sorted(item.name for item in found.robot.calibrated)
+    old, new = calibrated_covariance(found.robot), calibrated_covariance(again)
+    kept = [
+        item.name for item in found.robot.calibrated if item.name.partition(".")[0] not in ("base", "ball")
+    ]
+    before = [[item.name for item in found.robot.calibrated].index(name) for name in kept]
+    after = [names.index(name) for name in kept]
+    assert new[np.ix_(after, after)] == pytest.approx(old[np.ix_(before, before)])

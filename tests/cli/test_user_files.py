@@ -83,7 +83,7 @@ OTHERS = (
 )  # fmt: skip
 INPUT_OPTIONS = {
     "region", "plan", "sets", "process", "actual", "profile", "joints", "like", "test", "scheduler",
-    "orientation", "apply-to", "positions",
+    "orientation", "apply-to", "positions", "std",
 }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.robot.description import Robot
 
@@ -17,7 +18,7 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     tool bend alike for every point behind them, and only a reflector on either side distinguishes them.
     Adapters, force sensors and grippers are more compliant than the last bearing and link usually. What
     stands on the ground in front of the first joint is the pedestal, and the first joint's bearing, whose
-    seat is the ground, tilts as it does.
+    seat is the ground, tilts as it does where nothing else carries the machine.
     """
     parts = [(part.name, set(part.nodes)) for part in robot.rigids]
     parts += [(part.name, set(part.nodes)) for part in robot.beams]
@@ -31,8 +32,10 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
         )
     ground = {node.name for node in robot.nodes if node.frame == GROUND}
     pedestal = [key_of("link-bending", name) for name, ends in parts if ends <= ground]
-    first = [joint.variable or joint.name for joint in robot.joints if set(joint.nodes) & ground]
-    bearings = [key_of("bearing-tilt", name) for name in first[:1]]
+    standing = [joint for joint in robot.joints if set(joint.nodes) & ground]
+    carried = [ends for _, ends in parts if ends & ground and not ends <= ground]
+    alone = len(standing) == 1 and not carried and not robot.struts
+    bearings = [key_of("bearing-tilt", component_of(robot, joint)) for joint in standing if alone]
     groups.append((key_of("base-compliance", None), *bearings, *pedestal))
     return {key: group for group in groups for key in group}
 
