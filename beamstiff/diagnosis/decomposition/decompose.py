@@ -161,7 +161,7 @@ class Decomposition:
         """The first cause, where it closes most of what can be closed."""
         if not self.causes:
             return None
-        first, *others = sorted((*self.causes, *self.unclear), key=lambda cause: -cause.closes)
+        first, *others = (*self.causes, *self.unclear)
         alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
         return first if first.named and (first.closes >= HALF or alone) else None
 
@@ -322,9 +322,13 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
             order, rivals, expit(odds / TEMPERING), closed(errors, noise2), strict=True
         )
     }
-    # those that are named alone are the answer, so what each closes is what it closes beside these
-    order.sort(key=lambda cause: not causes[cause].named)
-    errors = errors_along(folds, order)
+    # those that are named alone are the answer, so what each closes is what it closes beside these; but not
+    # where one of them helps only beside an undecided one
+    first = sorted(order, key=lambda cause: not causes[cause].named)
+    along = errors_along(folds, first)
+    count = sum(causes[cause].named for cause in order)
+    if min(closed(along, noise2)[:count], default=0.0) >= 0.0:
+        order, errors = first, along
     every = [
         replace(
             causes[cause],
@@ -336,16 +340,17 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
             order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
         )
     ]
-    count = sum(causes[cause].named for cause in order)
+    named = [cause for numbers, cause in zip(order, every, strict=True) if causes[numbers].named]
+    unclear = [cause for numbers, cause in zip(order, every, strict=True) if not causes[numbers].named]
     rest = remainder_of(model, forms, theta, noise2, total, folds.rows)
     unexplained = rest.share
     if count < len(every):
-        some = [form for cause in every[:count] for form in cause.forms]
+        some = [form for cause in named for form in cause.forms]
         rest = remainder_of(model, some, solved(model, some)[0], noise2, total, folds.rows)
     return Decomposition(
         model=model,
-        causes=tuple(every[:count]),
-        unclear=tuple(every[count:]),
+        causes=tuple(named),
+        unclear=tuple(unclear),
         remainder=rest,
         unexplained=unexplained,
         rms=float(np.sqrt(total / folds.rows)),
