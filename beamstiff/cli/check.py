@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from beamstiff.cli.options import parse_quantity
 from beamstiff.cli.output import QUIET, Outputs, say
 from beamstiff.cli.verify import TOO_LARGE
 from beamstiff.errors import BeamstiffError
@@ -38,10 +39,8 @@ def check(
     Example:
       beamstiff check verified.json --max-gap 0.2mm
     """  # noqa: D301
-    from beamstiff.units import in_unit
-
     outputs = Outputs([result])
-    limit = 1e3 * in_unit(max_gap, "m")
+    limit = 1e3 * parse_quantity("--max-gap", max_gap, "length")
     if not limit >= 0.0:
         raise BeamstiffError(f"--max-gap: found {max_gap!r}, expected a length of 0 or more")
     gap, where = gap_of(result)
