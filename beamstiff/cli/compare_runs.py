@@ -8,6 +8,7 @@ import typer
 
 from beamstiff.cli.options import Assembly, RobotFile, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, working
+from beamstiff.errors import listed
 from beamstiff.report.tables import add_rows, number, table
 
 
@@ -71,5 +72,5 @@ def compare_runs(
     if found.changed and not any(one.changed for one in found.changes):
         said.append("Which parameter, these data do not say: each by itself might be as before.")
     if found.not_compared:
-        said.append(f"Not determined by both campaigns: {', '.join(found.not_compared)}.")
+        said.append(f"Not determined by both campaigns: {listed(found.not_compared)}.")
     outputs.result(found.notes, [rows, *said], found.to_dict())

@@ -26,7 +26,7 @@ from beamstiff.identification.problem import build_problem
 from beamstiff.identification.relations import INVERSE_UNITS
 from beamstiff.identification.result import Identification
 from beamstiff.identification.statement import Statement, build_identification
-from beamstiff.measure.coerce import TableLike, as_tables
+from beamstiff.measure.coerce import TableLike, as_tables, doubts_of
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
@@ -115,7 +115,11 @@ def compare_runs(
         except BeamstiffError as error:
             raise BeamstiffError(f"{table.source}: {error}") from None
     result = compare_fits(found.names, found.units, found.sizes, fits[0], fits[1], level)
-    return replace(result, notes=(*found.notes, *_widened(tables, fits)))
+    return replace(
+        result,
+        not_compared=(*result.not_compared, *found.left_out),
+        notes=(*found.notes, *_widened(tables, fits)),
+    )
 
 
 Linearised = tuple[Array, Array, Array, int, bool]  # arguments of `campaign_fit`
@@ -129,6 +133,7 @@ class _Both:
     units: list[str]
     sizes: Array  # (t,): realistic deviations
     fits: list[Linearised]
+    left_out: list[str]  # what both together do not determine
     notes: tuple[str, ...]
 
 
@@ -158,7 +163,10 @@ def _of_displacements(
         fits.append((residual, columns, known, len(known), problem.sigma_known))
     labels = [*((name, unit) for name, unit, _ in free), *((key, OF_SIZE) for key in causes)]
     unknown = np.full(len(labels), np.inf)
-    return _Both([one for one, _ in labels], [unit for _, unit in labels], unknown, fits, pooled.notes)
+    silent = [f"1/{item.name}" for item in pooled.parameters if item.silent]
+    return _Both(
+        [one for one, _ in labels], [unit for _, unit in labels], unknown, fits, silent, pooled.notes
+    )
 
 
 def _free_compliances(
@@ -222,7 +230,9 @@ def _of_positions(
         [*(item.unit for item in tested), *(OF_SIZE for _ in causes[0])],
         np.array([*(item.size for item in tested), *(np.inf for _ in causes[0])]),
         fits,
-        pooled.notes,
+        [item.name for item in pooled.parameters if not item.identified and item.parameter.group != "base"],
+        # what the fit of both leaves is no matter here: where something changed it cannot fit both
+        (*doubts_of(machine, tables), *(pooled.statement.notes if pooled.statement else ())),
     )
 
 

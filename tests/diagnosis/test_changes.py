@@ -121,6 +121,7 @@ def test_a_softer_spring_is_named_with_its_compliance() -> None:
     assert abs(one.a - 1 / stiff) < 4 * one.std
     assert abs(one.change - (1 / 0.7 - 1) / stiff) < 4 * one.std
     assert found.to_dict()["test"] == "wald-chi-square"
+    assert found.not_compared == ("1/J6.torsional",)  # forces at a point of axis 6 never load it
 
 
 def test_a_zero_a_tool_and_a_payload_that_changed_are_named_though_the_tracker_moved() -> None:
