@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from beamstiff.fem.structure import compile_structure
     from beamstiff.functions.calibrate import calibrate
     from beamstiff.functions.compare import compare
+    from beamstiff.functions.compare_runs import compare_runs
     from beamstiff.functions.compensate import compensate, compensate_online
     from beamstiff.functions.diagnose import diagnose
     from beamstiff.functions.examine import examine
@@ -47,7 +48,8 @@ if TYPE_CHECKING:
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _MODULES = {
     "fem.structure": "compile_structure",
-    **{f"functions.{name}": name for name in ("calibrate", "compare", "diagnose", "examine")},
+    **{f"functions.{name}": name for name in ("calibrate", "compare", "compare_runs")},
+    **{f"functions.{name}": name for name in ("diagnose", "examine")},
     **{f"functions.{name}": name for name in ("identify", "plan", "predict", "verify")},
     "functions.compensate": "compensate compensate_online",
     "functions.robots": "load_robot",
@@ -83,6 +85,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "compare",
+    "compare_runs",
     "compensate",
     "compensate_online",
     "compile_structure",

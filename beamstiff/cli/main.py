@@ -8,7 +8,9 @@ import typer
 
 from beamstiff._version import __version__
 from beamstiff.cli.calibrate import calibrate
+from beamstiff.cli.check import check
 from beamstiff.cli.compare import compare
+from beamstiff.cli.compare_runs import compare_runs
 from beamstiff.cli.compensate import compensate
 from beamstiff.cli.convert import convert
 from beamstiff.cli.deflect import deflect
@@ -76,8 +78,10 @@ for command in (
     identify,
     calibrate,
     compare,
+    compare_runs,
     diagnose,
     verify,
+    check,
     plan,
     map_,
     compensate,

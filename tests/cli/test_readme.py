@@ -90,4 +90,5 @@ def test_the_commands_of_the_readme_work(
 def test_the_readme_names_every_command() -> None:
     for command in app.registered_commands:
         assert command.callback is not None
-        assert f"`beamstiff {command.callback.__name__} " in README
+        name = command.callback.__name__.replace("_", "-")
+        assert f"`beamstiff {name} " in README

@@ -33,6 +33,8 @@ q1 [deg],x,y,z
 INPUTS = {
     "crane.yaml": CRANE,
     "crane.csv": CRANE_DATA,
+    "again.csv": CRANE_DATA.replace("1.5", "1.6"),
+    "earlier.json": '{"rms_mm": 0.5}',
     "points.csv": POINTS,
     "cell.src": PROGRAM,
     "plan.csv": "q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n",
@@ -61,7 +63,9 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         ("crane.yaml", "crane.csv"),
         {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
     ),
+    "compare-runs": (("crane.yaml", "crane.csv", "again.csv"), {}),
     "verify": (("crane.yaml", "crane.csv"), {}),
+    "check": (("earlier.json", "--max-gap", "1mm"), {}),
     "plan": (("crane.yaml", "--candidates", "20", "--tests", "3"), {"out": "o.csv"}),
     "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
     "compensate": (

@@ -1,0 +1,76 @@
+"""`beamstiff compare-runs`: what changed between two campaigns of one machine."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from beamstiff.cli.options import Assembly, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.output import Outputs, working
+from beamstiff.errors import listed
+from beamstiff.report.tables import add_rows, number, table
+
+
+def compare_runs(
+    robot: RobotFile,
+    a: Annotated[str, typer.Argument(metavar="A", help="CSV table of the earlier campaign.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="CSV table of the later campaign.")],
+    parameters: list[str] | None = option(
+        "NAME,...", "What may have changed, as of `identify` or `calibrate`; default: what these fit."
+    ),
+    fix: list[str] | None = option("NAME,...", "What stays, likewise."),
+    compliances: list[str] | None = option(
+        "NAME,...", "Of absolute positions: stiffness values that are estimated along, such as J2.torsional."
+    ),
+    level: float = option("P", "Chance of a false alarm.", 0.05),
+    assembly: Assembly = None,
+) -> None:
+    """Find what changed between two campaigns of one machine.
+
+    A and B hold displacements, or absolute positions, of the same machine, say before and after a
+    collision, a season or a new tool; postures and loads need not be the same. The robot is fitted
+    to both; then each alone determines the parameters again. A Wald test says whether any changed
+    beyond the uncertainty of both; Holm's p-values say which. Of positions, each campaign has a
+    measuring frame of its own.
+
+    \b
+    Examples:
+      beamstiff compare-runs robot.yaml spring.csv autumn.csv
+      beamstiff compare-runs kr500 before.csv after.csv --parameters offsets,target --json changes.json
+    """  # noqa: D301
+    from beamstiff.functions.compare_runs import compare_runs as run
+    from beamstiff.functions.robots import as_robot
+
+    outputs = Outputs([robot_file(robot), a, b])
+    with working("comparing"):
+        found = run(
+            as_robot(robot, assembly=assembly),
+            a,
+            b,
+            parse_names(parameters),
+            fixed=parse_names(fix, "--fix") or [],
+            compliances=parse_names(compliances, "--compliances") or [],
+            level=level,
+        )
+    rows = table("From A to B", "parameter", "A", "B", "change", "std", "p (Holm)", "unit", "")
+    lines = [
+        [
+            one.name,
+            *(number(value) for value in (one.a, one.b, one.change, one.std)),
+            f"{one.p_holm:.2g}",
+            one.unit,
+            "changed" if one.changed else "",
+        ]
+        for one in sorted(found.changes, key=lambda one: one.p)
+    ]
+    add_rows(rows, lines)
+    what = "Something changed" if found.changed else "No change beyond the uncertainty"
+    said = [
+        f"{what}: p = {found.p:.2g} for all {len(found.changes)} parameters together, level {found.level:g}."
+    ]
+    if found.changed and not any(one.changed for one in found.changes):
+        said.append("Which parameter, these data do not say: each by itself might be as before.")
+    if found.not_compared:
+        said.append(f"Not determined by both campaigns: {listed(found.not_compared)}.")
+    outputs.result(found.notes, [rows, *said], found.to_dict())

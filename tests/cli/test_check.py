@@ -1,0 +1,67 @@
+"""`beamstiff check` is a gate for scripts: 0 within the limit, 3 beyond it, 2 where there is no gap."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Refused, Run
+
+
+@pytest.mark.parametrize("command", ["verify", "identify", "diagnose"])
+def test_the_gap_of_each_result_is_the_one_it_states(run: Run, folder: Path, command: str) -> None:
+    assert run(command, "crane.yaml", "crane.csv", "--json", "out.json").exit_code == 0
+    told = json.loads((folder / "out.json").read_text())
+    gap = {
+        "verify": lambda: told["after_mm"],
+        "identify": lambda: told["rms_held_out_mm"],
+        "diagnose": lambda: told["remainder"]["rms_mm"],
+    }[command]()
+    beyond = run("check", "out.json", "--max-gap", f"{gap * 0.9 - 1e-9:.12f}mm") if gap > 1e-6 else None
+    assert beyond is None or (beyond.exit_code, beyond.stdout) == (3, "")
+    within = run("check", "out.json", "--max-gap", f"{gap * 1.1 + 1e-9:.12f}mm", "--json", "checked.json")
+    assert within.exit_code == 0
+    assert within.stdout.count("\n") == 1
+    checked = json.loads((folder / "checked.json").read_text())
+    assert checked["gap_mm"] == pytest.approx(gap)
+    assert checked["within"] is True
+
+
+def test_beyond_the_limit_it_ends_with_3_as_verify_does(run: Run, folder: Path) -> None:
+    (folder / "soft.yaml").write_text(
+        (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e5 N*m/rad")
+    )
+    verified = run("verify", "soft.yaml", "crane.csv", "--max-gap", "0.2mm", "--json", "out.json")
+    checked = run("check", "out.json", "--max-gap", "0.2mm")
+    assert verified.exit_code == checked.exit_code == 3
+    assert checked.stderr.count("\n") == 1
+    # ten times the torsional compliance: 9 mm more across the arm in three of four rows (the last two ways
+    # at once, sqrt(2) 1000 N along the arm: nothing across it)
+    expected = 9.0 * (2 / 4) ** 0.5
+    assert json.loads((folder / "out.json").read_text())["after_mm"] == pytest.approx(expected)
+    assert f"{expected:.4g} mm" in checked.stderr
+
+
+def test_of_a_calibration_it_takes_the_held_out_error(run: Run, folder: Path) -> None:
+    (folder / "c.json").write_text('{"rms_mm": 0.1, "rms_held_out_mm": 0.3}')
+    assert run("check", "c.json", "--max-gap", "0.2mm").exit_code == 3
+    (folder / "c.json").write_text('{"rms_mm": 0.1, "rms_held_out_mm": null}')
+    assert run("check", "c.json", "--max-gap", "0.2mm").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "limit", "says"),
+    [
+        ("{}", "1mm", "found none of after_mm"),
+        ("[1]", "1mm", "found none of after_mm"),
+        ("nonsense", "1mm", "is no JSON"),
+        ('{"rms_mm": "small"}', "1mm", "rms_mm: found 'small'"),
+        ('{"rms_mm": NaN}', "1mm", "rms_mm: found nan"),
+        ('{"rms_mm": -1}', "1mm", "expected a length in mm"),
+        ('{"rms_mm": 1}', "1kg", "--max-gap: found the unit 'kg'"),
+        ('{"rms_mm": 1}', "-1mm", "expected a length of 0 or more"),
+    ],
+)
+def test_bad_input_is_refused(folder: Path, refused: Refused, text: str, limit: str, says: str) -> None:
+    (folder / "r.json").write_text(text)
+    refused(["check", "r.json", f"--max-gap={limit}"], says)
