@@ -20,7 +20,7 @@ def test_commands_with_a_robot_take_its_assembly() -> None:
         inspect.signature(item.callback).parameters for item in app.registered_commands if item.callback
     ]
     with_robot = [known for known in commands if "robot" in known and known["robot"].annotation == RobotFile]
-    assert len(with_robot) == 10
+    assert len(with_robot) == 11
     assert all(known["assembly"].annotation == Assembly for known in with_robot)
 
 

@@ -13,7 +13,7 @@ from beamstiff import __version__
 from beamstiff.cli.main import app
 from tests.cli.conftest import Run
 
-WITHOUT_FRAMES = ("compare", "convert", "diagnose", "doctor", "exam", "schema")
+WITHOUT_FRAMES = ("check", "compare", "compare-runs", "convert", "diagnose", "doctor", "exam", "schema")
 COMMAND = [sys.executable, "-m", "beamstiff"]
 
 
@@ -184,7 +184,8 @@ def test_help_names_the_commands_and_the_exit_codes(run: Run, arguments: list[st
 
 
 @pytest.mark.parametrize(
-    "command", [one.callback.__name__ for one in app.registered_commands if one.callback]
+    "command",
+    [one.callback.__name__.replace("_", "-") for one in app.registered_commands if one.callback],
 )
 def test_the_help_of_every_command_teaches(run: Run, command: str) -> None:
     text = run(command, "--help").stdout
