@@ -325,7 +325,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     # those that are named alone are the answer, so what each closes is what it closes beside these; but not
     # where one of them helps only beside an undecided one
     first = sorted(order, key=lambda cause: not causes[cause].named)
-    along = errors_along(folds, first)
+    along = errors if first == order else errors_along(folds, first)
     count = sum(causes[cause].named for cause in order)
     if min(closed(along, noise2)[:count], default=0.0) >= 0.0:
         order, errors = first, along

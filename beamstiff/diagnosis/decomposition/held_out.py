@@ -122,14 +122,18 @@ def _most_closing_first(folds: Folds, causes: Sequence[tuple[int, ...]]) -> list
     order: list[tuple[int, ...]] = []
     while len(order) < len(causes):
         rest = [cause for cause in causes if cause not in order]
-        order.append(min(rest, key=lambda cause: float(errors_along(folds, [*order, cause])[-1].sum())))
+        order.append(min(rest, key=lambda cause: float(_errors_with(folds, [*order, cause]).sum())))
     return order
 
 
 def errors_along(folds: Folds, order: Sequence[tuple[int, ...]]) -> list[Array]:
     """Return the errors (P,) of fits with no cause, the first, the first two, and so on."""
-    fits = [[number for cause in order[:count] for number in cause] for count in range(len(order) + 1)]
-    return [folds.squared_errors(fit_step(folds.choice, numbers)) for numbers in fits]
+    return [_errors_with(folds, order[:count]) for count in range(len(order) + 1)]
+
+
+def _errors_with(folds: Folds, causes: Sequence[tuple[int, ...]]) -> Array:
+    """Return the errors (P,) of a fit with some causes."""
+    return folds.squared_errors(fit_step(folds.choice, [number for cause in causes for number in cause]))
 
 
 def closed(errors: Sequence[Array], noise: float) -> list[float]:
