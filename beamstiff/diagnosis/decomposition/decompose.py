@@ -20,10 +20,11 @@ from beamstiff.diagnosis.decomposition.held_out import (
     interval,
     ordered,
 )
-from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
+    ENOUGH,
     Choice,
     Step,
     build_choice,
@@ -290,7 +291,7 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     model, choice, least = folds.model, folds.choice, step.bic
-    step = with_usual_name(choice, _kept(folds, step))
+    step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
     order, errors = ordered(folds, _causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
@@ -303,7 +304,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    rivals = [rival_of(choice, step, cause, folds.squared_errors) for cause in order]
+    rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
     odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
     causes = {
         cause: Cause(
@@ -379,6 +380,22 @@ def _kept(folds: Folds, step: Step) -> Step:
             break
         step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]
     return step
+
+
+def _improved(folds: Folds, step: Step) -> tuple[Step, dict[tuple[int, ...], list[tuple[int, Step]]]]:
+    """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
+    choice = folds.choice
+    for _ in range(ROUNDS + 1):
+        causes = _causes_of(choice, step)
+        replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
+        every = [found for fits in replaced.values() for _, found in fits]
+        best = min(every, key=lambda found: found.bic, default=step)
+        errors = folds.squared_errors(step)
+        better = with_usual_name(choice, _kept(folds, best)) if best.bic <= step.bic - ENOUGH else step
+        if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
+            break
+        step = better
+    return step, replaced
 
 
 def _largest(errors: Sequence[Array]) -> float:

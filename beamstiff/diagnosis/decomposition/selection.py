@@ -11,7 +11,7 @@ the scatter of the machine about any smooth law, not what the tracker reads to.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -150,6 +150,15 @@ class Step:
     def basis(self) -> Array:
         """Columns (n, c), orthonormal together with what is known of their parameters beforehand."""
         return np.asarray(solve_triangular(self.triangle, self.columns.T, trans="T").T)
+
+    @cached_property
+    def moved(self) -> dict[int, Array]:
+        """What each form moves, (n,), by its number."""
+        sizes = [int(self.drives.sum()), *(int(free.sum()) for free in self.free)]
+        columns = np.split(self.columns, np.cumsum(sizes)[:-1], axis=1)[1:]
+        thetas = np.split(self.theta, np.cumsum(sizes)[:-1])[1:]
+        parts = zip(self.chosen, columns, thetas, strict=True)
+        return {number: np.asarray(own @ theta) for number, own, theta in parts}
 
     @cached_property
     def left(self) -> Array:
@@ -311,11 +320,11 @@ def bic(squares: Array | float, parameters: Array | float, values: int, log_prio
     return result
 
 
-def with_each(choice: Choice, step: Step) -> Array:
+def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Array:
     """Return the BIC (f,) of a fit with each form added to it.
 
-    inf where a form does not show, stands there already, or asks for a sign that a parameter cannot have:
-    such a form is not what is there.
+    inf where a form does not show, is of a forbidden cause, stands there already, or asks for a sign that a
+    parameter cannot have: such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
     known = prior_of(choice, step.chosen)
@@ -333,7 +342,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         pull = pull - step.theta @ products
     forms = [choice.forms[number] for number in step.chosen]
     taken = {form.key for form in forms if form.effect not in REPEATED}
-    taken |= {key for form in forms for key in choice.alike.get(form.key, ())}
+    taken |= {key for form in forms for key in choice.alike.get(form.key, ())} | set(forbidden)
     for numbers, at, own in choice.groups:
         gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
@@ -351,28 +360,39 @@ def with_each(choice: Choice, step: Step) -> Array:
     return result
 
 
-def select(choice: Choice, held_out: HeldOut, most: int = MOST) -> Step:
+def select(
+    choice: Choice,
+    held_out: HeldOut,
+    most: int = MOST,
+    start: Sequence[int] = (),
+    forbidden: Collection[str] = (),
+    exchange: bool = True,
+) -> Step:
     """Return the fit with the causes that the criterion and held-out postures ask for, `most` forms.
 
     After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
     that another explains better, or two others, is exchanged.
+
+    `start`: forms to begin with. `forbidden`: causes that must not come in.
     """
-    step = fit_step(choice, ())
+    step = fit_step(choice, start)
     for _ in range(ROUNDS):
-        larger = _larger(choice, step, held_out) if len(step.chosen) < most and choice.forms else None
+        larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
         while larger is not None:
             step = _needed(choice, larger)
-            larger = _larger(choice, step, held_out) if len(step.chosen) < most else None
-        other = _exchanged(choice, step, held_out) if len(step.chosen) < most else None
+            larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
+        other = _exchanged(choice, step, held_out) if exchange and len(step.chosen) < most else None
         if other is None:
             break
         step = _needed(choice, other)
     return step
 
 
-def _larger(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+def _larger(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection[str]) -> Step | None:
     """Return a fit with the form more that helps most; None where none helps enough."""
-    after = with_each(choice, step)
+    if not choice.forms:
+        return None
+    after = with_each(choice, step, forbidden)
     before = held_out(step)
     for new in np.argsort(after, kind="stable")[:TRIED].tolist():
         if after[new] > step.bic - ENOUGH:

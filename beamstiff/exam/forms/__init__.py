@@ -6,6 +6,7 @@ their forms: what its shapes miss can only show on forms that they do not know.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,12 +40,14 @@ def draw_truth(
     size: float | None = None,
     component: str | None = None,
     form: str | None = None,
+    authors: Sequence[int] = (),
 ) -> Truth:
     """Return an effect drawn at random: its component, form and parameters.
 
     `robot`: as the model has it.
     `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
     `component`, `form`: given instead of drawn.
+    `authors`: of the forms that are drawn; all by default.
 
     Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.
     """
@@ -54,7 +57,7 @@ def draw_truth(
         where = f"at {component!r}" if component else "anywhere"
         raise BeamstiffError(f"robot {robot.name!r} cannot have the effect {effect!r} {where}")
     place = possible[int(rng.integers(len(possible)))] if component is None else component
-    kind = known.draw_form(rng) if form is None else form
+    kind = known.draw_form(rng, authors) if form is None else form
     if kind not in known.forms:
         raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
     measure = float(rng.uniform()) if size is None else size
