@@ -5,9 +5,9 @@ Machines of the crowded exam (`beamstiff exam --crowded`): forms of all authors,
 robot file, and the file predicts 40 fresh poses, which the machine reads without noise; the measuring frame
 is fitted again.
 
-floor: what a least-squares fit of the same rows leaves on the fresh poses that knows the form of every effect
-and lacks only the sizes, together with geometry, drives, frame and reflectors; the noise of a reading is added
-to both.
+floor: what a least-squares fit of the same rows leaves on the fresh poses that knows the form of every
+effect and lacks only the sizes, together with geometry, drives, frame and reflectors; the noise of a reading
+is added to both.
 
 Run `python -m benchmarks.five_effects [CASES [AUTHOR ...]]`: forms of these authors alone; the first has
 written the diagnosis, so that its library holds most of them as they are.
