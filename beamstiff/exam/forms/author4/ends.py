@@ -23,7 +23,8 @@ from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node
 
-ROUND = 0.15  # of a foot's gap
+ROUND = 0.2  # of a foot's gap: it comes down slowly
+ROUGH = 1.2e-5  # m: of the surfaces that meet there
 LEG = 0.1  # m
 STUD = 0.1  # of a foot's stiffness: what its bolt alone has
 SIDEWAYS = 1.5  # of a foot's stiffness
@@ -44,7 +45,7 @@ def _feet(request: DrawRequest) -> dict[str, float]:
 
 def short_foot(k: float, gap: float) -> Curve:
     """Return the force of a foot that stands off its shim by a gap: its bolt alone, until it is down."""
-    width = ROUND * gap
+    width = ROUGH + ROUND * gap
 
     def part(strain: Array) -> tuple[Array, Array]:
         down, slope = rounded_ramp(-strain - gap, width)

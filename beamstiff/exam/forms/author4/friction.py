@@ -77,11 +77,11 @@ class WormFriction(Friction):
 
 
 def _gear(request: DrawRequest) -> dict[str, float]:
-    share = request.sized(0.01, 0.3)
+    share = request.sized(0.01, 0.25)
     return {
         "share": share,
         "friction": share * request.log_uniform(3e-5, 4e-4),
-        "reach": request.log_uniform(1e-5, 8e-5),
+        "reach": share * request.log_uniform(2e-4, 1e-3),  # the same teeth bend before they slide
         "arrived": request.uniform(-0.9, 0.9),
     }
 
