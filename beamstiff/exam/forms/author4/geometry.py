@@ -16,6 +16,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 
 MOST = 0.25  # of the main error: each of those beside it
+MARKED = 0.02  # of a tool's offset: where positions are read, the tool was measured with more care
 ROUND = 0.05  # of a force: sidelong pulls at a pin, between its two ends
 
 
@@ -64,7 +65,7 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
 
 def _turned(request: DrawRequest) -> dict[str, float]:
     return {
-        "off": request.uniform(0.06, 0.25) / np.sqrt(slender(request.robot)),
+        "off": request.uniform(0.06, 0.25) / float(np.sqrt(slender(request.robot))),
         "way": request.uniform(0.0, 2.0 * np.pi),
         "turned": request.sign() * request.sized(0.015, 0.8),
     }
@@ -83,9 +84,8 @@ def _tool(truth: Truth, reality: Reality) -> Reality:
     if truth.form == "turned-on-flange":  # by dowels with play: all that the tool carries goes round
         before, after = p["way"], p["way"] + p["turned"]
         move = p["off"] * np.array([np.cos(after) - np.cos(before), np.sin(after) - np.sin(before), 0.0])
-        there = {
-            name: tuple(map(float, getattr(reality, name) + move)) for name in ("lever", "target", "marked")
-        }
+        share = {"lever": 1.0, "target": 1.0, "marked": MARKED}
+        there = {n: tuple(map(float, getattr(reality, n) + part * move)) for n, part in share.items()}
         return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
     tcp = reality.machine.node(reality.machine.tcp)
     half, still = vector(p), prefixed(p, "still_")
