@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.decision.where import where
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, decompose
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness

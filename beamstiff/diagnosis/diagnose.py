@@ -13,7 +13,8 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.decompose import NOISE, decompose
+from beamstiff.diagnosis.decomposition.causes import NOISE
+from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.prediction import (
