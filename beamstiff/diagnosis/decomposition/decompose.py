@@ -12,6 +12,7 @@ from scipy.special import expit
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import PRESENT, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import (
     Folds,
@@ -24,17 +25,7 @@ from beamstiff.diagnosis.decomposition.held_out import (
 from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.remainder import remainder_of
-from beamstiff.diagnosis.decomposition.selection import (
-    ENOUGH,
-    Choice,
-    Step,
-    build_choice,
-    fit_step,
-    forms_in,
-    gain,
-    resampled,
-    select,
-)
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled, select
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
-from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 

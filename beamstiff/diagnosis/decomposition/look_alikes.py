@@ -13,15 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.selection import (
-    Choice,
-    HeldOut,
-    Step,
-    fit_step,
-    gain,
-    select,
-    with_each,
-)
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.selection import HeldOut, gain, select, with_each
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
