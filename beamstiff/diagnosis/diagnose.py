@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.causes import NOISE
+from beamstiff.diagnosis.decomposition.causes import HALF, NOISE
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
@@ -41,6 +41,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
+from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
@@ -124,7 +125,9 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     at = by_candidate(library.hypotheses)
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
-    return diagnosis_of(several, found.notes) if several.causes else found
+    if several.causes and closes_unselected(stated, prior, seed) >= HALF * several.closes:
+        return diagnosis_of(several, found.notes)
+    return found
 
 
 def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:
