@@ -16,7 +16,7 @@ AWAY = 0.005  # of a cause, that its two look-alikes together do not reproduce
 
 
 def held_out(step: Step) -> Array:
-    """Return squared errors, each value a posture of its own; so many values hardly differ held out or not."""
+    """Return squared errors, each value a posture; of so many values few fits change held out."""
     squares: Array = step.left**2
     return squares
 
