@@ -355,7 +355,7 @@ def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) 
     seen = targets + sag + 1.5 * (loaded - sag)
     rows = "".join(f"{x:.9f},{y:.9f},{z:.9f}\n" for x, y, z in seen)
     (cell / "run.csv").write_text("# sigma_position: 1e-6\nx,y,z\n" + rows)
-    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src")
+    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src", "--learned", "q.yaml")
     result = succeed("compensate", "kr500", "cell.src", *learned, "--json", "l.json")
     facts = json.loads((cell / "l.json").read_text())
     size = facts["learned"]["parameters"]["process stiffness"]
@@ -365,7 +365,13 @@ def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) 
         1e3 * np.sqrt(((seen - targets) ** 2).sum(1).mean()), rel=0.01
     )
     assert "Process, from the measured runs" in result.stdout
-    assert (cell / "new.src").exists()
+    # the process of the file is the one that was learned: with it the same program comes out
+    succeed("compensate", "kr500", "cell.src", "--process", "q.yaml", "--out", "by_file.src")
+    assert (cell / "by_file.src").read_bytes() == (cell / "new.src").read_bytes()
+    assert "# process stiffness: 1.5" in (cell / "q.yaml").read_text()
+    nothing = run("compensate", "kr500", "cell.src", "--learned", "q.yaml")
+    assert nothing.exit_code == 2
+    assert "--learned: found no measured run" in nothing.stderr
     alone = run("compensate", "kr500", "cell.src", "--ran", "cell.src")
     assert alone.exit_code == 2
     assert "--ran: found programs that ran, expected what was measured of them" in alone.stderr
