@@ -125,9 +125,9 @@ def learn(
         at = [_settled(machine, state, made) for state in states]
         loads = [made.wrench(poses, state.path) for poses, state in zip(at, states, strict=True)]
         q = np.concatenate([state.q for state in states])
-        one = missing_effect(
-            machine, q, np.concatenate(loads), np.concatenate(at), fit.residual, fit.jacobian
-        )
+        targets = len(np.unique(np.concatenate([run.rows for run in runs])))
+        state = q, np.concatenate(loads), np.concatenate(at)
+        one = missing_effect(machine, *state, fit.residual, fit.jacobian, targets)
         if one is None:
             break
         added.append(one)

@@ -321,7 +321,7 @@ def _notes(
         posture = ", ".join(shown)
         said.append(f"the path begins at {posture}; --q chooses another posture")
     if found.switched.size:
-        lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
+        lines = listed([found.path.line(row) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
     if result.learned is not None:
         if result.learned.effects:

@@ -55,9 +55,10 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
         ),
     )
     rows = range(len(found.path)) if some is None else some
-    names, lines = found.path.names, found.path.lines
+    path = found.path
     cells = (
-        [names[row], str(lines[row]), *map(_seen, numbers[row]), found.reasons.get(row, "")] for row in rows
+        [path.names[row], path.line(row), *map(_seen, numbers[row]), found.reasons.get(row, "")]
+        for row in rows
     )
     add_rows(made, cells)
     return made
@@ -68,7 +69,7 @@ def uncorrected_table(result: Compensated) -> Table:
     found = result.correction
     made = table("Targets that cannot be corrected", "target", "line", "why", left=3)
     for row, reason in found.reasons.items():
-        made.add_row(found.path.names[row], str(found.path.lines[row]), reason)
+        made.add_row(found.path.names[row], found.path.line(row), reason)
     return made
 
 
