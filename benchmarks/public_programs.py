@@ -85,10 +85,7 @@ def _git(root: Path, *arguments: str) -> bytes:
 def faults(content: bytes, name: str) -> tuple[Program, list[str]]:
     """Return a program, and what is wrong with how it comes back; raises where it has no targets."""
     text, found = content.decode(ENCODING), []
-    if SEAM in text:
-        program = krl.read(text, name, "its .dat")
-    else:
-        program = ENDINGS[_ending(name)](text, name)
+    program = krl.read(text, name, "its .dat") if SEAM in text else ENDINGS[_ending(name)](text, name)
     joints = program.path.joints
     if program.with_poses(program.path.poses, joints=joints) != content:
         found.append("other bytes")
@@ -119,7 +116,7 @@ def _between(program: Program, content: bytes) -> list[str]:
 def main() -> None:
     """Print a row for every language."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("BEAMSTIFF_PROGRAMS", ""))
-    console = Console(width=118)
+    console = Console(width=160)
     counts: dict[str, Counter[str]] = {}
     sources: dict[str, set[str]] = {}
     for language, repository, name, content in programs(folder):
