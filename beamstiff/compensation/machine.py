@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.compensation.path import Frames
-from beamstiff.diagnosis.apply import effects_displacement, predict_with_effects
+from beamstiff.diagnosis.apply import bare_baseline, effects_displacement, predict_with_effects
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.table import Measurements, make_measurements
@@ -93,16 +93,15 @@ class Machine:
             return {}
         heavy = self.real.model_copy(update={"gravity": tuple(2.0 * g for g in self.real.gravity)})
         rows = self._rows(q, np.zeros((len(q), 6)))
+        bare = [bare_baseline(robot, rows) for robot in (self.real, heavy)] if self.real.effects else []
         found: dict[str, dict[str, float]] = {}
         for key in dict.fromkeys(map(_key, self.real.effects)):
             own = [one for one in self.real.effects if _key(one) == key]
             for name in dict.fromkeys(name for one in own for part in one.each for name in part.parameters):
                 # shapes without it stay: where several stand for one effect only their sum has a sign
                 alone = tuple(one.with_shapes(tuple(_only(part, name) for part in one.each)) for one in own)
-                once, twice = (
-                    effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]
-                    for robot in (self.real, heavy)
-                )
+                reduced = self.real.model_copy(update={"effects": alone})
+                once, twice = (effects_displacement(reduced, rows, one)[:, :3] for one in bare)
                 whole, off = (np.linalg.norm(part, axis=1) for part in (once, 2.0 * once - twice))
                 size = float(np.minimum(whole, off).max(initial=0.0))
                 if size > PROPORTIONAL * whole.max(initial=0.0) and size > VISIBLE:
