@@ -17,7 +17,7 @@ apart from it (`loaded_robot`).
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.console import Console
@@ -32,10 +32,10 @@ from beamstiff.compensation.process.cantilever import Cantilever, Method
 from beamstiff.compensation.process.corotational import straight, under_load
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.rewrite import Compensated, compensate_program
+from beamstiff.functions.fitted import robot_with
 from beamstiff.identification.models.side_by_side import Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.orientation import KUKA
-from beamstiff.model.protocol import Model
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array, transform
@@ -48,6 +48,7 @@ FREE_END = (1.7, 0.0, 0.9)
 DOWN, ALONG, INSIDE = 0.025, 0.200, 0.010  # m
 WEIGHT = Constant((0.0, 0.0, -920.0, 0.0, 0.0, 0.0))
 FRICTION = 0.15
+FITTED_LOAD = 900.0  # N: the readings that the models are fitted to
 LOADS, FRICTIONS = (0.1, 0.5, 1.0, 2.0, 5.0, 8.0), (-0.3, 0.0, 0.3)
 PAPER_IMPROVEMENT, PAPER_REST, PAPER_GAP = 80.0, 0.15, 0.2  # percent, mm, mm
 
@@ -110,7 +111,7 @@ class Forming:
 
 def forming(names: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) -> Forming:
     """Return what the machine makes of the path, without and with compensation by several models."""
-    path, model_robot = forming_path(along=along), weightless(load_robot("ir663"))
+    path, controller = forming_path(along=along), weightless(load_robot("ir663"))
     real = weightless(load_robot("ir663-screws"))
     truth, load = Machine(real), Together((WEIGHT, beam(friction=FRICTION)))
     as_it_is = correct_path(truth, path, load)
@@ -122,10 +123,10 @@ def forming(names: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) -
         ("incremental", "incremental", 0.0),
         ("incremental, friction", "incremental", FRICTION),
     )
-    for name, model in fitted.items():
+    for name, real_as_known in fitted.items():
         for what, method, friction in straightforward:
             process = Together((WEIGHT, beam(method, friction)))
-            found = correct_path(Machine(model_robot, elasticity=model), path, process)
+            found = correct_path(Machine(controller, real_as_known), path, process)
             rows.append(_row(f"{name}, {what}", _landed(truth, as_it_is, found, load), before))
     known = Together((WEIGHT, beam()))
     found = correct_path(truth, path, known)
@@ -140,12 +141,12 @@ def forming(names: tuple[str, ...] = ("parametric", "fuzzy"), along: int = 40) -
     return Forming(tuple(rows), (float(vertical[0]), float(vertical[-1])), gap)
 
 
-def models(names: tuple[str, ...]) -> dict[str, Model]:
-    """Return models of elasticity that were fitted to the paper's campaign on the machine with screws."""
+def models(names: tuple[str, ...]) -> dict[str, Robot]:
+    """Return robots with models that were fitted to the paper's campaign on the machine with screws."""
     robot, table, _ = campaign("ir663-screws")
-    judged = fit_models(robot, table, split_rows(table, 0.0, 900.0, 0), names, Options(seed=0))
-    found = {name: judged[name].model for name in names}
-    return {name: model for name, model in found.items() if model is not None}
+    found = fit_models(robot, table, split_rows(table, 0.0, FITTED_LOAD, 0), names, Options(seed=0))
+    found = replace(found, robot=robot)
+    return {one.name: weightless(robot_with(found, one)) for one in found.judged if one.name in names}
 
 
 def _landed(truth: Machine, as_it_is: Correction, found: Correction, load: Process) -> Array:

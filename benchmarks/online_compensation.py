@@ -53,7 +53,7 @@ def measured(name: str, machine: Machine, path: ToolPath, rounds: int = ROUNDS, 
     std = {name: share * known[name] for name, share in STD.items()}
     online = OnlineCompensation(machine, std, np.array([5.0, 5, 5, 1, 1, 1]))
     begin = perf_counter()
-    online.prepare(path.poses, None, START)
+    online.prepare(path, None, START)
     prepare = 1e3 * (perf_counter() - begin) / len(path)
     poses = path.poses
     if middle:

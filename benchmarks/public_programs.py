@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff.compensation.editing import ENCODING
-from beamstiff.compensation.formats import ENDINGS, Program
+from beamstiff.compensation.formats import ENDINGS, Program, ending_of, krl
+from beamstiff.compensation.formats.program import SEAM
 from beamstiff.errors import BeamstiffError
 
 REPOSITORIES = {
@@ -28,32 +29,48 @@ REPOSITORIES = {
         "ingeniado/KRC4-Robot-Palletizer",
         "XabierFernandez/MyPythonProjects",
         "LozanIvanov/kuka-krl-training-test1",
+        "Shangmc/KUKA",
     ),
     "ABB RAPID": ("TPHugo/TimovyProjekt", "DanielPaans/SMR1", "XabierFernandez/MyPythonProjects"),
-    "FANUC TP": ("Creearc/welding_project", "GilbertPan97/SnapMaster"),
-    "URScript": ("salvacmp/SMR2", "condongilbert/UR5Projects"),
+    "FANUC TP": ("Creearc/welding_project", "GilbertPan97/SnapMaster", "JuniorNatalin/VASC"),
+    "URScript": ("salvacmp/SMR2", "condongilbert/UR5Projects", "ludwikas/RoboPops"),
+    "APT": ("aamorim1913/AptPostProcessor", "MichaHofft/CreoPost"),
 }
+MOST = 1000  # files of a repository
 LANGUAGE = {
     **dict.fromkeys((".src", ".dat", ".sub"), "KUKA KRL"),
     **dict.fromkeys((".mod", ".modx", ".prg"), "ABB RAPID"),
     ".ls": "FANUC TP",
     ".script": "URScript",
+    **dict.fromkeys((".apt", ".cls", ".cl", ".ncl"), "APT"),
 }
+TEXTS = {"URscript.txt": ".script"}  # what a file is whose ending does not say it
 MOVED = np.array([1.3e-3, -0.7e-3, 0.9e-3])  # m
 TURNED = 1e-4  # rad, of joint values
 
 
 def programs(folder: Path) -> Iterator[tuple[str, str, str, bytes]]:
-    """Yield language, repository, path and bytes of every program of the repositories that are there."""
+    """Yield language, repository, path and bytes of every program of the repositories that are there.
+
+    A KRL .src comes with the .dat beside it, behind a seam, as `read_program` reads both.
+    """
     for repository in sorted({name for names in REPOSITORIES.values() for name in names}):
         clone = folder / repository.replace("/", "+")
         root = next((at for at in (clone, clone / "repo", clone / "repo" / ".git") if _is_git(at)), None)
         if root is None:
             continue
-        for name in _git(root, "ls-tree", "-r", "-z", "--name-only", "HEAD").decode("utf-8").split("\0"):
-            language = LANGUAGE.get(Path(name).suffix.lower())
-            if language and repository in REPOSITORIES[language]:
-                yield language, repository, name, _git(root, "show", f"HEAD:{name}")
+        names = _git(root, "ls-tree", "-r", "-z", "--name-only", "HEAD").decode("utf-8").split("\0")
+        ours = [name for name in names if repository in REPOSITORIES.get(LANGUAGE.get(_ending(name), ""), ())]
+        for name in ours[:MOST]:
+            content = _git(root, "show", f"HEAD:{name}")
+            points = str(Path(name).with_suffix(".dat"))
+            if _ending(name) == ".src" and points in names:
+                content += SEAM.encode(ENCODING) + _git(root, "show", f"HEAD:{points}")
+            yield LANGUAGE[_ending(name)], repository, name, content
+
+
+def _ending(name: str) -> str:
+    return TEXTS.get(Path(name).name) or ending_of(name)
 
 
 def _is_git(folder: Path) -> bool:
@@ -67,8 +84,8 @@ def _git(root: Path, *arguments: str) -> bytes:
 
 def faults(content: bytes, name: str) -> tuple[Program, list[str]]:
     """Return a program, and what is wrong with how it comes back; raises where it has no targets."""
-    program = ENDINGS[Path(name).suffix.lower()](content.decode(ENCODING), name)
-    found = []
+    text, found = content.decode(ENCODING), []
+    program = krl.read(text, name, "its .dat") if SEAM in text else ENDINGS[_ending(name)](text, name)
     joints = program.path.joints
     if program.with_poses(program.path.poses, joints=joints) != content:
         found.append("other bytes")
@@ -99,8 +116,9 @@ def _between(program: Program, content: bytes) -> list[str]:
 def main() -> None:
     """Print a row for every language."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("BEAMSTIFF_PROGRAMS", ""))
-    console = Console(width=118)
+    console = Console(width=160)
     counts: dict[str, Counter[str]] = {}
+    sources: dict[str, set[str]] = {}
     for language, repository, name, content in programs(folder):
         count = counts.setdefault(language, Counter())
         try:
@@ -111,6 +129,7 @@ def main() -> None:
                 console.print(f"refused: {repository} {error}", style="yellow")
             continue
         count["programs"] += 1
+        sources.setdefault(language, set()).add(repository)
         count["targets"] += len(program.path)
         count["faulty"] += bool(found)
         count["with posture"] += sum(place.posture is not None for place in program.places)
@@ -127,9 +146,19 @@ def main() -> None:
         )
         return
     frames = ("base followed", "base asked for", "tool followed", "tool asked for")
-    columns = ("programs", "targets", "faulty", "with posture", *frames, "refused", "without targets")
+    columns = (
+        "repositories",
+        "programs",
+        "targets",
+        "faulty",
+        "with posture",
+        *frames,
+        "refused",
+        "without targets",
+    )
     table = Table("language", *columns, title="Public programs (target: 0 faulty)", title_justify="left")
     for language, count in counts.items():
+        count["repositories"] = len(sources.get(language, ()))
         table.add_row(language, *(str(count[column]) for column in columns))
     console.print(table)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,7 +131,7 @@ def compare(
 
 def load_of(text: str) -> float:
     """Return a load, N or N m; a plain number is in SI already."""
-    return parse_quantity("--fit-load", text, "moment" if "m" in text else "force")
+    return parse_quantity("--fit-load", text, "moment" if re.search(r"N\W*m", text) else "force")
 
 
 def _draw_rules(found: Models, machine: Robot) -> Figure:

@@ -11,7 +11,7 @@ import typer
 from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, parse_quantities, robot_file
 from beamstiff.cli.output import Outputs, note, working
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.outputs import write_output
+from beamstiff.outputs import check_replaceable, write_output
 
 if TYPE_CHECKING:
     from beamstiff.compensation.rewrite import Compensated
@@ -79,6 +79,7 @@ def compensate(
         "A measured run (x, y, z of every target, loads if a cell read them): fit the process to it.",
     ),
     ran: list[str] | None = option("PROGRAM", "The program that ran then; default: PATH."),
+    learned: str | None = option("FILE", "Write the process as the measured runs teach it, for --process."),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
@@ -110,7 +111,7 @@ def compensate(
           --base x=1200mm,z=600mm --tool z=180mm --out corrected.dat --figure path.png
       beamstiff compensate kr240-2 path.csv --resample step=5mm --out dense.csv --html report.html
       beamstiff compensate kr500 cell.src --process beam.yaml --measured run.csv \\
-          --ran first.src --out again.src
+          --ran first.src --out again.src --learned found.yaml
       beamstiff compensate kr500 cell.src --stream --load-std fx=5N,fy=5N,fz=5N < forces.txt
 
     \b
@@ -120,6 +121,8 @@ def compensate(
       1500,-200,900,0,90,0,-350
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
+    from beamstiff.compensation.formats import points_beside
+    from beamstiff.compensation.process.writer import process_to_yaml
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
     from beamstiff.functions.compensate import compensate_online, read_std
@@ -128,6 +131,7 @@ def compensate(
         compensation_figure,
         compensation_table,
         compensation_text,
+        learned_head,
         learned_table,
         uncorrected_table,
     )
@@ -141,7 +145,15 @@ def compensate(
     controller = as_robot(robot, assembly=assembly)
     inputs: list[str | Path] = [robot_file(robot), path, *([robot_file(actual)] if actual else [])]
     inputs += [*([process] if process else []), *(measured or []), *(ran or [])]
-    outputs = Outputs(inputs, out=out, figure=figure, html=html)
+    points = points_beside(path)  # of a .src, which may stand in its .dat: that is written too
+    points_out = None if points is None or out is None else str(Path(out).with_suffix(points.suffix))
+    elsewhere = {}
+    if points is not None:
+        inputs.append(points)
+    if points_out is not None:
+        elsewhere["--out (its .dat)"] = points_out
+        check_replaceable(points_out)
+    outputs = Outputs(inputs, elsewhere=elsewhere, out=out, learned=learned, figure=figure, html=html)
     given: dict[str, Any] = {
         "actual": actual,
         "wrench": parse_wrench(wrench) if wrench else None,
@@ -155,12 +167,14 @@ def compensate(
         "leave_doubtful": leave_doubtful,
     }
     if stream:
-        if out or figure or html or steps or taught or positions_only or measured or ran:
+        if out or learned or figure or html or steps or taught or positions_only or measured or ran:
             raise BeamstiffError("--stream: answers lines, and goes with no --out, page or resampling")
         with working("preparing the targets"):
             targets = compensate_online(controller, path, **given)
         targets.serve(iter(sys.stdin.readline, ""), lambda line: print(line, flush=True))
         return
+    if learned and not measured:
+        raise BeamstiffError("--learned: found no measured run, expected --measured RUN.csv")
     with working("correcting the targets"):
         result = run(
             controller,
@@ -178,10 +192,14 @@ def compensate(
     if result.learned is not None:
         shown.insert(0, learned_table(result.learned))
     outputs.result(result.notes, [*lost, *shown], result.to_dict())
+    if learned is not None and result.learned is not None:
+        write_output(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
     if refused:
         raise _refusal(result)
     if out is not None:
         write_output(out, result.content, as_it_is=steps is None)
+        if points_out is not None and result.points is not None:
+            write_output(points_out, result.points, as_it_is=True)
     else:
         note("--out FILE writes the corrected path")
     outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))
@@ -190,9 +208,9 @@ def compensate(
 
 def _check_format(path: str, out: str) -> None:
     """Refuse an output whose ending is that of another language than the path is written in."""
-    from beamstiff.compensation.formats import ENDINGS
+    from beamstiff.compensation.formats import ENDINGS, ending_of
 
-    read, write = (Path(name).suffix.lower() for name in (path, out))
+    read, write = map(ending_of, (path, out))
     if read in ENDINGS and write in ENDINGS and ENDINGS[read] is not ENDINGS[write]:
         raise BeamstiffError(
             f"--out {out}: found the ending {write}, expected {read} as of {path}: a path is corrected "
@@ -213,7 +231,7 @@ def _steps(text: str | None) -> tuple[float, float] | None:
 def _refusal(result: Compensated) -> BeamstiffError:
     found = result.correction
     path, reasons = found.path, found.reasons
-    each = [f"line {path.lines[row]} {path.names[row]} ({reason})" for row, reason in reasons.items()]
+    each = [f"line {path.line(row)} {path.names[row]} ({reason})" for row, reason in reasons.items()]
     return BeamstiffError(
         f"{path.source}: {len(reasons)} of {len(path)} targets cannot be corrected: {listed(each, 5)}; "
         "no path is written, --unreachable keep leaves them as they are"

@@ -99,6 +99,8 @@ def identify(
         "Write the reduced robot as YAML: springs identifiable only in combination become one, springs "
         "that cannot be identified are removed.",
     ),
+    pareto: int = option("N", "Points of the front of position error against rotation error; 0 for none.", 0),
+    front: str | None = option("FILE", "Draw that front (.png, .svg or .pdf)."),
     figure: str | None = option(
         "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
     ),
@@ -119,6 +121,7 @@ def identify(
       beamstiff identify robot.yaml one.csv two.csv --parameters J1.torsional,J2.torsional \\
           --json found.json --out identified.yaml --figure fit.png
       beamstiff identify kr500 data.csv --model grid --cube 300mm --out gridded.yaml
+      beamstiff identify robot.yaml data.csv --pareto 11 --front front.png
       beamstiff identify robot.yaml data.csv --method genetic --seed 3 --bound J1.radial=1e7:1e10
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
@@ -129,14 +132,17 @@ def identify(
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.identification import (
         combinations_text,
+        front_table,
         identification_table,
         identification_text,
         method_text,
     )
-    from beamstiff.report.parity import parity_figure
+    from beamstiff.report.parity import front_figure, parity_figure
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
+    if front is not None and not pareto:
+        raise BeamstiffError("--front: found no points to draw, expected --pareto N")
     machine = as_robot(robot, assembly=assembly)
     said: dict[str, Any] = {
         "parameters": parse_names(parameters),
@@ -147,7 +153,7 @@ def identify(
         "errors": parse_errors(input_error),
     }
     file = robot_file(robot)
-    wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "html": html}
+    wanted: dict[str, Any] = {"out": out, "reduce": reduce, "figure": figure, "front": front, "html": html}
     outputs = Outputs([file, *data, *([positions] if positions else [])], seed=seed, **wanted)
     most = evaluations * searches
     with (
@@ -173,6 +179,7 @@ def identify(
             cube=None if cube is None else side_of(cube),
             separate=separate,
             positions=positions,
+            pareto=pareto,
             progress=None if bar is None else lambda count, cost: bar(completed=count, cost=cost),
             **said,
         )
@@ -182,6 +189,8 @@ def identify(
     texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
     if machine.effects:
         texts.append(f"The fit includes the robot's effects unchanged: {effects_text(machine.effects)}.")
+    if (points := found.front) is not None:
+        texts += ["", front_table(points)]
     outputs.result(found.notes, [table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
@@ -189,6 +198,8 @@ def identify(
         head = _reduced_head(found.reduced, found, data)
         write_output(reduce, robot_yaml(found.reduced.robot, file, head=head))
     outputs.draw("figure", lambda: parity_figure(fitted, found.predicted, machine.name))
+    if points is not None:
+        outputs.draw("front", lambda: front_figure(points, machine.name))
     outputs.page("identification", found, machine, fitted, folds=folds)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)

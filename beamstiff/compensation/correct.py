@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.compensation.follow import follow, shortfall, six_freedoms, solve
+from beamstiff.compensation.follow import follow_path, shortfall, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import NoLoad, Process
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
@@ -97,14 +96,7 @@ def correct_path(
             "another"
         )
     turned = path.turns & (whole and not positions_only)
-    first = follow(
-        machine.kinematics,
-        machine.frames.node_poses(path.poses),
-        start,
-        arm_of(machine.kinematics) if path.stated_postures else None,
-        path.stated_postures if start is None else (),
-        path.joints,
-    )
+    first = follow_path(machine, path, path.poses, start)
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are
         path = _as_they_are(machine, path, first.q, rows)

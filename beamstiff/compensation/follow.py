@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from beamstiff.compensation.posture import Arm, StatedPosture
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.posture import Arm, StatedPosture, arm_of
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.inverse import InverseResult, inverse_geometry
@@ -53,6 +55,16 @@ def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: i
     found = inverse_geometry(kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts)
     near = (found.position_error <= NEARLY) & (found.rotation_error <= NEARLY)
     return replace(found, reached=near)
+
+
+def follow_path(machine: Machine, path: ToolPath, tool: Array, start: Array | None = None) -> Followed:
+    """Return joint values that bring the tool to its poses (N, 4, 4), in the postures that the path states.
+
+    `start`: as of `follow`; it goes before what the path states.
+    """
+    stated = path.stated_postures if start is None else ()
+    arm = arm_of(machine.kinematics) if stated else None
+    return follow(machine.kinematics, machine.frames.node_poses(tool), start, arm, stated, path.joints)
 
 
 def follow(

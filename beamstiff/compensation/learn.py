@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from beamstiff.compensation.correct import settled
-from beamstiff.compensation.follow import follow
+from beamstiff.compensation.follow import follow_path
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.missing_effects import missing_effect
 from beamstiff.compensation.path import ToolPath
-from beamstiff.compensation.posture import arm_of
-from beamstiff.compensation.process.load import Process
+from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.process.parameters import Parameter, parameters_of, with_values
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
@@ -60,7 +59,7 @@ class Fitted:
 class Learned:
     """A process with the parameters that explain the runs best."""
 
-    process: Process
+    process: Process  # without the loads beside it
     machine: Machine  # with the effects that were added
     parameters: tuple[Fitted, ...]
     effects: tuple[AddedEffect, ...]  # that the library has for what was missing
@@ -96,14 +95,21 @@ def learn(
     sigma: float | None = None,
     start: Array | None = None,
     effects: int = 0,
+    beside: Process | None = None,
 ) -> Learned:
     """Return the process that explains measured runs of a path, base frame, and effects that it lacks.
 
     `sigma`: standard deviation of a measured coordinate, m; None: what remains says it. `start` (A,): a
     posture near the first target, as of `correct_path`. `effects`: how many of the library may be added to
-    the real robot, one after the other, where they explain what the process leaves.
+    the real robot, one after the other, where they explain what the process leaves. `beside`: a load that
+    acts too, and is known.
     """
     fitted = parameters_of(process)
+
+    def load(values: Array) -> Process:
+        own = with_values(process, fitted, values.tolist())
+        return own if beside is None else Together((beside, own))
+
     if not fitted:
         raise BeamstiffError(
             f"{path.source}: the process has no parameters to learn, expected a beam, a table of forces, or "
@@ -112,16 +118,16 @@ def learn(
     states = [_state(machine, path, run, start) for run in runs]
     added: list[AddedEffect] = []
     while True:
-        fit = _fit(machine, process, fitted, runs, states, sigma)
+        fit = _fit(machine, load, [one for _, one in fitted], runs, states, sigma)
         if len(added) >= effects:
             break
-        made = with_values(process, fitted, fit.values.tolist())
+        made = load(fit.values)
         at = [_settled(machine, state, made) for state in states]
         loads = [made.wrench(poses, state.path) for poses, state in zip(at, states, strict=True)]
         q = np.concatenate([state.q for state in states])
-        one = missing_effect(
-            machine, q, np.concatenate(loads), np.concatenate(at), fit.residual, fit.jacobian
-        )
+        targets = len(np.unique(np.concatenate([run.rows for run in runs])))
+        state = q, np.concatenate(loads), np.concatenate(at)
+        one = missing_effect(machine, *state, fit.residual, fit.jacobian, targets)
         if one is None:
             break
         added.append(one)
@@ -155,20 +161,19 @@ class _Fit:
 
 def _fit(
     machine: Machine,
-    process: Process,
-    fitted: Sequence[tuple[int | None, Parameter]],
+    load: Callable[[Array], Process],
+    parameters: Sequence[Parameter],
     runs: Sequence[Run],
     states: Sequence[_State],
     sigma: float | None,
 ) -> _Fit:
-    """Fit the parameters of the process by Gauss-Newton."""
-    parameters = [parameter for _, parameter in fitted]
+    """Fit the parameters of a load by Gauss-Newton."""
     nominal = np.array([parameter.nominal for parameter in parameters])
     prior = np.array([parameter.expected for parameter in parameters])
     bounds = np.array([(parameter.least, parameter.most) for parameter in parameters]).T
 
     def off(values: Array) -> Array:
-        made = with_values(process, fitted, values.tolist())
+        made = load(values)
         return np.concatenate(
             [
                 run.measured - _settled(machine, state, made)[:, :3, 3]
@@ -205,13 +210,7 @@ class _State:
 def _state(machine: Machine, path: ToolPath, run: Run, start: Array | None) -> _State:
     """Return the joint values of a run's commands."""
     own = path.at(run.rows)
-    found = follow(
-        machine.kinematics,
-        machine.frames.node_poses(run.commands),
-        start,
-        arm_of(machine.kinematics) if own.stated_postures else None,
-        own.stated_postures if start is None else (),
-    )
+    found = follow_path(machine, replace(own, joints=None), run.commands, start)
     if found.reasons:
         row, reason = next(iter(found.reasons.items()))
         raise BeamstiffError(f"{path.place(int(run.rows[row]))}: the command that ran is {reason}")

@@ -12,12 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.compensation.path import Frames
-from beamstiff.diagnosis.apply import effects_displacement, predict_with_effects
+from beamstiff.diagnosis.apply import bare_baseline, effects_displacement, predict_with_effects
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.wrench import transport_wrench
-from beamstiff.model.protocol import Model
 from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -35,9 +34,6 @@ class Machine:
     controller: Robot  # whose geometry the controller takes for true; its stiffness and masses do not matter
     # the real one, calibrated, with masses, stiffness and `effects`; None: as the controller's
     actual: Robot | None = None
-    # what deforms under the process load in place of the real robot's beams and joints; its weight and its
-    # effects still count. Components that the model leaves open (NaN: never measured) are the real robot's
-    elasticity: Model | None = None
     frames: Frames = field(default_factory=Frames)  # whose tool the poses are of
 
     def __post_init__(self) -> None:
@@ -81,16 +77,7 @@ class Machine:
         `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
         for the lever arm of the load.
         """
-        rows = self.rows(q, wrench, tip)
-        if self.elasticity is None:
-            return predict_with_effects(self.real, rows)
-        at_node = rows.wrench
-        bare = self.real.model_copy(update={"effects": ()})
-        weight = predict_with_effects(bare, self._rows(q, 0.0 * at_node))
-        given = self.elasticity.predict(q, at_node)
-        if np.isnan(given).any():
-            given = np.where(np.isnan(given), predict_with_effects(bare, rows) - weight, given)
-        return np.asarray(weight + given + effects_displacement(self.real, rows))
+        return predict_with_effects(self.real, self.rows(q, wrench, tip))
 
     def unproven(self, q: Array) -> dict[str, dict[str, float]]:
         """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.
@@ -106,16 +93,15 @@ class Machine:
             return {}
         heavy = self.real.model_copy(update={"gravity": tuple(2.0 * g for g in self.real.gravity)})
         rows = self._rows(q, np.zeros((len(q), 6)))
+        bare = [bare_baseline(robot, rows) for robot in (self.real, heavy)] if self.real.effects else []
         found: dict[str, dict[str, float]] = {}
         for key in dict.fromkeys(map(_key, self.real.effects)):
             own = [one for one in self.real.effects if _key(one) == key]
             for name in dict.fromkeys(name for one in own for part in one.each for name in part.parameters):
                 # shapes without it stay: where several stand for one effect only their sum has a sign
                 alone = tuple(one.with_shapes(tuple(_only(part, name) for part in one.each)) for one in own)
-                once, twice = (
-                    effects_displacement(robot.model_copy(update={"effects": alone}), rows)[:, :3]
-                    for robot in (self.real, heavy)
-                )
+                reduced = self.real.model_copy(update={"effects": alone})
+                once, twice = (effects_displacement(reduced, rows, one)[:, :3] for one in bare)
                 whole, off = (np.linalg.norm(part, axis=1) for part in (once, 2.0 * once - twice))
                 size = float(np.minimum(whole, off).max(initial=0.0))
                 if size > PROPORTIONAL * whole.max(initial=0.0) and size > VISIBLE:

@@ -17,27 +17,28 @@ WIDE = 3.0  # times its realistic size: what is expected of a parameter
 
 
 def missing_effect(
-    machine: Machine, q: Array, wrench: Array, tip: Array, residual: Array, process: Array
+    machine: Machine, q: Array, wrench: Array, tip: Array, residual: Array, process: Array, targets: int
 ) -> AddedEffect | None:
     """Return the effect that explains a residual best beside the process, or None.
 
     `q` (R, A), `wrench` (R, 6), `tip` (R, 4, 4): as of `Machine.moved`. `residual` (R, 3), m. `process`
-    (R, 3, c): how the tool moves with what is expected of each parameter of the process. An effect has to win
-    by the Bayesian information criterion, ``n log(S0/S1) - c log n``, against none and for having been chosen
-    from many.
+    (R, 3, c): how the tool moves with what is expected of each parameter of the process. `targets`: how many
+    the rows are of. An effect has to win by the Bayesian information criterion, ``n log(S0/S1) - c log n``,
+    against none and for having been chosen from many. n counts a target once, in however many runs: what the
+    model misses there is the same in each.
     """
     rows = machine.rows(q, wrench, tip)
     bare = fit_baseline(machine.real.model_copy(update={"effects": ()}), rows, keep=())
     taken = {(one.effect, one.component) for one in machine.real.effects}
-    y, count = residual.ravel(), residual.size
-    beside = process.reshape(count, -1)
+    y, count = residual.ravel(), 3 * targets
+    beside = process.reshape(y.size, -1)
     none, _, _ = _explained(y, beside)
     best, score, candidates = None, 0.0, 0
     for name, component, shape in _shapes(bare):
         if (name, component) in taken:
             continue
         expected = WIDE * np.array([item.size for item in shape.parameters])
-        columns = shape.columns[:, :3].reshape(count, -1) * expected
+        columns = shape.columns[:, :3].reshape(y.size, -1) * expected
         candidates += 1
         rest, values, std = _explained(y, np.hstack([beside, columns]))
         own, sure = values[beside.shape[1] :] * expected, std[beside.shape[1] :] * expected

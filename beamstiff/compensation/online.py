@@ -9,16 +9,15 @@ slowly.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from beamstiff.compensation.correct import correct_path
-from beamstiff.compensation.follow import follow, six_freedoms, solve
+from beamstiff.compensation.follow import follow, follow_path, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.posture import StatedPosture, arm_of
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns
 from beamstiff.errors import BeamstiffError
@@ -89,21 +88,14 @@ class OnlineCompensation:
             )
 
     def prepare(
-        self,
-        poses: Array,
-        wrench: Array | None = None,
-        start: Array | None = None,
-        stated: Sequence[StatedPosture | None] = (),
-        given: Array | None = None,
+        self, path: ToolPath, wrench: Array | None = None, start: Array | None = None
     ) -> dict[int, str]:
-        """Make what calls near these targets (N, 4, 4), base frame, will need, under loads about (N, 6).
+        """Make what calls near the targets of a path, base frame, will need, under loads about (N, 6).
 
-        `start`, `stated`, `given`: as of `follow`. Returns the targets that are out of reach, and why.
+        `start`: as of `follow`. Returns the targets that are out of reach, and why.
         """
-        kinematics = self.machine.kinematics
-        arm = arm_of(kinematics) if stated else None
-        found = follow(kinematics, self.machine.frames.node_poses(poses), start, arm, stated, given)
-        loads = np.zeros((len(poses), 6)) if wrench is None else wrench
+        poses, found = path.poses, follow_path(self.machine, path, path.poses, start)
+        loads = np.zeros((len(path), 6)) if wrench is None else wrench
         for row in np.flatnonzero(found.reached).tolist():
             if self._nearest(poses[row], loads[row]) is None:
                 self._add(poses[row], loads[row], found.q[row])

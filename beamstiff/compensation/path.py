@@ -36,6 +36,7 @@ class ToolPath:
     stated_postures: tuple[StatedPosture | None, ...] = ()  # one each target; none where no target states one
     # (N, A), rad or m: targets that the file writes as joint values, of the controller; NaN where it does not
     joints: Array | None = None
+    files: tuple[str, ...] = ()  # of the targets, where they stand in several
 
     def __len__(self) -> int:
         return len(self.names)
@@ -52,6 +53,7 @@ class ToolPath:
             columns={name: values[rows] for name, values in self.columns.items()},
             stated_postures=tuple(self.stated_postures[row] for row in rows.tolist() if self.stated_postures),
             joints=None if self.joints is None else self.joints[rows],
+            files=tuple(self.files[row] for row in rows.tolist() if self.files),
         )
 
     @property
@@ -66,7 +68,12 @@ class ToolPath:
 
     def place(self, row: int) -> str:
         """Return what a message calls a target: its file, line and name."""
-        return f"{self.source}:{self.lines[row]}: {self.names[row]}"
+        return f"{self.files[row] if self.files else self.source}:{self.lines[row]}: {self.names[row]}"
+
+    def line(self, row: int) -> str:
+        """Return the line of a target, with its file where it is another than the path's."""
+        elsewhere = self.files and self.files[row] != self.source
+        return f"{self.files[row]}:{self.lines[row]}" if elsewhere else str(self.lines[row])
 
 
 @dataclass(frozen=True, eq=False)

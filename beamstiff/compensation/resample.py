@@ -63,4 +63,5 @@ def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> Too
             if path.stated_postures
         ),
         joints=None,
+        files=(),
     )

@@ -49,8 +49,8 @@ def size_of(errors: Array) -> Size:
 class Compensated(Shown):
     """A corrected file, and what is known of it; N targets.
 
-    `content`: of the file. `after` (N, 6): error of the real tool with the numbers as the file holds them,
-    rounded. NaN where it cannot follow.
+    `content`: of the file. `points`: of the KRL `.dat` beside it, where targets stand in it. `after` (N, 6):
+    error of the real tool with the numbers as the file holds them, rounded. NaN where it cannot follow.
     """
 
     correction: Correction
@@ -60,6 +60,7 @@ class Compensated(Shown):
     notes: tuple[str, ...] = ()
     std: Array | None = None  # (N, 6), m and rad: standard deviation of every correction; None: not asked for
     learned: Learned | None = None  # from measured runs, where there were any
+    points: bytes | None = None
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
 
     @property
@@ -93,6 +94,7 @@ class Compensated(Shown):
                 {
                     "name": name,
                     "line": int(found.path.lines[row]),
+                    **({"file": found.path.files[row]} if found.path.files else {}),
                     "corrected": row not in found.reasons,
                     "reason": found.reasons.get(row),
                     "q": dict(zip(names, found.q[row].tolist(), strict=True)),
@@ -156,7 +158,8 @@ def compensate_program(
         correction = correction.without(lost, "its command, rounded as the file needs it, is out of reach")
         content, written = _written(program, machine, correction, path, steps is not None)
         after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
-    return Compensated(correction, content, after, machine, std=sure, left_alone=left)
+    content, points = program.files(content)
+    return Compensated(correction, content, after, machine, std=sure, points=points, left_alone=left)
 
 
 def _std(machine: Machine, found: Correction, std: Mapping[str, float], load_std: Array) -> Array:

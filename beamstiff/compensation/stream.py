@@ -109,9 +109,7 @@ def prepared(
     path = online.machine.frames.to_base(with_joint_targets(program.path, online.machine))
     parts = (FromPath(), *(() if load is None else (load,)))
     wrench = Together(parts).wrench(path.poses, path)
-    stated = path.stated_postures if start is None else ()
-    reasons = online.prepare(path.poses, wrench, start, stated, path.joints)
-    if reasons:
+    if reasons := online.prepare(path, wrench, start):
         row, reason = next(iter(reasons.items()))
         raise BeamstiffError(f"{path.place(row)}: {reason}")
     return OnlineTargets(program, online, path.poses, wrench)

@@ -76,8 +76,15 @@ def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
     return predict(robot, rows)
 
 
-def effects_displacement(robot: Robot, rows: Measurements) -> Array:
+def bare_baseline(robot: Robot, rows: Measurements) -> Baseline:
+    """Return what the effects of a robot are evaluated for: the robot without them, nothing fitted."""
+    return fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
+
+
+def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None = None) -> Array:
     """Return what the effects of a robot add to the displacement, or absolute pose, of every row, (N, 6).
+
+    `bare`: `bare_baseline`, where several sets of effects are asked for; it takes most of the time.
 
     Raises
     ------
@@ -88,7 +95,7 @@ def effects_displacement(robot: Robot, rows: Measurements) -> Array:
     total = np.zeros((len(rows), 6))
     if not robot.effects:
         return total
-    bare = fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
+    bare = bare or bare_baseline(robot, rows)
     keys = [(one.effect, one.component) for one in robot.effects for _ in one.each]
     seen = set[tuple[str, str | None, str]]()
     for at, effect in enumerate(robot.effects):

@@ -111,16 +111,16 @@ def compensate(
     if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
     start = None if q is None else actuated_values(controller, q)[0]
-    load, learned = _load(wrench, process), None
+    constant, own, learned = _constant(wrench), _process(process), None
     if measured:
-        program, learned = learned_from(program, machine, load, measured, ran, start)
-        load, machine = learned.process, learned.machine
+        program, learned = learned_from(program, machine, own, constant, measured, ran, start)
+        own, machine = learned.process, learned.machine
     elif ran:
         raise OptionError("ran", "found programs that ran, expected what was measured of them (measured) too")
     result = compensate_program(
         program,
         machine,
-        load,
+        _sum(constant, own),
         steps=steps,
         start=start,
         taught=taught,
@@ -185,7 +185,7 @@ def compensate_online(
         np.zeros(6) if load_std is None else six_numbers("load_std", load_std),
         leave_doubtful,
     )
-    return prepared(program, online, _load(wrench, process), start)
+    return prepared(program, online, _sum(_constant(wrench), _process(process)), start)
 
 
 def read_std(path: str | os.PathLike[str]) -> dict[str, float]:
@@ -272,14 +272,17 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
     return np.array([poses.get("" if one is None else one.name, np.eye(4)) for one in own])
 
 
-def _load(wrench: ArrayLike | None, process: Process | str | os.PathLike[str] | None) -> Process | None:
-    parts: list[Process] = []
-    if wrench is not None:
-        parts.append(Constant(tuple(six_numbers("wrench", wrench).tolist())))
-    if process is not None:
-        given = isinstance(process, str | os.PathLike)
-        parts.append(read_process(Path(process)) if given else process)  # type: ignore[arg-type]
-    return Together(tuple(parts)) if parts else None
+def _constant(wrench: ArrayLike | None) -> Process | None:
+    return None if wrench is None else Constant(tuple(six_numbers("wrench", wrench).tolist()))
+
+
+def _process(process: Process | str | os.PathLike[str] | None) -> Process | None:
+    return read_process(Path(process)) if isinstance(process, str | os.PathLike) else process
+
+
+def _sum(*loads: Process | None) -> Process | None:
+    parts = tuple(load for load in loads if load is not None)
+    return Together(parts) if parts else None
 
 
 def _notes(
@@ -318,7 +321,7 @@ def _notes(
         posture = ", ".join(shown)
         said.append(f"the path begins at {posture}; --q chooses another posture")
     if found.switched.size:
-        lines = listed([str(found.path.lines[row]) for row in found.switched.tolist()])
+        lines = listed([found.path.line(row) for row in found.switched.tolist()])
         said.append(f"the joints have to jump before line {lines}: another configuration")
     if result.learned is not None:
         if result.learned.effects:

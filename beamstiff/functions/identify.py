@@ -22,6 +22,7 @@ from beamstiff.identification.input_errors import InputErrors
 from beamstiff.identification.minimise import GLOBAL, LEAST, METHODS, Effort, Progress
 from beamstiff.identification.models.side_by_side import Options
 from beamstiff.identification.objective import LOSSES, Loss
+from beamstiff.identification.pareto import pareto_front
 from beamstiff.identification.problem import Components, build_problem
 from beamstiff.identification.reduce import Reduced, reduce_model
 from beamstiff.identification.result import Identification
@@ -65,6 +66,7 @@ def identify(
     cube: float | None = None,
     separate: bool = False,
     positions: TableLike | None = None,
+    pareto: int = 0,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify stiffness values from measured displacements.
@@ -119,6 +121,9 @@ def identify(
         As published: every cube by its own rows alone, every fuzzy compliance term with its own partition.
     positions : Measurements or path, optional
         Absolute positions of the unloaded TCP, for kinematic parameters of its own in every cube of a grid.
+    pareto : int
+        Points of the front of position error against rotation error (`Identification.front`), 0 for none:
+        where the model fits neither, the two ask for other stiffness values.
     progress : callable, optional
         Called with the number of evaluations and the least cost.
 
@@ -144,6 +149,8 @@ def identify(
     if kind is None and (cube is not None or separate or positions is not None):
         raise OptionError("model", "is missing: cube, separate and positions say how it is fitted")
     _check(method, loss, components, folds, bootstrap, seed, evaluations, population, searches)
+    if pareto and (loss != "linear" or priors or components != "both"):
+        raise OptionError("pareto", "is of squared errors of both: found a loss, priors or one of them alone")
     notes: list[str] = [*dropped]
     if bootstrap or searches > 1:
         check_places(processes, scheduler)
@@ -188,6 +195,9 @@ def identify(
     if reduce:
         with optional("the reduced robot", left_out.append):
             reduced = _reduce(bare, rows, found, components)
+    if pareto and not found.interrupted:
+        statement = build_identification(bare, rows, **{**said, "errors": None})
+        found = replace(found, front=pareto_front(statement, found.stiffness, pareto))
     if kind is not None and not found.interrupted:
         varying = None if names is None else tuple(names)
         options = Options(varying, cube, seed, separate)

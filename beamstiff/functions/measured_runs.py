@@ -31,14 +31,17 @@ def learned_from(
     program: Program,
     machine: Machine,
     process: Process | None,
+    beside: Process | None,
     measured: Sequence[PathLike],
     ran: Sequence[PathLike],
     start: Array | None,
 ) -> tuple[Program, Learned]:
     """Return the program, with the loads that the last run read, and what its measured runs teach.
 
-    `measured`: tables of x y z, in the frame of the path, and of the loads fx to mz that a cell read, if any.
-    `ran`: the programs that ran, one each; none: the program itself in all runs. `start`: as of `learn`.
+    `process`: what is learned; by default a load cell where a run has loads. `beside`: what is known and acts
+    too, as the loads of the path do. `measured`: tables of x y z, in the frame of the path, and of the loads
+    fx to mz that a cell read, if any. `ran`: the programs that ran, one each; none: the program itself in all
+    runs. `start`: as of `learn`.
     """
     if ran and len(ran) != len(measured):
         raise OptionError(
@@ -59,21 +62,20 @@ def learned_from(
         if stated := _SIGMA.search(text):
             sigmas.append(quantity(stated["value"].strip(), "length"))
         if table.wrench is not None:
-            if process is not None or len(rows) < len(program.path):
+            if not isinstance(process, LoadCell | None) or len(rows) < len(program.path):
                 raise BeamstiffError(
-                    f"{file}: found measured loads, expected those of every target and no process beside them"
+                    f"{file}: found measured loads, expected those of every target, and no process beside "
+                    "them but a load-cell"
                 )
             loads = np.zeros((len(program.path), 6))
             loads[rows] = table.wrench
             program = replace(program, path=replace(program.path, wrench=loads))
-    whole: tuple[Process, ...] = (FromPath(),)
-    own = process if program.path.wrench is None or process is not None else LoadCell()
-    if own is not None:
-        whole = (*whole, *(own.parts if isinstance(own, Together) else (own,)))
+    if process is None:
+        process = FromPath() if program.path.wrench is None else LoadCell()
+    known = FromPath() if beside is None else Together((FromPath(), beside))
     path = machine.frames.to_base(with_joint_targets(program.path, machine))
-    found = learn(machine, path, Together(whole), runs, max(sigmas, default=0.0) or None, start, EFFECTS)
-    assert isinstance(found.process, Together)  # without the loads of the path, which count by themselves
-    return program, replace(found, process=Together(found.process.parts[1:]))
+    sigma = max(sigmas, default=0.0) or None
+    return program, learn(machine, path, process, runs, sigma, start, EFFECTS, known)
 
 
 def _rows(names: tuple[str, ...], program: Program, source: str) -> Integers:

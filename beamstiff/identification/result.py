@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from beamstiff.identification.bootstrap import Bootstrap
+    from beamstiff.identification.pareto import Front
     from beamstiff.identification.reduce import Reduced
 
 
@@ -99,6 +100,8 @@ class Identification(Shown):
         Where it was asked for.
     reduced : Reduced or None
         The robot with what the rows can identify alone, where it was asked for.
+    front : Front or None
+        Of position error against rotation error, where it was asked for.
     """
 
     parameters: tuple[Parameter, ...]
@@ -123,6 +126,7 @@ class Identification(Shown):
     rows: Measurements | None = None
     bootstrap: Bootstrap | None = None
     reduced: Reduced | None = None
+    front: Front | None = None
 
     def __getitem__(self, name: str) -> Parameter:
         """Return a parameter by its name."""
@@ -181,7 +185,7 @@ class Identification(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, in the contract's form (``beamstiff identify --json``)."""
         names = [item.name for item in self.parameters]
-        asked = {"bootstrap": self.bootstrap, "reduced": self.reduced}
+        asked = {"bootstrap": self.bootstrap, "reduced": self.reduced, "pareto": self.front}
         return {
             "parameters": {item.name: _parameter(item) for item in self.parameters},
             "degenerate": [_combination(item) for item in self.degenerate],

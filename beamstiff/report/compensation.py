@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from beamstiff.compensation.learn import Learned
+from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
@@ -55,9 +55,10 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
         ),
     )
     rows = range(len(found.path)) if some is None else some
-    names, lines = found.path.names, found.path.lines
+    path = found.path
     cells = (
-        [names[row], str(lines[row]), *map(_seen, numbers[row]), found.reasons.get(row, "")] for row in rows
+        [path.names[row], path.line(row), *map(_seen, numbers[row]), found.reasons.get(row, "")]
+        for row in rows
     )
     add_rows(made, cells)
     return made
@@ -68,7 +69,7 @@ def uncorrected_table(result: Compensated) -> Table:
     found = result.correction
     made = table("Targets that cannot be corrected", "target", "line", "why", left=3)
     for row, reason in found.reasons.items():
-        made.add_row(found.path.names[row], str(found.path.lines[row]), reason)
+        made.add_row(found.path.names[row], found.path.line(row), reason)
     return made
 
 
@@ -78,10 +79,25 @@ def learned_table(learned: Learned) -> Table:
         "Process, from the measured runs", "parameter", "value", "std", "before", "identifiable", left=1
     )
     for one in learned.parameters:
-        factor, unit = UNITS.get(one.unit, (1.0, ""))
-        values = (number(factor * value) for value in (one.value, one.std, one.expected))
-        made.add_row(f"{one.name}{unit}", *values, "yes" if one.identifiable else "no")
+        made.add_row(*_shown(one), "yes" if one.identifiable else "no")
     return made
+
+
+def learned_head(learned: Learned) -> str:
+    """Return the head of a process file: comments on what the runs taught."""
+    lines = ["# Process learned by beamstiff from measured runs; a factor counts from the process before.\n"]
+    for one in learned.parameters:
+        name, value, std, _ = _shown(one)
+        open_one = "" if one.identifiable else ", not identified: near what was expected"
+        lines.append(f"# {name}: {value} +- {std}{open_one}\n")
+    return "".join(lines)
+
+
+def _shown(one: Fitted) -> tuple[str, str, str, str]:
+    """Return name with unit, value, standard deviation and that before the runs, as texts."""
+    factor, unit = UNITS.get(one.unit, (1.0, ""))
+    value, std, before = (number(factor * size) for size in (one.value, one.std, one.expected))
+    return f"{one.name}{unit}", value, std, before
 
 
 def compensation_text(result: Compensated) -> str:

@@ -9,6 +9,7 @@ from math import inf, sqrt
 import numpy as np
 
 from beamstiff.errors import listed
+from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import Column, Table, counted, number, table
@@ -19,6 +20,7 @@ from beamstiff.robot.fields import stiffness_text
 BEYOND_NOISE = 1.5
 BELOW_NOISE = 0.5
 ENOUGH_ROWS = 12
+MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 # scipy names the tolerance that was met
 TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
 ACTS = {
@@ -86,6 +88,17 @@ def combinations_text(found: Identification) -> Iterator[str | Table]:
     for parameter in found.parameters:
         if parameter.separate:
             yield f"{parameter.reason}; {parameter.separate}."
+
+
+def front_table(front: Front) -> Table:
+    """Return a table of the compromises between position and rotation."""
+    some = front.parameters[:MOST_SHOWN]
+    result = table("Position against rotation", "weight of rotation", "position, mm", "rotation, deg", *some)
+    for one in front.to_dict():
+        errors = f"{one['rms_mm']:.4g}", f"{one['rms_deg']:.4g}"
+        values = (number(one["stiffness"][name]) for name in some)
+        result.add_row(f"{one['rotation_weight']:.3f}", *errors, *values)
+    return result
 
 
 def combinations_table(found: Identification) -> Table:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.identification.pareto import Front
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain
 from beamstiff.se3 import Array
@@ -38,6 +39,18 @@ def parity_figure(measured: Measurements, predicted: Array, title: str = "") -> 
         _draw(axes, measured.displacement[:, part], predicted[:, part], mask[:, part], DISPLACEMENT[part])
         axes.set_xlabel(f"measured {what}, {unit}")
         axes.set_ylabel(f"predicted {what}, {unit}")
+    return figure
+
+
+def front_figure(front: Front, title: str = "") -> Figure:
+    """Draw the compromises between position error and rotation error."""
+    figure = new_figure(5.2, 4.8)
+    figure.suptitle(f"{title}: position against rotation" if title else "Position against rotation")
+    axes = figure.subplots()
+    axes.plot(1e3 * front.rms[:, 0], np.degrees(front.rms[:, 1]), "o-", color=BLUE, markersize=5)
+    axes.set_xlabel("RMS position error, mm")
+    axes.set_ylabel("RMS rotation error, deg")
+    plain(axes)
     return figure
 
 

@@ -355,7 +355,7 @@ def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) 
     seen = targets + sag + 1.5 * (loaded - sag)
     rows = "".join(f"{x:.9f},{y:.9f},{z:.9f}\n" for x, y, z in seen)
     (cell / "run.csv").write_text("# sigma_position: 1e-6\nx,y,z\n" + rows)
-    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src")
+    learned = ("--process", "p.yaml", "--measured", "run.csv", "--out", "new.src", "--learned", "q.yaml")
     result = succeed("compensate", "kr500", "cell.src", *learned, "--json", "l.json")
     facts = json.loads((cell / "l.json").read_text())
     size = facts["learned"]["parameters"]["process stiffness"]
@@ -365,7 +365,36 @@ def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) 
         1e3 * np.sqrt(((seen - targets) ** 2).sum(1).mean()), rel=0.01
     )
     assert "Process, from the measured runs" in result.stdout
-    assert (cell / "new.src").exists()
+    # the process of the file is the one that was learned: with it the same program comes out
+    succeed("compensate", "kr500", "cell.src", "--process", "q.yaml", "--out", "by_file.src")
+    assert (cell / "by_file.src").read_bytes() == (cell / "new.src").read_bytes()
+    assert "# process stiffness: 1.5" in (cell / "q.yaml").read_text()
+    nothing = run("compensate", "kr500", "cell.src", "--learned", "q.yaml")
+    assert nothing.exit_code == 2
+    assert "--learned: found no measured run" in nothing.stderr
     alone = run("compensate", "kr500", "cell.src", "--ran", "cell.src")
     assert alone.exit_code == 2
     assert "--ran: found programs that ran, expected what was measured of them" in alone.stderr
+
+
+def test_a_program_whose_points_stand_in_its_dat_is_written_with_it(
+    folder: Path, run: Run, succeed: Run
+) -> None:
+    points = PROGRAM.replace("  LIN {X 1500,Y    0.0,Z 900,A 0,B 110,C 0} C_DIS\r\n", "  LIN XP1\r\n")
+    data = "DEFDAT CELL\nDECL E6POS XP1={X 1500,Y 0.0,Z 900,A 0,B 110,C 0,S 6,T 27}\nENDDAT\n"
+    (folder / "cell.src").write_bytes(points.encode("latin-1"))
+    (folder / "cell.dat").write_text(data)
+    result = succeed("compensate", "kr500", "cell.src", "--wrench", "fz=-900N", "--out", "new.src")
+    assert "Predicted error of the tool at 3 targets" in result.stdout
+    assert "cell.dat:2" in result.stdout
+    new = (folder / "new.dat").read_text()
+    assert new != data
+    assert re.sub(r"[0-9.]+(?=,|})", "#", new) == re.sub(r"[0-9.]+(?=,|})", "#", data)
+    succeed("compensate", "kr500", "cell.src", "--wrench", "fz=-900N", "--out", "new.src")  # its own files
+    (folder / "new.dat").write_text(new + ";mine\n")
+    refused = run("compensate", "kr500", "cell.src", "--out", "new.src")
+    assert refused.exit_code == 2
+    assert "new.dat" in refused.stderr
+    refused = run("compensate", "kr500", "cell.src", "--out", "cell.SRC")
+    assert refused.exit_code == 2
+    assert (folder / "cell.dat").read_text() == data

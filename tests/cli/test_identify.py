@@ -153,3 +153,22 @@ def test_of_a_file_with_remarks_only_the_identified_numbers_change(run: Run, fol
     for at in changed:
         assert any(f"name: {owner}," in line for owner in owners for line in old[at - 1 : at + 1])
         assert old[at].partition("#")[2] == found[at + heads].partition("#")[2]
+
+
+def test_a_front_of_position_against_rotation_has_a_table_data_and_a_picture(run: Run, folder: Path) -> None:
+    head = "# sigma_position: 0.01 mm\n# sigma_rotation: 0.001 deg\n"
+    rows = "q1,fy,mz,dx,dy,dz,rx,ry,rz\n0,1000,0,0,1.1e-3,0,0,0,1.2e-3\n0.5,0,500,0,4e-4,0,0,0,7e-4\n"
+    (folder / "turned.csv").write_text(head + rows)
+    asked = ("crane.yaml", "turned.csv", "--pareto", "4", "--front", "f.png", "--json", "f.json")
+    result = run("identify", *asked)
+    assert result.exit_code == 0, result.stderr
+    points = json.loads((folder / "f.json").read_text())["pareto"]
+    assert 2 <= len(points) <= 4
+    assert points[0]["rms_mm"] < points[-1]["rms_mm"]
+    assert points[0]["rms_deg"] > points[-1]["rms_deg"]
+    assert set(points[0]["stiffness"]) == {"J1.torsional"}
+    assert "Position against rotation" in result.stdout
+    assert (folder / "f.png").read_bytes().startswith(b"\x89PNG")
+    alone = run("identify", "crane.yaml", "turned.csv", "--front", "f.png")
+    assert alone.exit_code == 2
+    assert "--front: found no points to draw, expected --pareto N" in alone.stderr

@@ -30,12 +30,22 @@ q1 [deg],x,y,z
 -40,0.766,-0.643,0
 120,-0.5,0.866,0
 """
+TURNED = """\
+# sigma_position: 0.01 mm
+# sigma_rotation: 0.001 deg
+q1,fy,mz,dx,dy,dz,rx,ry,rz
+0,1000,0,0,1.1e-3,0,0,0,1.2e-3
+0.5,0,500,0,4e-4,0,0,0,7e-4
+"""
 INPUTS = {
     "crane.yaml": CRANE,
     "crane.csv": CRANE_DATA,
     "again.csv": CRANE_DATA.replace("1.5", "1.6"),
     "earlier.json": '{"rms_mm": 0.5}',
     "points.csv": POINTS,
+    "turned.csv": TURNED,
+    "forces.yaml": "kind: cutting-table\nvariable: way\nvalues: [0, 1]\nfz: [-900, -900]\n",
+    "run.csv": "x,y,z\n1.5,-0.2,0.899\n1.5,0,0.899\n1.5,0.2,0.899\n",
     "cell.src": PROGRAM,
     "plan.csv": "q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n",
 }
@@ -45,8 +55,8 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "stiffness": (("crane.yaml",), {}),
     "deflect": (("crane.yaml", "crane.csv"), {"out": "o.csv", "vtu": "o.vtu", "html": "o.html"}),
     "identify": (
-        ("crane.yaml", "crane.csv", "--folds", "0"),
-        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.PNG", "html": "o.html"},
+        ("crane.yaml", "turned.csv", "--folds", "0", "--pareto", "2"),
+        {"out": "o.yaml", "reduce": "small.yaml", "figure": "o.PNG", "front": "f.png", "html": "o.html"},
     ),
     "calibrate": (
         ("crane.yaml", "points.csv", "--fix", "base", "--parameters", "q1", "--folds", "0"),
@@ -69,8 +79,8 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "plan": (("crane.yaml", "--candidates", "20", "--tests", "3"), {"out": "o.csv"}),
     "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
     "compensate": (
-        ("kr500", "cell.src", "--wrench", "fz=-900N"),
-        {"out": "o.src", "figure": "o.png", "html": "o.html"},
+        ("kr500", "cell.src", "--wrench", "fz=-900N", "--process", "forces.yaml", "--measured", "run.csv"),
+        {"out": "o.src", "learned": "p.yaml", "figure": "o.png", "html": "o.html"},
     ),
     "convert": (("crane.yaml",), {"out": "o.urdf"}),
     "exam": (

@@ -10,11 +10,15 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import Frames, ToolPath
 from beamstiff.compensation.process.load import Constant, FromPath, Together
 from beamstiff.errors import BeamstiffError
-from beamstiff.model.protocol import RigidModel, StructuralModel
+from beamstiff.measure.table import make_measurements
+from beamstiff.model.fuzzy import FuzzySystem, Partition
+from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.model.model_file import with_model
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect, Mass
 from beamstiff.robot.reader import load_robot
+from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
 START = np.array([0.2, -1.2, 1.5, 0.3, 0.8, 0.1])
@@ -86,42 +90,29 @@ def test_effects_of_measuring_move_no_tool() -> None:
 
 
 def test_a_rigid_robot_without_weight_needs_no_correction() -> None:
-    machine = Machine(kr500(gravity=(0.0, 0.0, 0.0)), elasticity=RigidModel())
-    path = path_of(kr500())
-    found = correct_path(machine, path, LOAD, start=START)
+    robot = kr500(gravity=(0.0, 0.0, 0.0))
+    rigid = robot.with_parameters(dict.fromkeys(stiffness_parameters(robot), np.inf))
+    path = path_of(robot)
+    found = correct_path(Machine(rigid), path, LOAD, start=START)
     assert np.abs(found.before).max() < 1e-9
     np.testing.assert_array_equal(found.commands, path.poses)
 
 
-def test_the_structure_as_a_model_is_the_structure() -> None:
-    path = path_of(kr500())
-    real = heavy()
-    bare = real.model_copy(update={"effects": ()})
-    own = correct_path(Machine(kr500(), real), path, LOAD, start=START)
-    model = correct_path(
-        Machine(kr500(), real, elasticity=StructuralModel(bare, preload=True)), path, LOAD, start=START
-    )
-    np.testing.assert_allclose(model.commands, own.commands, atol=1e-9)
-
-
-@dataclass(frozen=True)
-class HeightOnly:
-    """A model that was measured along z only."""
-
-    model: StructuralModel
-
-    def predict(self, q: Array, wrench: Array) -> Array:
-        full = self.model.predict(q, wrench)
-        return np.where(np.arange(6) == 2, 2.0 * full, np.nan)
-
-
-def test_what_a_model_leaves_open_is_the_robots_own() -> None:
-    robot = kr500(gravity=(0.0, 0.0, 0.0))
-    path = path_of(robot)
-    own = correct_path(Machine(robot), path, LOAD, start=START).before
-    half_known = HeightOnly(StructuralModel(robot, preload=True))
-    mixed = correct_path(Machine(robot, elasticity=half_known), path, LOAD, start=START).before
-    np.testing.assert_allclose(mixed, own * np.where(np.arange(6) == 2, 2.0, 1.0), rtol=1e-4, atol=1e-9)
+def test_a_model_of_the_robots_file_deforms_it_and_the_springs_do_where_it_is_open() -> None:
+    robot, path = kr500(gravity=(0.0, 0.0, 0.0)), path_of(kr500())
+    push = Constant((0.0, 0.0, -900.0, 0.0, 0.0, 0.0))
+    conclusions = np.full((2, 6, 6), np.nan)
+    conclusions[:, 2, 2] = [1e-6, 3e-6]  # m/N, along z alone, linear between two values of q1
+    system = FuzzySystem(Partition(("q1",), (np.array([0.0, 0.5]),)), conclusions)
+    names = tuple(variable.name for variable in robot.actuated)
+    rows = make_measurements(names, START[None], tcp=robot.tcp, displacement=np.zeros((1, 6)))
+    real = with_model(robot, FuzzyCompliance(names, system), rows)
+    by_springs = correct_path(Machine(robot), path, push, start=START)
+    by_model = correct_path(Machine(robot, real), path, push, start=START)
+    others = [0, 1, 3, 4, 5]
+    np.testing.assert_allclose(by_model.before[:, others], by_springs.before[:, others], rtol=1e-3, atol=1e-8)
+    q1 = START[0] + np.linspace(0.0, 0.2, len(path))
+    np.testing.assert_allclose(by_model.before[:, 2], -900.0 * (1e-6 + 4e-6 * q1), rtol=1e-3)
 
 
 def test_frames_of_path_and_tool_only_change_what_the_numbers_count_from() -> None:

@@ -1,9 +1,11 @@
 """KUKA KRL: which literals are targets, and that nothing but their numbers changes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from beamstiff.compensation.formats import krl
+from beamstiff.compensation.formats import krl, read_program
 from beamstiff.errors import BeamstiffError
 
 
@@ -114,3 +116,66 @@ def test_a_frame_that_a_motion_goes_to_is_a_target() -> None:
 def test_a_robot_that_travels_on_external_axes_is_told(axes: str, told: bool) -> None:
     notes = krl.read(f"XP1={LITERAL[:-1]},S 2,T 35,{axes}}}\n", "a.dat").notes
     assert ("external axes, which are not followed, are left as they are: line 1" in " ".join(notes)) == told
+
+
+SRC = (
+    "&ACCESS RVP\r\nDEF CELL ( )\r\n;FOLD PTP P2\r\nFDAT_ACT=FP2\r\nPTP XP2\r\n;ENDFOLD\r\n"
+    "LIN {X 1500,Y -50,Z 900,A 0,B 110,C 0}\r\nLIN XP1 C_DIS\r\nPTP XHOME\r\nEND"
+)
+DAT = (
+    "DEFDAT CELL\n;gr\xfc\xdfe\nDECL E6POS XP1={X 1500.0,Y   100,Z 900,A 0.0,B 110.0,C 0.0,S 2,T 35,E1 0.0}\n"
+    "DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 3}\n"
+    "DECL E6POS XP2={X 1500.0,Y -200.0,Z 900,A 0.0,B 110.0,C 0.0,S 2,T 35}\n"
+    "DECL E6POS XP3={X 9.0,Y ********,Z 900,A 0.0,B 110.0,C 0.0}\nENDDAT\n"
+)
+
+
+def pair(folder: Path) -> Path:
+    """Write a program whose points stand in its .dat; return the .src."""
+    (folder / "cell.dat").write_bytes(DAT.encode("latin-1"))
+    (folder / "cell.src").write_bytes(SRC.encode("latin-1"))
+    return folder / "cell.src"
+
+
+def test_points_of_the_dat_are_targets_in_the_order_of_the_motions(tmp_path: Path) -> None:
+    program = read_program(pair(tmp_path))
+    assert program.path.names == ("XP2", "LIN", "XP1")  # XP3 is moved to by nobody
+    assert [Path(one).name for one in program.path.files] == ["cell.dat", "cell.src", "cell.dat"]
+    assert program.path.lines.tolist() == [6, 7, 3]
+    assert program.path.place(2).endswith("cell.dat:3: XP1")
+    np.testing.assert_allclose(program.path.poses[:, 1, 3], [-0.2, -0.05, 0.1], atol=1e-15)
+    postures = [None if place.posture is None else place.posture.text for place in program.places]
+    assert postures == ["S 2, T 35", None, None]  # LIN does not look at S and T
+    assert [place.base.name if place.base else None for place in program.places] == ["base 3"] * 2 + [
+        "base 0"
+    ]
+
+
+def test_both_files_are_written_and_only_numbers_of_targets_change(tmp_path: Path) -> None:
+    program = read_program(pair(tmp_path))
+    same = program.files(program.with_poses(program.path.poses))
+    assert same == (SRC.encode("latin-1"), DAT.encode("latin-1"))
+    poses = program.path.poses.copy()
+    poses[:, 1, 3] += 1e-3
+    content = program.with_poses(poses)
+    src, dat = program.files(content)
+    assert src == SRC.replace("Y -50", "Y -49.000").encode("latin-1")
+    moved = DAT.replace("Y   100", "Y 101.000").replace("Y -200.0", "Y -199.000")
+    assert dat == moved.encode("latin-1")
+    np.testing.assert_allclose(program.read_again(content).path.poses, poses, atol=1e-9)
+
+
+def test_a_fault_in_the_dat_is_told_with_its_file(tmp_path: Path) -> None:
+    source = pair(tmp_path)
+    source.write_bytes(SRC.replace("XHOME", "XP3").encode("latin-1"))
+    with pytest.raises(BeamstiffError, match=r"cell\.dat:7: XP3: Y: found '\*+', expected a number"):
+        read_program(source)
+
+
+def test_a_dat_whose_points_no_motion_goes_to_is_left_aside(tmp_path: Path) -> None:
+    source = pair(tmp_path)
+    text = SRC.replace("XP2", "XQ2").replace("XP1", "XQ1")
+    source.write_bytes(text.encode("latin-1"))
+    program = read_program(source)
+    assert program.path.names == ("LIN",)
+    assert program.files(program.with_poses(program.path.poses)) == (text.encode("latin-1"), None)

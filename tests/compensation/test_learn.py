@@ -1,5 +1,6 @@
 """Learning from measured runs: parameters of simulated processes are found again, or told to be open."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,10 +84,9 @@ def test_gain_and_frame_of_a_load_cell_are_found(machine: Machine) -> None:
         read += true - read - cell.wrench(where.poses, replace(where, wrench=read))
     own = replace(where, wrench=read)
     run, _ = runs_of(machine, Together((FromPath(), cell)), FromPath(), own)
-    found = {
-        one.name: one
-        for one in learn(machine, own, Together((FromPath(), LoadCell())), [run], SIGMA).parameters
-    }
+    learned = learn(machine, own, LoadCell(), [run], SIGMA, beside=FromPath())
+    assert json.loads(json.dumps(learned.to_dict()))["parameters"]["load-cell turn y"]["identifiable"]
+    found = {one.name: one for one in learned.parameters}
     for name, truth in (("gain", 1.04), ("turn x", 0.0), ("turn y", 0.02), ("turn z", 0.0)):
         one = found[f"load-cell {name}"]
         assert one.identifiable

@@ -1,5 +1,7 @@
 """Process models from YAML, and loads that are not a beam's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.cantilever import Cantilever
 from beamstiff.compensation.process.cutting import CuttingTable
 from beamstiff.compensation.process.reader import parse_process
+from beamstiff.compensation.process.writer import process_to_yaml
 from beamstiff.errors import BeamstiffError
 
 BEAM = """\
@@ -48,6 +51,33 @@ def test_a_beam_is_read_with_its_units() -> None:
     assert beam.method == "incremental"
     np.testing.assert_allclose(beam.clamp[:3, :3], np.diag([-1, -1, 1]), atol=1e-15)
     np.testing.assert_allclose(beam.clamp[:3, 3], [2.285, 0, 0.9])
+
+
+WHOLE = """\
+kind: together
+parts:
+  - {kind: constant, fz: -920 N, mx: 3}
+  - {kind: load-cell, gain: 1.03, turn: [0, 1 deg, -0.5 deg]}
+  - {kind: path}
+  - kind: together
+    parts:
+      - {kind: cantilever, length: 585 mm, width: 50 mm, thickness: 14 mm, E: 69 GPa, friction: 0.125,
+         clamp: {at: [2.285, 0, 0.9], x: [-1, 0, 0], z: [0, 0.6, 0.8]}}
+      - {kind: cutting-table, variable: y, values: [0 mm, 150 mm], fx: [-100, -300], frame: tool}
+"""
+
+
+def test_a_written_process_is_the_same_load() -> None:
+    process = parse_process(WHOLE)
+    again = parse_process(text := process_to_yaml(process, "# learned\n"))
+    assert text.startswith("# learned\nkind: together\n")
+    assert 'E: "69 GPa"' in text
+    path = straight_path()
+    path.poses[:, :3, 3] = [[1.9, 0.0, 0.895], [1.92, 0.005, 0.895], [1.95, 0.01, 0.895]]
+    path = replace(path, wrench=np.arange(18.0).reshape(3, 6))
+    expected = process.wrench(path.poses, path)
+    assert np.abs(expected[:, :3] - [-100, 0, -920]).max() > 100  # the beam pushes too
+    np.testing.assert_allclose(again.wrench(path.poses, path), expected, rtol=1e-5, atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,9 @@ a target stay. A motion to {X ..,Y ..,Z ..} alone keeps the orientation of the t
 Frames (`krl_frames`): of a literal those that hold where it stands; of a declared point those of its FDAT,
 else those that hold at the motions to it. S and T choose the posture, but of targets that only LIN, CIRC and
 the like go to, where the controller does not look at them.
+
+The points of a ``.src`` may stand in the ``.dat`` beside it: then both are one text with a seam, the targets
+are those that its motions go to, in the order of these, and both are written.
 """
 
 from __future__ import annotations
@@ -17,10 +20,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.krl_frames import FrameState, Literals
-from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import SEAM, Place, Program, make_program, refuse
 from beamstiff.compensation.posture import TURNING, WHOLE, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.orientation import KUKA
@@ -58,51 +62,64 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _BITS = re.compile(r"'?(?P<base>[BH]?)(?P<digits>[0-9A-F]+)'?", re.IGNORECASE)
 
 
-def read(text: str, source: str) -> Program:
-    """Return the targets of a KRL text; `text` as of `editing.read_bytes`."""
+def read(text: str, source: str, points: str = "") -> Program:
+    """Return the targets of a KRL text; `text` as of `editing.read_bytes`.
+
+    `points`: name of the ``.dat``, whose text stands behind a seam.
+    """
     places: list[Place] = []
     notes: list[str] = []
-    left: dict[str, list[int]] = {what: [] for what in LEFT}
+    left: dict[str, list[str]] = {what: [] for what in LEFT}
     code = masked(text, ";")
     apart = _frame_names(code)
     state = FrameState(Literals(code))
     reached: dict[str, list[tuple[str, FrameState]]] = {}  # motions to a named point, and what holds there
-    for number, at, line in lines(code):
+    first: dict[str, int] = {}  # line of the first of them
+    file, above = source, 0
+    for at_line, at, line in lines(code):
+        if line == SEAM.strip("\n"):
+            file, above = points, at_line
+        number = at_line - above
+        here = f"{points}:{number}" if above else str(number)
         state = state.after(line, number)
         for match in _MOTION.finditer(bare := _LITERAL.sub("", line)):
             for word in _WORD.findall(bare[match.end() :].upper()):
                 reached.setdefault(word, []).append((match[1].upper(), state))
+                first.setdefault(word, number)
         if _PART.search(line):
-            left["components set one by one"].append(number)
+            left["components set one by one"].append(here)
         if "{" not in line or line.lstrip().startswith("&"):
             continue
-        for start, end in _groups(line, source, number):
+        if above and not (set(_WORD.findall(_LITERAL.sub("", line).upper())) & reached.keys()):
+            continue  # no motion goes to what this line of the .dat declares
+        for start, end in _groups(line, file, number):
             inner = line[start + 1 : end]
             motion, name = _before(line[:start])
             keys = _keys(inner)
             if name is not None and (_FRAMES.fullmatch(name) or name.partition("[")[0].upper() in apart):
                 if not name.startswith("$"):  # $ variables belong to the controller
-                    left["frames, tools and loads"].append(number)
+                    left["frames, tools and loads"].append(here)
             elif "{" in inner or not keys:
                 continue
             elif motion is not None and motion.endswith("_REL"):
-                left["relative motions"].append(number)
+                left["relative motions"].append(here)
             elif keys[0] in AXES:
-                left["axis values"].append(number)
+                left["axis values"].append(here)
             elif not set(POSITION + ROTATION) & set(keys):
                 continue
             elif line[:start].rstrip().endswith(":") or line[end + 1 :].lstrip().startswith(":"):
-                left["frames combined by ':'"].append(number)
+                left["frames combined by ':'"].append(here)
             elif label := name or motion:
                 if _EXTERNAL.search(inner):
-                    left["external axes, which are not followed,"].append(number)
+                    left["external axes, which are not followed,"].append(here)
                 at_place = at + start + 1
-                place = _target(inner, at_place, label, number, source, text, places, name is None)
+                place = _target(inner, at_place, label, number, file, text, places, name is None)
                 followed = name is not None or motion in ("PTP", "SPTP")
                 posture = place.posture if followed else None
-                places.append(replace(place, base=state.base, tool=state.tool, posture=posture))
+                place = replace(place, posture=posture, file=points if above else "")
+                places.append(replace(place, base=state.base, tool=state.tool))
             else:
-                left["literals that are neither moved to nor given a name"].append(number)
+                left["literals that are neither moved to nor given a name"].append(here)
     notes += [f"{what} are left as they are: {_lines(found)}" for what, found in left.items() if found]
     if not places:
         raise BeamstiffError(
@@ -110,14 +127,20 @@ def read(text: str, source: str) -> Program:
             "of a .src may stand in its .dat"
         )
     places = [_as_reached(place, reached, state) for place in places]
-    return make_program(text, source, places, KUKA, read, notes)
+    if points:  # a path goes from motion to motion
+        places.sort(key=lambda place: first.get(_base_name(place), place.line))
+    return make_program(text, source, places, KUKA, partial(read, points=points), notes)
+
+
+def _base_name(place: Place) -> str:
+    return place.name.upper().partition("[")[0]
 
 
 def _as_reached(place: Place, reached: dict[str, list[tuple[str, FrameState]]], end: FrameState) -> Place:
     """Return a named target with the frames of its data, else of the motions to it; a literal as it is."""
     if place.name in MOTIONS:
         return place
-    name = place.name.upper().partition("[")[0]
+    name = _base_name(place)
     motions = reached.get(name, [])
     here = replace(end, base=place.base, tool=place.tool)
     if (own := end.of_point(name)) is None:
@@ -239,7 +262,7 @@ def _stated(bits: dict[str, int]) -> StatedPosture | None:
     return StatedPosture(text, not status & 1, bool(status & 2), not status & 4, turns)
 
 
-def _lines(numbers: list[int]) -> str:
-    some = ", ".join(map(str, numbers[:6]))
+def _lines(numbers: list[str]) -> str:
+    some = ", ".join(numbers[:6])
     more = f" and {len(numbers) - 6} more" if len(numbers) > 6 else ""
     return f"line{'s' if len(numbers) > 1 else ''} {some}{more}"

@@ -18,6 +18,7 @@ from beamstiff.measure.orientation import Orientation
 from beamstiff.measure.text import RowError
 from beamstiff.se3 import Array, transform
 
+SEAM = "\n\0\n"  # between a file and the one beside it that holds its points, in one text
 MOST = 1e3  # m
 MOST_TURNED = 1e3  # rad: beyond, angles lose the decimals that count
 
@@ -39,6 +40,7 @@ class Place:
     base: StatedFrame | None = None  # what the program says of the target's frame and tool; None: nothing
     tool: StatedFrame | None = None
     posture: StatedPosture | None = None
+    file: str = ""  # in which it stands, if that is another than the path's
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,12 @@ class Program:
             elif joints is not None:
                 changes += list(zip(place.joints, joints[row].tolist(), strict=True))
         return replaced(self.text, changes).encode(ENCODING)
+
+    @staticmethod
+    def files(content: bytes) -> tuple[bytes, bytes | None]:
+        """Return the file that `with_poses` made, and the one beside it that holds its points, if any."""
+        file, _, beside = content.partition(SEAM.encode(ENCODING))
+        return file, beside or None
 
     def read_again(self, content: bytes) -> Program:
         """Return the same targets of another version of the file, such as `with_poses` makes."""
@@ -160,6 +168,7 @@ def make_program(
         columns=columns or {},
         stated_postures=tuple(place.posture for place in places) if any(p.posture for p in places) else (),
         joints=_joints(places),
+        files=tuple(place.file or source for place in places) if any(place.file for place in places) else (),
     )
     return Program(text, path, tuple(places), orientation, read, tuple(notes))
 

@@ -14,7 +14,7 @@ from beamstiff.compensation.process.cutting import CuttingTable
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.se3 import Array, rotate_screw, rotation_from_vector
 
-GAIN, TURN = 0.05, np.radians(2.0)  # of a load cell as it is calibrated and mounted
+GAIN, TURN = 0.05, float(np.radians(2.0))  # of a load cell as it is calibrated and mounted
 FORCES = 0.3  # of a table of forces, as a share
 BENDING, PLACE, FRICTION = 0.2, 5e-3, 0.3  # of a beam: stiffness as a share, clamp, m, coefficient
 

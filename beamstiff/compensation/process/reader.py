@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, model_validator
 from beamstiff.compensation.process.cantilever import Cantilever, Method
 from beamstiff.compensation.process.cutting import CuttingTable, TableFrame
 from beamstiff.compensation.process.load import Constant, FromPath, Process, Together
+from beamstiff.compensation.process.parameters import LoadCell
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.files import read_text
 from beamstiff.measure.table import WRENCH
@@ -49,6 +50,8 @@ Modulus = Annotated[float, _of("modulus", lambda value: value <= 0, "more than 0
 Friction = Annotated[float, _of("number", lambda value: value < 0, "0 or more")]
 Force = Annotated[float, _of("force")]
 Moment = Annotated[float, _of("moment")]
+Angle = Annotated[float, _of("angle")]
+Gain = Annotated[float, _of("number", lambda value: value <= 0, "more than 0")]
 Forces = tuple[Force, ...]
 Moments = tuple[Moment, ...]
 
@@ -131,6 +134,14 @@ class _FromPath(Described):
         return FromPath()
 
 
+class _LoadCell(Described):
+    gain: Gain = 1.0
+    turn: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+
+    def made(self) -> Process:
+        return LoadCell(self.gain, self.turn)
+
+
 def _process(data: Any) -> Process:
     """Return the process that keys and values describe."""
     if not isinstance(data, dict):
@@ -151,7 +162,10 @@ class _Together(Described):
     def made(self) -> Process:
         if not self.parts:
             raise DescriptionError([(("parts",), "found [], expected a list")])
-        return Together(self.parts)
+        whole: list[Process] = []
+        for part in self.parts:
+            whole += part.parts if isinstance(part, Together) else [part]
+        return Together(tuple(whole))
 
 
 KINDS: dict[Any, Any] = {
@@ -159,6 +173,7 @@ KINDS: dict[Any, Any] = {
     "cutting-table": _Table,
     "constant": _Constant,
     "path": _FromPath,
+    "load-cell": _LoadCell,
     "together": _Together,
 }
 

@@ -137,7 +137,7 @@ def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
 
 def _name(result: Compensated, row: int) -> str:
     path = result.correction.path
-    return f"{path.names[row]} (line {path.lines[row]})"
+    return f"{path.names[row]} (line {path.line(row)})"
 
 
 def _uncorrected(result: Compensated) -> Section:

@@ -18,6 +18,7 @@ from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.identification import (
     combinations_table,
     combinations_text,
+    front_table,
     identification_table,
     identification_text,
     method_text,
@@ -53,6 +54,7 @@ def identification_html(
             sections=[
                 _parameters(found, robot),
                 *_degeneracies(found),
+                *_front(found),
                 *rows.sections,
                 Section("notes", "Notes", items=found.notes),
                 Section("method", "Method", texts=[method_text(found)]),
@@ -62,6 +64,11 @@ def identification_html(
             shared=rows.shared,
         )
     )
+
+
+def _front(found: Identification) -> Iterator[Section]:
+    if found.front is not None:
+        yield Section("front", "Position against rotation", tables=[front_table(found.front)])
 
 
 def _facts(found: Identification) -> Iterator[Fact]:
