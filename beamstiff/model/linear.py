@@ -23,11 +23,10 @@ HEAVIEST = 20  # rows that are looked at for beams whose K_C is coarse
 def predict_displacements(robot: Robot, loads: Measurements, preload: bool = False) -> Array:
     """Return the displacement of the measured point of every row, loaded minus unloaded.
 
-    Without `preload` it is ``C w`` on the undeformed geometry. With it, both states are solved with the
-    stiffness that their loads leave (geometric stiffness, K_C of seed 000, eqs 9 and 10), the loaded one
-    under dead weight, payload and the row's wrench, the unloaded one under dead weight and payload::
-
-        d = K_t(g + w)^-1 (g + w) - K_t(g)^-1 g
+    Without `preload` it is ``C w`` on the undeformed geometry. With it, both states are equilibria to second
+    order in their loads, the loaded one under dead weight, payload and the row's wrench, the unloaded one
+    under dead weight and payload: with the stiffness that the loads leave (geometric stiffness, K_C of seed
+    000, eqs 9 and 10), the curved paths of the nodes and strains of second order (`fem.finite_displacement`).
 
     Parameters
     ----------
@@ -89,7 +88,19 @@ def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: M
     except BeamstiffError as error:
         raise BeamstiffError(f"{loads.source}: {error} (poses are the rows here, the first is 0)") from None
     seen = [index[name] for name in loads.point.tolist()]
-    return (loaded - unloaded)[rows, seen]
+    return between(unloaded[rows, seen], loaded[rows, seen])
+
+
+def between(first: Array, second: Array) -> Array:
+    """Return the displacement (..., 6) from one displaced state to another, r a rotation vector.
+
+    ``log(exp(b) exp(-a))`` by the angular velocity halfway, to third order in b - a; no digit is lost where
+    the states are near to one another.
+    """
+    change, halfway = second - first, 0.5 * (first + second)[..., 3:]
+    turn = np.cross(halfway, change[..., 3:])
+    change[..., 3:] += 0.5 * turn + np.cross(halfway, turn) / 6
+    return change
 
 
 def preload_notes(robot: Robot, loads: Measurements) -> list[str]:

@@ -25,7 +25,7 @@ from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.model.correction import model_correction
-from beamstiff.model.linear import predict_displacements
+from beamstiff.model.linear import between, predict_displacements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -317,8 +317,7 @@ def _of_structure(robot: Robot, rows: Measurements) -> Array:
     nothing = np.zeros((len(poses), len(robot.nodes), 6))
     dead = loaded_displacement(structure, where, nothing, gravity=True)
     seen = [structure.kinematics.node_index[name] for name in rows.point.tolist()]
-    both: Array = loaded + dead[pose, seen]
-    return both
+    return between(-dead[pose, seen], loaded)
 
 
 def deviation(robot: Robot, rows: Measurements) -> Array:
