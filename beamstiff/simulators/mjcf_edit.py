@@ -2,8 +2,8 @@
 
 Joints of the file that carry the names of the robot's drives say where a part of the machine is; MuJoCo's
 parser (optional extra `mujoco`) says how its bodies lie. A spring goes behind the drive before it; those of
-the base go into the body that stands on the world and carries the first drive, or where it has no mass before
-that drive; what is compliant at the tool gets a body of its own around the TCP's site.
+the base go into the body that stands on the world and carries the first drive; what is compliant at the tool
+gets a body of its own around the TCP's site.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from beamstiff.simulators.mjcf_writer import LEAST_MASS, SETTLE, joint_text
 from beamstiff.simulators.statics import engine
 
 SAME = 1e-9  # of a stiffness: not worth an edit
-FAR = 1e-6  # m or rad: farther apart, the axes of file and robot are not the same
+LEAST_INERTIAL = '<inertial pos="0 0 0" mass="{0}" diaginertia="{0} {0} {0}"/>'.format(repr(LEAST_MASS))
 
 
 def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tuple[str, tuple[str, ...]]:
@@ -53,8 +53,12 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
         place = (anchor.start, f"{{}}\n{indent}") if before else (anchor.end, f"\n{indent}{{}}")
         at = int(model.joint(anchor.attributes["name"]).bodyid[0])
         stands_on = int(model.body_rootid[at])
-        if before and standing is not body and model.body_mass[stands_on] > LEAST_MASS:
+        if before and standing is not body:
             at, place = stands_on, (standing.inside, f"\n{_indent(data, standing.start)}  {{}}")
+            if not model.body_mass[at] > 0.0 and not standing.all(
+                "inertial"
+            ):  # what moves must weigh something
+                added.setdefault(place, [LEAST_INERTIAL])
         there = np.linalg.inv(poses[at]) @ ours[number]
         for spring in springs:
             if (known := elements.get(spring.name)) is not None:
@@ -146,10 +150,10 @@ def _at_tool(
         ours = placed_bodies(tree.bodies, {})[number]
         there = np.linalg.inv(poses[int(model.site(robot.tcp).bodyid[0])]) @ ours
         (site,) = sites
-        indent, least = _indent(data, site.start), repr(LEAST_MASS)
+        indent = _indent(data, site.start)
         lines = [
             f'<body name="{body.name}">',
-            f'  <inertial pos="0 0 0" mass="{least}" diaginertia="{least} {least} {least}"/>',
+            f"  {LEAST_INERTIAL}",
         ]
         for joint in body.joints:
             at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis

@@ -252,10 +252,15 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
 
 
 def _by_compliance(model: PortModel, stiffness: Array) -> Array:
-    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding."""
+    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding.
+
+    Of positions and rotations by themselves: a drive whose axis meets the point that is read turns it alone.
+    """
     tangent: Array = -model.derivatives(stiffness)[1] * stiffness**2
-    size = np.linalg.norm(tangent, axis=(0, 1)) / stiffness
-    return np.where(size > ROUNDING * size.max(initial=0.0), tangent, 0.0)
+    parts = tangent.reshape(len(tangent), 2, 3, -1)
+    size = np.linalg.norm(parts, axis=(0, 2), keepdims=True) / stiffness
+    seen = size > ROUNDING * size.max(axis=-1, initial=0.0, keepdims=True)
+    return np.where(seen, parts, 0.0).reshape(tangent.shape)
 
 
 def around(fit: Baseline, stiffness: Array) -> Baseline:
