@@ -45,7 +45,7 @@ def campaign(machine: Robot, seed: int, postures: int, noise: float = NOISE) -> 
     }
     moved = mujoco_deflection(machine, make_measurements(**rows))[0][:, :3]
     seen = moved + noise * rng.normal(size=moved.shape)
-    return make_measurements(**rows, displacement=seen, metadata={"sigma_position": f"{NOISE} m"})
+    return make_measurements(**rows, displacement=seen, sigma_position=NOISE)
 
 
 def gap(robot: Robot, rows: Measurements) -> float:

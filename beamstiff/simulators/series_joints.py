@@ -51,7 +51,11 @@ def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
 
 
 def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
-    """Yield links, parents first: one for every joint of every body, and one for every site."""
+    """Yield links, parents first: one for every joint of every body, and one for every site.
+
+    No link is called as a joint is: SDF takes both for one name.
+    """
+    taken = {joint.name for body in tree.bodies for joint in body.joints}
     own: dict[int, tuple[str, Array]] = {-1: ("", np.eye(4))}
     for number, body in enumerate(tree.bodies):
         parent, frame = own[body.parent]
@@ -61,6 +65,7 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
             last = at == len(joints) - 1
             anchor = transform(np.eye(3), np.zeros(3) if joint is None else joint.at)
             name = body.name if last or joint is None else f"{body.name} behind {joint.name}"
+            name = f"{name} link" if name in taken else name
             behind: Array = np.asarray(np.linalg.inv(anchor), dtype=np.float64)
             yield SeriesLink(name, parent, frame @ anchor, joint, number if last else None, behind)
             parent, frame = name, behind
