@@ -20,7 +20,7 @@ SERIES = (
 def as_written(robot: Robot, path: str, source: Path) -> tuple[str, tuple[str, ...]]:
     """Return a robot's text for a path that ends in .xml, .urdf or .sdf, and what it does not say.
 
-    An MJCF that the robot was read from, `source`, is edited in place; an SDF has effects as joints in series.
+    An MJCF that the robot was read from, `source`, is edited in place; an SDF takes effects as joints.
     """
     ending = Path(path).suffix.lower()
     if ending == ".urdf":

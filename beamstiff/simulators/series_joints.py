@@ -18,7 +18,7 @@ from beamstiff.robot.urdf.export import FARTHEST, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyJoint, BodyTree
-from beamstiff.simulators.mjcf_writer import SETTLE, mass_of
+from beamstiff.simulators.mjcf_writer import SETTLE, lost_of_urdf, mass_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
     """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say."""
     tree = assemble(robot)
     links = [*series_links(tree)]
-    lost = [*tree.lost]
+    lost = [*tree.lost, *(item.partition(";")[0] for item in lost_of_urdf(robot))]
     if tree.closures:
         lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
     if tree.tendons:
