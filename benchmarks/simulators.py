@@ -108,18 +108,23 @@ def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
     return cells
 
 
-def structures(count: int) -> tuple[list[float], int]:
-    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium."""
+def structures(count: int, force: float, weight: bool) -> tuple[list[float], int]:
+    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium.
+
+    Under some `force`, N, at the TCP, with or without their own weight.
+    """
     errors, refused, seed = list[float](), 0, 0
     while len(errors) < count:
-        robot = weightless(machine_frame(seed, more=6, loops=3).robot())
-        push = make_measurements([], [[]], tcp=robot.tcp, wrench=[[1e-3, 2e-3, 3e-3, 1e-4, 2e-4, 3e-4]])
+        robot = machine_frame(seed, more=6, loops=3).robot()
+        robot = robot if weight else weightless(robot)
+        wrench = force * np.array([[1, 2, 3, 0.1, 0.2, 0.3]])
+        push = make_measurements([], [[]], tcp=robot.tcp, wrench=wrench)
         seed += 1
         try:
             ours = predict_displacements(robot, push, True)
         except BeamstiffError:
             continue  # a mechanism
-        if not np.abs(ours[:, :3]).max() > 1e-13:
+        if not np.abs(ours[:, :3]).max() > 1e-10 * force:
             continue  # the tool cannot move
         try:
             errors.append(float(relative(ours, mujoco_deflection(robot, push)[0])[0][0]))
@@ -340,11 +345,14 @@ def main() -> None:
     arms = [in_arm(seed) for seed in range(count)]
     first.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
     console.print(first)
-    errors, refused = structures(count)
-    console.print(
-        f"{count} random structures of all kinds of parts, with loops: median {np.median(errors):.0e}, "
-        f"90 % below {np.quantile(errors, 0.9):.0e}, largest {max(errors):.0e}, without equilibrium {refused}"
-    )
+    for what, force, weight in (("weightless", 1e-3, False), ("under their weight", 1.0, True)):
+        errors, refused = structures(count, force, weight)
+        largest = max(error for error in errors if np.isfinite(error))
+        console.print(
+            f"{count} random structures of all kinds of parts, with loops, {what}: median "
+            f"{np.median(errors):.0e}, {sum(error < 1e-3 for error in errors)} below 1e-3, largest "
+            f"{largest:.0e}, without equilibrium {refused}"
+        )
     for engine_name, make, wheel in (("Pinocchio", in_pinocchio, "pin"), ("Drake", in_drake, "drake")):
         try:
             console.print(second_engine(engine_name, make, count))
