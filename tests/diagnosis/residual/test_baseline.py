@@ -56,6 +56,24 @@ def test_the_tangent_is_the_derivative_by_the_compliances(name: str) -> None:
         close(found.tangent[..., at], (high - low) / (0.002 * compliance), 1e-4)
 
 
+def test_a_drive_that_turns_the_point_alone_keeps_its_stiffness() -> None:
+    """Its axis meets the point but for rounding, which says nothing of its compliance."""
+    robot = kr240()
+    nodes = [
+        node.model_copy(update={"at": (1e-17, 0.0, 0.0)}) if node.name == robot.tcp else node
+        for node in robot.nodes
+    ]
+    robot = robot.model_copy(update={"nodes": tuple(nodes)})
+    rows = at_random(robot, 20, seed=1)
+    seen = predict(robot.with_parameters(REAL), rows)
+    seen[:, 3:] = np.nan
+    found = fit_baseline(robot, replace(rows, displacement=seen))
+    last = found.fitted.index("J6.torsional")
+    assert not found.tangent[:, :3, last].any()
+    assert found.tangent[:, 3:, last].any()
+    assert found.robot.parameter("J6.torsional") == pytest.approx(robot.parameter("J6.torsional"), rel=1e-6)
+
+
 def test_the_response_is_the_compliance_between_load_and_point() -> None:
     robot = elbow(tilting=1e6)
     rows = rows_of(robot, [0.3, 0.7], np.ones((2, 6)), load_point=["tip", "end"], point=["end", "tip"])
