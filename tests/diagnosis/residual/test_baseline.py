@@ -14,7 +14,7 @@ from beamstiff.diagnosis.residual.baseline import (
     predict,
 )
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Mass
+from beamstiff.robot.parts import Mass, Node, Rigid
 from tests.diagnosis.machines import arm_at, at_random, close, elbow, kr240, rows_of
 
 REAL = dict(zip(kr240().identify, [3e6, 8e6, 4.5e6, 5e5, 7.5e5, 4e5], strict=True))
@@ -58,12 +58,12 @@ def test_the_tangent_is_the_derivative_by_the_compliances(name: str) -> None:
 
 def test_a_drive_that_turns_the_point_alone_keeps_its_stiffness() -> None:
     """Its axis meets the point but for rounding, which says nothing of its compliance."""
-    robot = kr240()
-    nodes = [
-        node.model_copy(update={"at": (1e-13, 0.0, 0.0)}) if node.name == robot.tcp else node
-        for node in robot.nodes
-    ]
-    robot = robot.model_copy(update={"nodes": tuple(nodes)})
+    arm = kr240()
+    frame = next(node.frame for node in arm.nodes if node.name == "n6b")
+    tool = Node(name="tool", frame=frame, at=(1e-13, 0, 0.1))
+    flange = Rigid(name="flange", nodes=("n6b", "tool"))
+    more = {"nodes": (*arm.nodes, tool), "rigids": (*arm.rigids, flange), "tcp": "tool"}
+    robot = arm.model_copy(update=more)
     rows = at_random(robot, 20, seed=1)
     seen = predict(robot.with_parameters(REAL), rows)
     seen[:, 3:] = np.nan
