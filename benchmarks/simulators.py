@@ -1,8 +1,9 @@
 """Exported models in physics engines: `python -m benchmarks.simulators [POSTURES]`.
 
 Asked: the static deflection in MuJoCo within 1e-3 of `deflect --preload` at a tenth of the nominal load and
-within 1 % at nominal; what differs falls with the load. The same in a second engine, Pinocchio, which loads
-the URDF with joints in series (its wheel `pin` is no dependency: skipped where it is missing). Effects one by
+within 1 % at nominal; what differs falls with the load. The same in engines that load joints in
+series: Pinocchio (URDF) and Drake (SDF, its springs too); their wheels `pin` and `drake` are no dependencies,
+skipped where they are missing. Effects one by
 one: curve over a load cycle within 2 % of its range. MJCF files of FOLDER (environment variable MJCF), read
 and written: the same places of sites and the same masses to 1e-9.
 """
@@ -12,7 +13,8 @@ from __future__ import annotations
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +34,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import Mass
 from beamstiff.robot.reference import sampled_postures
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.deflection import mujoco_deflection
 from beamstiff.simulators.mjcf_reader import robot_of_model
@@ -106,18 +108,23 @@ def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
     return cells
 
 
-def structures(count: int) -> tuple[list[float], int]:
-    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium."""
+def structures(count: int, force: float, weight: bool) -> tuple[list[float], int]:
+    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium.
+
+    Under some `force`, N, at the TCP, with or without their own weight.
+    """
     errors, refused, seed = list[float](), 0, 0
     while len(errors) < count:
-        robot = weightless(machine_frame(seed, more=6, loops=3).robot())
-        push = make_measurements([], [[]], tcp=robot.tcp, wrench=[[1e-3, 2e-3, 3e-3, 1e-4, 2e-4, 3e-4]])
+        robot = machine_frame(seed, more=6, loops=3).robot()
+        robot = robot if weight else weightless(robot)
+        wrench = force * np.array([[1, 2, 3, 0.1, 0.2, 0.3]])
+        push = make_measurements([], [[]], tcp=robot.tcp, wrench=wrench)
         seed += 1
         try:
             ours = predict_displacements(robot, push, True)
         except BeamstiffError:
             continue  # a mechanism
-        if not np.abs(ours[:, :3]).max() > 1e-13:
+        if not np.abs(ours[:, :3]).max() > 1e-10 * force:
             continue  # the tool cannot move
         try:
             errors.append(float(relative(ours, mujoco_deflection(robot, push)[0])[0][0]))
@@ -127,8 +134,17 @@ def structures(count: int) -> tuple[list[float], int]:
     return errors, refused
 
 
-def in_pinocchio(robot: Robot, rows: Measurements) -> Array:
-    """Return displacements (N, 6) of the URDF with joints in series, in Pinocchio's gravity and Jacobians."""
+@dataclass(frozen=True)
+class Engine:
+    """A robot in an engine that loads URDF or SDF with joints in series."""
+
+    place: dict[str, int]  # of joints among the n degrees of freedom
+    balance: Callable[[Array, Array], Array]  # generalised forces (n,) at values (n,) under a wrench (6,)
+    pose: Callable[[Array], tuple[Array, Array]]  # of the TCP
+
+
+def in_pinocchio(robot: Robot) -> Engine:
+    """Return a robot in Pinocchio: its gravity and Jacobians, our springs (URDF has none)."""
     import pinocchio
 
     tree = assemble(robot)
@@ -139,8 +155,6 @@ def in_pinocchio(robot: Robot, rows: Measurements) -> Array:
     place = {name: model.joints[model.getJointId(name)].idx_v for name in model.names[1:]}
     for joint in (joint for body in tree.bodies for joint in body.joints):
         stiffness[place[joint.name]] = joint.stiffness
-    drives = [place[name] for name in rows.variables]
-    free = np.setdiff1d(np.arange(model.nv), drives)
 
     def placed(v: Array) -> Array:
         return np.asarray(pinocchio.integrate(model, pinocchio.neutral(model), v))
@@ -151,16 +165,61 @@ def in_pinocchio(robot: Robot, rows: Measurements) -> Array:
         pinocchio.computeJointJacobians(model, data, q)
         pinocchio.updateFramePlacements(model, data)
         J = pinocchio.getFrameJacobian(model, data, tool, pinocchio.LOCAL_WORLD_ALIGNED)
-        return np.asarray((J.T @ wrench - weight - stiffness * v)[free])
+        return np.asarray(J.T @ wrench - weight - stiffness * v)
+
+    def pose(v: Array) -> tuple[Array, Array]:
+        pinocchio.framesForwardKinematics(model, data, placed(v))
+        return data.oMf[tool].translation.copy(), data.oMf[tool].rotation.copy()
+
+    return Engine(place, balance, pose)
+
+
+def in_drake(robot: Robot) -> Engine:
+    """Return a robot in Drake, which reads the springs of the SDF itself."""
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+
+    plant = MultibodyPlant(0.0)
+    (machine,) = Parser(plant).AddModelsFromString(robot_to_series(robot, "sdf")[0], "sdf")
+    plant.mutable_gravity_field().set_gravity_vector(np.array(robot.gravity))
+    plant.Finalize()
+    context, world = plant.CreateDefaultContext(), plant.world_frame()
+    tool = plant.GetBodyByName(f"site {robot.tcp}")
+    joints = [plant.get_joint(at) for at in plant.GetJointIndices(machine)]
+    place = {joint.name(): joint.velocity_start() for joint in joints if joint.num_velocities()}
+    forces = MultibodyForces(plant)
+
+    def balance(v: Array, wrench: Array) -> Array:
+        plant.SetPositions(context, v)
+        plant.CalcForceElementsContribution(context, forces)  # gravity and springs
+        inner = plant.CalcGeneralizedForces(context, forces)
+        variable, frame = JacobianWrtVariable.kV, tool.body_frame()
+        J = plant.CalcJacobianSpatialVelocity(context, variable, frame, np.zeros(3), world, world)
+        return np.asarray(inner + J[3:].T @ wrench[:3] + J[:3].T @ wrench[3:])
+
+    def pose(v: Array) -> tuple[Array, Array]:
+        plant.SetPositions(context, v)
+        at = plant.EvalBodyPoseInWorld(context, tool)
+        return at.translation().copy(), at.rotation().matrix().copy()
+
+    return Engine(place, balance, pose)
+
+
+def deflections(engine: Engine, rows: Measurements) -> Array:
+    """Return displacements (N, 6) in an engine's equilibria, drives held, by Newton's method."""
+    size = len(engine.place)
+    drives = [engine.place[name] for name in rows.variables]
+    free = np.setdiff1d(np.arange(size), drives)
 
     def rest(v: Array, wrench: Array) -> Array:
         for _ in range(30):
-            left = balance(v, wrench)
+            left = engine.balance(v, wrench)[free]
             tangent = np.empty((free.size, free.size))
             for column, at in enumerate(free):
                 ahead = v.copy()
                 ahead[at] += STEP
-                tangent[:, column] = (left - balance(ahead, wrench)) / STEP
+                tangent[:, column] = (left - engine.balance(ahead, wrench)[free]) / STEP
             step = np.linalg.solve(tangent, left)
             v = v.copy()
             v[free] += step
@@ -168,18 +227,38 @@ def in_pinocchio(robot: Robot, rows: Measurements) -> Array:
                 break
         return v
 
-    def pose(v: Array) -> tuple[Array, Array]:
-        pinocchio.framesForwardKinematics(model, data, placed(v))
-        return data.oMf[tool].translation.copy(), data.oMf[tool].rotation.copy()
-
     result = np.zeros((len(rows), 6))
     for row, (q, wrench) in enumerate(zip(rows.q, rows.wrench, strict=True)):
-        start = np.zeros(model.nv)
+        start = np.zeros(size)
         start[drives] = q
         unloaded = rest(start, np.zeros(6))
-        (before, turned), (after, on) = pose(unloaded), pose(rest(unloaded, wrench))
-        result[row] = [*(after - before), *pinocchio.log3(on @ turned.T)]
+        (before, turned), (after, on) = engine.pose(unloaded), engine.pose(rest(unloaded, wrench))
+        result[row] = [*(after - before), *vector_from_rotation(on @ turned.T)]
     return result
+
+
+def second_engine(name: str, make: Callable[[Robot], Engine], count: int) -> Any:
+    """Return the table of an engine that loads URDF or SDF."""
+    found = table(name, "robot", "weight, load/10 (1e-3)", "weight, nominal (1e-2)")
+    open_chains = [one for one in robots() if one[0] in ("kr240-2", "ur10")]
+    for robot_name, robot, load in open_chains:
+        cells = []
+        for share in SHARES:
+            rows = loads(robot, share * load, count)
+            errors = relative(predict_displacements(robot, rows, True), deflections(make(robot), rows))
+            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in errors))
+        found.add_row(robot_name, *cells)
+    arms = []
+    for seed in range(count):
+        robot, load = random_robot(seed)
+        row = []
+        for share in SHARES:
+            rows = loads(robot, share * load, 1, seed)
+            one = relative(predict_displacements(robot, rows, True), deflections(make(robot), rows))
+            row.append((float(one[0][0]), float(one[1][0])))
+        arms.append(row)
+    found.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
+    return found
 
 
 def effects() -> Iterator[list[str]]:
@@ -266,25 +345,19 @@ def main() -> None:
     arms = [in_arm(seed) for seed in range(count)]
     first.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
     console.print(first)
-    errors, refused = structures(count)
-    console.print(
-        f"{count} random structures of all kinds of parts, with loops: median {np.median(errors):.0e}, "
-        f"90 % below {np.quantile(errors, 0.9):.0e}, largest {max(errors):.0e}, without equilibrium {refused}"
-    )
-    try:
-        second = table("Pinocchio", "robot", "weight, load/10 (1e-3)", "weight, nominal (1e-2)")
-        some = [(name, robot, load) for name, robot, load in robots() if name in ("kr240-2", "ur10")]
-        some += [(f"random arm {seed}", *random_robot(seed)) for seed in range(3)]
-        for name, robot, load in some:
-            cells = []
-            for share in SHARES:
-                rows = loads(robot, share * load, count)
-                found = relative(predict_displacements(robot, rows, True), in_pinocchio(robot, rows))
-                cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in found))
-            second.add_row(name, *cells)
-        console.print(second)
-    except ImportError:
-        console.print("Pinocchio is not installed (pip install pin): skipped")
+    for what, force, weight in (("weightless", 1e-3, False), ("under their weight", 1.0, True)):
+        errors, refused = structures(count, force, weight)
+        largest = max(error for error in errors if np.isfinite(error))
+        console.print(
+            f"{count} random structures of all kinds of parts, with loops, {what}: median "
+            f"{np.median(errors):.0e}, {sum(error < 1e-3 for error in errors)} below 1e-3, largest "
+            f"{largest:.0e}, without equilibrium {refused}"
+        )
+    for engine_name, make, wheel in (("Pinocchio", in_pinocchio, "pin"), ("Drake", in_drake, "drake")):
+        try:
+            console.print(second_engine(engine_name, make, count))
+        except ImportError:
+            console.print(f"{engine_name} is not installed (pip install {wheel}): skipped")
     third = table(
         "Effects over a load cycle, of the range of the curve: what each adds, and the difference (2 %)",
         *("effect", "position", "differs", "rotation", "differs"),

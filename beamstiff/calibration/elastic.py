@@ -13,13 +13,11 @@ import numpy as np
 
 from beamstiff.calibration.parameters import COMPLIANCE, Parameter
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.fem.geometric import loaded_displacement
-from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import displaced_points
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
-from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
 from beamstiff.se3 import Array
 
@@ -61,19 +59,8 @@ def elastic_displacement(robot: Robot, rows: Measurements) -> Array:
     """
     if not is_compliant(robot):
         return np.zeros((len(rows), 6))
-    structure = compile_structure(robot)
-    index, each = structure.kinematics.node_index, np.arange(len(rows))
-    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
-    where, pose = posture(structure.kinematics, poses), number.reshape(-1)
-    of_row = Posture(where.values[pose], where.transforms[pose], where.node_positions[pose])
-    wrenches = np.zeros((len(rows), len(robot.nodes), 6))
-    wrenches[each, [index[name] for name in rows.load_point.tolist()]] = rows.wrench
-    try:
-        moved = loaded_displacement(structure, of_row, wrenches, gravity=True)
-    except BeamstiffError as error:
-        raise BeamstiffError(f"{rows.source}: {error} (poses are the rows here, the first is 0)") from None
-    result = moved[each, [index[name] for name in rows.point.tolist()]]
-    result[:, 3:] = moved[:, index[robot.tcp], 3:]
+    result, tool = displaced_points(robot, rows)
+    result[:, 3:] = tool[:, 3:]
     return result
 
 

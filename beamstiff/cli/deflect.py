@@ -34,9 +34,9 @@ def deflect(
     where they are there, the gap to the prediction is printed. Of absolute positions (x y z) it predicts
     where the points are in the base frame, under weight, payload and load.
 
-    --preload adds the geometric stiffness K_C on the undeformed geometry: the displacement under
-    gravity, payload and the row's wrench, less that under gravity and payload, each with the
-    stiffness that its own loads leave. A load under which the machine buckles is refused.
+    --preload takes equilibria to second order in the loads, with the geometric stiffness K_C: the
+    displacement under gravity, payload and the row's wrench, less that under gravity and payload.
+    A load under which the machine buckles is refused.
 
     Effects that the robot has (`effects:`, such as backlash) are added.
 

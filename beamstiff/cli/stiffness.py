@@ -40,7 +40,7 @@ def stiffness(
 
     --preload gives the tangent stiffness of the loaded machine instead, for a small wrench on top
     of what loads it: gravity and payload always, and --wrench. It adds the geometric stiffness K_C
-    of these loads on the undeformed geometry; K is not symmetric then if a moment acts.
+    of these loads, where they have moved the machine; K is not symmetric then if a moment acts.
 
     \b
     Examples:

@@ -116,7 +116,7 @@ def element_forces(structure: Structure, geometry: Geometry, displacement: Array
     For displacements (P, N, 6) of the nodes. Only the deformation counts, second end against the first
     carried along: what moves an element as a whole leaves no rounding errors of its stiffness behind.
     """
-    deformation = _deformation(structure, geometry, displacement)
+    deformation = element_deformation(structure, geometry, displacement)
     blocks = element_blocks(structure, geometry)[:, :, :, 1]
     forces: Array = (blocks @ deformation[:, :, None, :, None])[..., 0]
     return forces, 0.5 * np.einsum("pea,pea->pe", deformation, forces[:, :, 1])
@@ -134,7 +134,7 @@ def stiffness_between(structure: Structure, geometry: Geometry, motions: Array) 
     forces = np.zeros_like(motions)
     strains, held = [], []
     for at in range(motions.shape[2]):
-        strain = _deformation(structure, geometry, gather(structure, geometry, motions[:, :, at]))
+        strain = element_deformation(structure, geometry, gather(structure, geometry, motions[:, :, at]))
         ends = (blocks[:, :, :, 1] @ strain[:, :, None, :, None])[..., 0]
         nodal = np.zeros((len(motions), len(structure.robot.nodes), 6))
         np.add.at(nodal.swapaxes(0, 1), first, ends[:, :, 0].swapaxes(0, 1))
@@ -149,7 +149,7 @@ def stiffness_between(structure: Structure, geometry: Geometry, motions: Array) 
     return stiffness, forces
 
 
-def _deformation(structure: Structure, geometry: Geometry, displacement: Array) -> Array:
+def element_deformation(structure: Structure, geometry: Geometry, displacement: Array) -> Array:
     """Return the deformation of all elements, second end against the first carried along, (P, E, 6)."""
     first, second = structure.elements.T
     positions = geometry.posture.node_positions

@@ -7,8 +7,9 @@ In equilibrium under nodal wrenches F the tangent stiffness in the unknowns z is
 K_1 is the initial stress matrix of the elements (`initial_stress`), r what rigids and joints carry at a node,
 and J_j = [v_j; a_j] the node's twist for unknown j. An unknown i that moves what j moves, and j itself, gives
 ``dJ_j/dz_i = [a_i x v_j; a_i x a_j]``, one that comes after j ``[a_j x v_i; 0]``, and two rotations of one
-block (a rotation vector) half of both. All is on the undeformed geometry and of first order in the load,
-but exact in the axial forces of beams (`beam_column`). Loads keep their direction and go with their nodes.
+block (a rotation vector) half of both. All is on the geometry that is given and of first order in
+the load, but exact in the axial forces of beams (`beam_column`). Loads keep their direction and go with their
+nodes.
 
 With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen and Kao, Int. J. Robotics Res.
 19 (2000) 835) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not symmetric when moments act.
@@ -21,10 +22,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.assembly import gather, node_map, scatter
+from beamstiff.fem.assembly import node_map, scatter
 from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, stability_change
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
+from beamstiff.fem.finite_displacement import displaced, finite_displacement, second_order
 from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
     arm_initial_stress,
@@ -48,19 +50,29 @@ MOST_ENTRIES = 20_000_000  # of the nodes' initial stress matrices, at a time
 
 
 def loaded_compliance(
-    structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
+    structure: Structure,
+    posture: Posture,
+    loads: Array,
+    gravity: bool = False,
+    chunk: int = CHUNK,
+    *,
+    moved: bool = True,
 ) -> Array:
     """Return the compliance at the TCP of the loaded machine, (P, 6, 6), base frame.
 
     For a small wrench on top of nodal loads (P, N, 6), and of the dead weight where `gravity` says so; not
-    symmetric when moments are among the loads (seed 000, eq. 10).
+    symmetric when moments are among the loads (seed 000, eq. 10). The posture is that under the loads, or
+    where they have not `moved` the machine yet, that without.
     """
     tcp, parts = structure.kinematics.node_index[structure.robot.tcp], []
     for geometry, some in _chunks(structure, posture, loads, chunk):
+        if not moved:
+            unknowns = _loaded_unknowns(structure, geometry, some, gravity)
+            geometry = displaced(structure, geometry, unknowns)
         by_load, _ = load_stiffness(structure, geometry, some, gravity)
         watch = node_map(structure, geometry, tcp)
-        moved, _ = solve_constrained(structure, geometry, watch.swapaxes(-1, -2), by_load, True)
-        parts.append(watch @ moved)
+        shift, _ = solve_constrained(structure, geometry, watch.swapaxes(-1, -2), by_load, True)
+        parts.append(watch @ shift)
     return np.concatenate(parts)
 
 
@@ -69,17 +81,23 @@ def loaded_displacement(
 ) -> Array:
     """Return the displacement of all nodes (P, N, 6) under loads that also stiffen or soften: ``K_t z = f``.
 
-    Arguments as of `loaded_compliance`; the posture is that without any load. With rigid links this is the
-    equilibrium to second order in the loads, but for the curved ways of the nodes.
+    Arguments as of `loaded_compliance`; the posture is that without any load. This is the equilibrium to
+    second order in the loads (`finite_displacement`), and exact in the axial forces of straight beams.
     """
     parts = []
     for geometry, some in _chunks(structure, posture, loads, chunk):
-        by_load, pull = load_stiffness(structure, geometry, some, gravity)
-        total = some + pulled_weight(structure, geometry, pull) if gravity else some
-        force = scatter(structure, geometry, total)[..., None]
-        moved, _ = solve_constrained(structure, geometry, force, by_load)
-        parts.append(gather(structure, geometry, moved[..., 0]))
+        unknowns = _loaded_unknowns(structure, geometry, some, gravity)
+        parts.append(finite_displacement(structure, geometry, unknowns))
     return np.concatenate(parts)
+
+
+def _loaded_unknowns(structure: Structure, geometry: Geometry, loads: Array, gravity: bool) -> Array:
+    """Return the unknowns (P, n) in equilibrium with nodal loads (P, N, 6), and with the weight."""
+    by_load, pull = load_stiffness(structure, geometry, loads, gravity)
+    total = loads + pulled_weight(structure, geometry, pull) if gravity else loads
+    force = scatter(structure, geometry, total)[..., None]
+    unknowns = solve_constrained(structure, geometry, force, by_load)[0][..., 0]
+    return unknowns + second_order(structure, geometry, unknowns, by_load)
 
 
 def _chunks(
@@ -185,10 +203,9 @@ def _add_between(stress: Array, first: int, second: int, block: Array) -> None:
 
 def _add_payloads(stress: Array, structure: Structure, geometry: Geometry) -> None:
     """Add the turning arms of the masses that are off their nodes."""
-    rotations = geometry.posture.transforms[:, :, :3, :3]
     for mass in structure.robot.masses:
         node = structure.kinematics.node_index[mass.node]
-        arm = rotations[:, structure.kinematics.node_frame[node]] @ np.array(mass.at)
+        arm = geometry.node_rotation[:, node] @ np.array(mass.at)
         weight = mass.mass * np.array(structure.robot.gravity)
         stress[:, node, 3:, node, 3:] += arm_initial_stress(weight, arm)
 

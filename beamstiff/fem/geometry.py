@@ -23,6 +23,7 @@ class Geometry:
     """What of the structure turns with the pose, batched over P poses."""
 
     posture: Posture
+    node_rotation: Array  # (P, N, 3, 3): base frame from the frame of the node
     joint_rotation: Array  # (P, J, 3, 3): base frame from joint frame (first axis along the joint)
     terms: Array  # (P, T, 6, 6): ``u_node = sum over its terms of terms[t] @ z[block t]``
     beam_rotation: Array  # (P, B, 3, 3): base frame from local beam axes
@@ -38,7 +39,7 @@ class Geometry:
 
 def place(structure: Structure, posture: Posture, number: Index | None = None) -> Geometry:
     """Put a structure into P poses with closed loops; `number` (P,) stands for them in messages."""
-    robot, unknowns, positions = structure.robot, structure.unknowns, posture.node_positions
+    robot, positions = structure.robot, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
     number = np.arange(len(positions)) if number is None else number
     if (odd := _first_where(~np.isfinite(positions.sum(axis=2)))) is not None:
@@ -48,13 +49,6 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
         )
     _check_joints(structure, positions, number)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
-    arms = positions[:, unknowns.term_node] - positions[:, unknowns.term_origin]
-    terms = displacement_transport(arms)
-    of_joint = unknowns.block_joint[unknowns.term_block]
-    jointed = np.flatnonzero(of_joint >= 0)
-    if jointed.size:
-        turn = rotate_screw(joint_rotation[:, of_joint[jointed]])
-        terms[:, jointed] = terms[:, jointed] @ turn * unknowns.term_sign[jointed, None, None]
     ends = structure.elements[: len(robot.beams)]
     axis = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
     length = np.linalg.norm(axis, axis=-1)
@@ -72,7 +66,27 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
             f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {number[odd[0]]}, "
             "expected a direction across it"
         )
-    return Geometry(posture, joint_rotation, terms, beam_axes(axis, up), length, number)
+    return Geometry(
+        posture,
+        rotations[:, structure.kinematics.node_frame],
+        joint_rotation,
+        node_terms(structure, positions, joint_rotation),
+        beam_axes(axis, up),
+        length,
+        number,
+    )
+
+
+def node_terms(structure: Structure, positions: Array, joint_rotation: Array) -> Array:
+    """Return the terms (P, T, 6, 6) that make nodes at positions (P, N, 3) of the unknowns."""
+    unknowns = structure.unknowns
+    terms = displacement_transport(positions[:, unknowns.term_node] - positions[:, unknowns.term_origin])
+    of_joint = unknowns.block_joint[unknowns.term_block]
+    jointed = np.flatnonzero(of_joint >= 0)
+    if jointed.size:
+        turn = rotate_screw(joint_rotation[:, of_joint[jointed]])
+        terms[:, jointed] = terms[:, jointed] @ turn * unknowns.term_sign[jointed, None, None]
+    return terms
 
 
 def _first_where(condition: NDArray[np.bool_]) -> tuple[int, int] | None:

@@ -33,7 +33,6 @@ def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
     gravity = np.array(robot.gravity)
     result = np.zeros((positions.shape[0], len(robot.nodes), 6))
     index = structure.kinematics.node_index
-    rotations = geometry.posture.transforms[:, :, :3, :3]
     turning = turning_nodes(robot)
     for mass in robot.masses:
         if mass.node not in turning and any(mass.at):
@@ -41,7 +40,7 @@ def mass_wrenches(structure: Structure, geometry: Geometry) -> Array:
                 f"the mass on node {mass.node!r} is off it, but struts alone hold that: it has no rotation"
             )
         node = index[mass.node]
-        arm = rotations[:, structure.kinematics.node_frame[node]] @ np.array(mass.at)
+        arm = geometry.node_rotation[:, node] @ np.array(mass.at)
         weight = mass.mass * gravity
         result[:, node, :3] += weight
         result[:, node, 3:] += np.cross(arm, weight)

@@ -36,8 +36,8 @@ class Unknowns:
     # (K,): index of the joint whose relative displacement the block is; -1 for a root node
     block_joint: Index
     # term_node, term_block, term_origin, term_sign, (T,): terms, sorted by node: the node, the block, the
-    # node from which the arm is drawn, and -1 where the way to the root passes a joint from its second node
-    # to its first
+    # node from which the arm is drawn (of a joint its second), and -1 where the way to the root passes a
+    # joint from its second node to its first
     term_node: Index
     term_block: Index
     term_origin: Index
@@ -118,7 +118,8 @@ def number_unknowns(robot: Robot) -> Unknowns:
                     if (values != RIGID).any():
                         directions = [bool(value != RIGID) for value in values]
                         block = new_block(robot.joints[joint].name, directions, joint)
-                        paths[neighbour].append((block, neighbour, sign))
+                        pivot = index[robot.joints[joint].nodes[1]]  # coincident with the first until loaded
+                        paths[neighbour].append((block, pivot, sign))
                 if neighbour in fixed and paths[neighbour]:
                     held.append(neighbour)
                 front.append(neighbour)

@@ -106,7 +106,7 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     data : Measurements or path, or several
         Columns of measured displacements may be missing.
     preload : bool
-        Add the geometric stiffness K_C of gravity, payload and the row's wrench, on the undeformed geometry.
+        Equilibria to second order in gravity, payload and the row's wrench, with their K_C.
 
     Returns
     -------

@@ -84,7 +84,8 @@ def stiffness(
         Actuated joint variables; those not named are 0, passive ones are solved. Default the reference
         posture: the middle of the limits, or a posture within them that closes the loops.
     preload : bool
-        Tangent stiffness of the machine under gravity, payload and `wrench`, with their geometric stiffness.
+        Tangent stiffness of the machine where gravity, payload and `wrench` have moved it, with their
+        geometric stiffness.
     wrench : (6,) array, optional
         With `preload`: ``[f, m]`` on the TCP, base frame, N and N m.
 
@@ -223,7 +224,7 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
     if load is None:
         compliance = condensation.tcp_compliance(structure, where)
     else:
-        compliance = loaded_compliance(structure, where, _nodal(structure, load), gravity=True)
+        compliance = loaded_compliance(structure, where, _nodal(structure, load), gravity=True, moved=False)
     if structure.robot.model is not None:
         compliance = compliance + compliance_correction(structure, where)[:, :, :6]
     return compliance

@@ -19,7 +19,7 @@ from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import make_measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import AddedEffect, Beam, Mass, Rigid
+from beamstiff.robot.parts import AddedEffect, AddedShape, Beam, Mass, Rigid
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, transform
 from beamstiff.simulators.bodies import Body, BodyJoint, Tendon
 from beamstiff.simulators.joints import MOST_JOINTS, Assembly, free_name
@@ -34,8 +34,7 @@ BALANCER_ARM = (
 
 def add_effects(made: Assembly) -> None:
     """Add the effects of a robot to its bodies; what has no counterpart is listed."""
-    robot = made.machine.robot
-    for effect in robot.effects:
+    for effect in (one for several in made.machine.robot.effects for one in _by_shape(several)):
         try:
             added = _drive_law(made, effect) or _compliance(made, effect)
         except BeamstiffError as error:
@@ -43,6 +42,14 @@ def add_effects(made: Assembly) -> None:
             continue
         if not added:
             made.lost.append(f"effect {_label(effect)} ({effect.shape}) has no counterpart")
+
+
+def _by_shape(effect: AddedEffect) -> Iterator[AddedEffect]:
+    """Yield an effect for each of its shapes: what springs in series add is their sum."""
+    for shape in effect.each:
+        size = {name: shape.weight * value for name, value in _numbers(shape).items()}
+        one = AddedShape(shape=shape.shape, parameters=size, scales=shape.scales)
+        yield effect.with_shapes((one,))
 
 
 def bare(robot: Robot) -> Robot:
@@ -68,7 +75,7 @@ def _label(effect: AddedEffect) -> str:
     return effect.effect if effect.component is None else f"{effect.effect}:{effect.component}"
 
 
-def _numbers(effect: AddedEffect) -> dict[str, float]:
+def _numbers(effect: AddedEffect | AddedShape) -> dict[str, float]:
     """Return an effect's parameters, SI."""
     numbers = {}
     for name, value in effect.parameters.items():

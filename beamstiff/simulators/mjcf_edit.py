@@ -1,8 +1,9 @@
 """A robot's compliance written into an MJCF file: springs beside its joints, no other byte changed.
 
 Joints of the file that carry the names of the robot's drives say where a part of the machine is; MuJoCo's
-parser (optional extra `mujoco`) says how its bodies lie. A spring goes behind the drive before it, that of
-the base before the first joint; what is compliant at the tool gets a body of its own around the TCP's site.
+parser (optional extra `mujoco`) says how its bodies lie. A spring goes behind the drive before it; those of
+the base go into the body that stands on the world and carries the first drive; what is compliant at the tool
+gets a body of its own around the TCP's site.
 """
 
 from __future__ import annotations
@@ -11,20 +12,21 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.description import Robot
 from beamstiff.robot.xml_text import Edit, Element, apply_edits, parse_xml, set_attribute
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyJoint, BodyTree, placed_bodies
 from beamstiff.simulators.mjcf_writer import LEAST_MASS, SETTLE, joint_text
 from beamstiff.simulators.statics import engine
 
 SAME = 1e-9  # of a stiffness: not worth an edit
-FAR = 1e-6  # m or rad: farther apart, the axes of file and robot are not the same
+LEAST_INERTIAL = '<inertial pos="0 0 0" mass="{0}" diaginertia="{0} {0} {0}"/>'.format(repr(LEAST_MASS))
 
 
 def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tuple[str, tuple[str, ...]]:
@@ -40,12 +42,24 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
     lost = [*tree.lost]
     if tree.closures or tree.tendons:
         lost.append("struts, balancers and elements that close loops: the file keeps those that it has")
-    poses, ours = _poses(file), placed_bodies(tree.bodies, {})
+    (model, poses), ours = _placed(file), placed_bodies(tree.bodies, {})
     data, edits = text.encode("utf-8"), list[Edit]()
-    added: dict[tuple[str, bool], list[str]] = {}
+    added: dict[tuple[int, str], list[str]] = {}  # of a place in the text, and what stands around a line
     for name, before, number, springs in _groups(tree, elements):
         body = next(item for item in _all(root, "body") if elements[name] in item.children)
-        there = np.linalg.inv(poses[body.attributes.get("name", "")]) @ ours[number]
+        standing = next(item for item in _all(root, "body") if item.start <= body.start < item.end)
+        anchor = elements[name]
+        indent = _indent(data, anchor.start)
+        place = (anchor.start, f"{{}}\n{indent}") if before else (anchor.end, f"\n{indent}{{}}")
+        at = int(model.joint(anchor.attributes["name"]).bodyid[0])
+        stands_on = int(model.body_rootid[at])
+        if before and standing is not body:
+            at, place = stands_on, (standing.inside, f"\n{_indent(data, standing.start)}  {{}}")
+            if not model.body_mass[at] > 0.0 and not standing.all(
+                "inertial"
+            ):  # what moves must weigh something
+                added.setdefault(place, [LEAST_INERTIAL])
+        there = np.linalg.inv(poses[at]) @ ours[number]
         for spring in springs:
             if (known := elements.get(spring.name)) is not None:
                 edits += _restiffened(data, known, spring)
@@ -53,14 +67,10 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
             moved = replace(
                 spring, at=there[:3, :3] @ spring.at + there[:3, 3], axis=there[:3, :3] @ spring.axis
             )
-            added.setdefault((name, before), []).append(joint_text(moved, settle, 0.0))
-    for (name, before), lines in added.items():
-        anchor = elements[name]
-        indent = _indent(data, anchor.start)
-        at = anchor.start if before else anchor.end
-        edits.append(
-            Edit(at, at, "".join(f"{one}\n{indent}" if before else f"\n{indent}{one}" for one in lines))
-        )
+            added.setdefault(place, []).append(joint_text(moved, settle, 0.0))
+    edits += [
+        Edit(at, at, "".join(around.format(line) for line in lines)) for (at, around), lines in added.items()
+    ]
     edits += _at_tool(robot, tree, root, data, elements, settle, lost)
     result = apply_edits(data, edits) if edits else text
     return result, tuple(lost)
@@ -93,8 +103,8 @@ def _all(root: Element, name: str) -> Iterator[Element]:
             yield from _all(child, name)
 
 
-def _poses(file: str) -> dict[str, Array]:
-    """Return where the bodies of a file are with all joints at 0, (4, 4), by name."""
+def _placed(file: str) -> tuple[Any, list[Array]]:
+    """Return MuJoCo's model of a file, and where its bodies are with all joints at 0, (4, 4)."""
     mujoco = engine()
     model = mujoco.MjModel.from_xml_path(file)
     data = mujoco.MjData(model)
@@ -104,12 +114,8 @@ def _poses(file: str) -> dict[str, Array]:
         width = 7 if model.jnt_type[joint] == 0 else 4
         data.qpos[at : at + width] = model.qpos0[at : at + width]
     mujoco.mj_kinematics(model, data)
-    poses = {}
-    for number in range(model.nbody):
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = data.xmat[number].reshape(3, 3), data.xpos[number]
-        poses[model.body(number).name] = pose
-    return poses
+    turned = data.xmat.reshape(-1, 3, 3)
+    return model, [transform(*placed) for placed in zip(turned, data.xpos, strict=True)]
 
 
 def _restiffened(data: bytes, element: Element, spring: BodyJoint) -> Iterator[Edit]:
@@ -140,14 +146,14 @@ def _at_tool(
         if not holder:
             lost.append(f"tool-compliance: the file has no site {robot.tcp!r}, around which it goes")
             continue
-        poses = _poses(root.source)
+        model, poses = _placed(root.source)
         ours = placed_bodies(tree.bodies, {})[number]
-        there = np.linalg.inv(poses[holder[0].attributes.get("name", "")]) @ ours
+        there = np.linalg.inv(poses[int(model.site(robot.tcp).bodyid[0])]) @ ours
         (site,) = sites
-        indent, least = _indent(data, site.start), repr(LEAST_MASS)
+        indent = _indent(data, site.start)
         lines = [
             f'<body name="{body.name}">',
-            f'  <inertial pos="0 0 0" mass="{least}" diaginertia="{least} {least} {least}"/>',
+            f"  {LEAST_INERTIAL}",
         ]
         for joint in body.joints:
             at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from beamstiff.robot.description import Robot
+from beamstiff.robot.sdf_writer import DRAWN
+from beamstiff.robot.xml_text import parse_xml
 from beamstiff.se3 import Array
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import Body, BodyJoint, BodyTree, Closure, Tendon, placed_bodies
@@ -35,7 +38,18 @@ def robot_to_mjcf(
     `q` (A,): the posture whose values stand for what varies with it; `settle`: s, see `SETTLE`.
     """
     tree = assemble(robot, q)
+    tree = replace(tree, lost=(*tree.lost, *lost_of_urdf(robot)))
     return write_mjcf(tree, settle), tree.lost
+
+
+def lost_of_urdf(robot: Robot) -> Iterator[str]:
+    """Yield what the URDF that a robot was read from holds of its links, and a robot does not."""
+    links = [] if robot.urdf is None else parse_xml(robot.urdf, "<urdf>").all("link")
+    shapes = sum(len(link.all(name)) for link in links for name in DRAWN)
+    inertias = sum(bool(part.all("inertia")) for link in links for part in link.all("inertial"))
+    for count, what in ((shapes, "meshes and other shapes"), (inertias, "moments of inertia")):
+        if count:
+            yield f"{what} ({count}) of the URDF; --like keeps those of an MJCF that MuJoCo made of it"
 
 
 def write_mjcf(tree: BodyTree, settle: float = SETTLE) -> str:

@@ -18,7 +18,7 @@ from beamstiff.robot.urdf.export import FARTHEST, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyJoint, BodyTree
-from beamstiff.simulators.mjcf_writer import SETTLE, mass_of
+from beamstiff.simulators.mjcf_writer import SETTLE, lost_of_urdf, mass_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
     """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say."""
     tree = assemble(robot)
     links = [*series_links(tree)]
-    lost = [*tree.lost]
+    lost = [*tree.lost, *(item.partition(";")[0] for item in lost_of_urdf(robot))]
     if tree.closures:
         lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
     if tree.tendons:
@@ -51,7 +51,11 @@ def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
 
 
 def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
-    """Yield links, parents first: one for every joint of every body, and one for every site."""
+    """Yield links, parents first: one for every joint of every body, and one for every site.
+
+    No link is called as a joint is: SDF takes both for one name.
+    """
+    taken = {joint.name for body in tree.bodies for joint in body.joints}
     own: dict[int, tuple[str, Array]] = {-1: ("", np.eye(4))}
     for number, body in enumerate(tree.bodies):
         parent, frame = own[body.parent]
@@ -61,6 +65,7 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
             last = at == len(joints) - 1
             anchor = transform(np.eye(3), np.zeros(3) if joint is None else joint.at)
             name = body.name if last or joint is None else f"{body.name} behind {joint.name}"
+            name = f"{name} link" if name in taken else name
             behind: Array = np.asarray(np.linalg.inv(anchor), dtype=np.float64)
             yield SeriesLink(name, parent, frame @ anchor, joint, number if last else None, behind)
             parent, frame = name, behind

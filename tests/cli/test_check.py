@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.cli.conftest import Refused, Run
@@ -35,9 +36,9 @@ def test_beyond_the_limit_it_ends_with_3_as_verify_does(run: Run, folder: Path) 
     checked = run("check", "out.json", "--max-gap", "0.2mm")
     assert verified.exit_code == checked.exit_code == 3
     assert checked.stderr.count("\n") == 1
-    # ten times the torsional compliance: 9 mm more across the arm in three of four rows (the last two ways
-    # at once, sqrt(2) 1000 N along the arm: nothing across it)
-    expected = 9.0 * (2 / 4) ** 0.5
+    # ten times the torsional compliance: 9 mm more across the arm, on its circle, in three of four rows (the
+    # last two ways at once, sqrt(2) 1000 N along the arm: nothing across it)
+    expected = 1e3 * np.hypot(np.sin(0.01) - 0.001, 1 - np.cos(0.01)) * (2 / 4) ** 0.5
     assert json.loads((folder / "out.json").read_text())["after_mm"] == pytest.approx(expected)
     assert f"{expected:.4g} mm" in checked.stderr
 

@@ -44,6 +44,7 @@ def test_absolute_rows_get_the_position_by_hand(told: Run, succeed: Run, folder:
     answer = told("deflect", "crane.yaml", "seen.csv")
     still = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     moved = np.array([np.zeros(6), BY_HAND[0], np.zeros(6)])
+    moved[1, 0] = np.cos(BY_HAND[0][5]) - 1  # the tip goes on a circle of 1 m
     np.testing.assert_allclose(answer["displacement"], moved, atol=1e-9)
     np.testing.assert_allclose(np.array(answer["pose"])[:, :3], np.array(still) + moved[:, :3], atol=1e-9)
     said = succeed("deflect", "crane.yaml", "seen.csv", "--out", "predicted.csv").stdout

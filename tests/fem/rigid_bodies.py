@@ -98,6 +98,33 @@ class RigidBodies:
         moment = (to_spin.swapaxes(-1, -2) @ wrench[..., 3:, None])[..., 0]
         return np.concatenate([wrench[..., :3], moment], axis=-1).reshape(x.shape)
 
+    def displacement(self, loads: Array, gravity: bool = False) -> Array:
+        """Return the displacements (N, 6) of the exact equilibrium under wrenches (N, 6) (Newton)."""
+        rigid, size = np.isinf(self.values), 6 * len(self.free)
+        step, spring = 1e-30 * 1j * np.eye(size), np.where(rigid, 0.0, self.values)
+        x, holding = np.zeros(size), np.zeros(int(rigid.sum()))
+        for _ in range(30):
+            slope = np.imag(self.strains(x + step)) / 1e-30
+            strain, load = self.strains(x), self.load_gradient(x, loads, gravity)
+            missing = load - slope @ (spring * strain) - slope[:, rigid] @ holding
+            matrix = np.block(
+                [
+                    [(slope * spring) @ slope.T, slope[:, rigid]],
+                    [slope[:, rigid].T, np.zeros((holding.size, holding.size))],
+                ]
+            )
+            right = np.concatenate([missing, -strain[rigid]])
+            scale = 1 / np.sqrt(np.maximum(np.abs(matrix).max(axis=1), 1e-12))
+            solved = scale * np.linalg.lstsq(matrix * scale * scale[:, None], right * scale, rcond=1e-13)[0]
+            x, holding = x + solved[:size], holding + solved[size:]
+            if np.abs(solved[:size]).max() < 1e-13:
+                break
+        else:
+            raise AssertionError("no equilibrium")
+        result = np.zeros((len(self.points), 6))
+        result[self.free] = x.reshape(-1, 6)
+        return result
+
     def compliance(self, node: int, loads: Array, gravity: bool = False) -> Array:
         """Return the compliance (6, 6) of a node under wrenches (N, 6) that strain the bodies' springs.
 

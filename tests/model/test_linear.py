@@ -56,7 +56,7 @@ def test_an_inverted_pendulum_is_softer_by_the_moment_of_its_weight(sign: int) -
     sideways = rows(robot, q * 3, [[H, 0, 0, 0, 0, 0], [H, 0, -P, 0, 0, 0], [0, 0, 0, 0, 0, 0]])
     found = predict_displacements(robot, sideways, preload=True)
     turns = [H * LENGTH / (STIFFNESS - sign * load * LENGTH) for load in (MASS * G, MASS * G + P)]
-    np.testing.assert_allclose(found[:2, 0], np.array(turns) * LENGTH, rtol=1e-12)
+    np.testing.assert_allclose(found[:2, 0], np.sin(turns) * LENGTH, rtol=1e-12)
     np.testing.assert_allclose(found[:2, 4], sign * np.array(turns), rtol=1e-12)
     assert np.abs(found[2]).max() < 1e-15
     plain = predict_displacements(robot, sideways)
@@ -68,10 +68,11 @@ def test_a_load_along_an_arm_that_its_weight_has_turned_moves_it() -> None:
     robot, P = pendulum(), 500.0
     along = rows(robot, [[np.pi / 2]], [[P, 0, 0, 0, 0, 0]])
     weight = MASS * G * LENGTH
-    turned = weight / (STIFFNESS + P * LENGTH) - weight / STIFFNESS
+    loaded, hanging = weight / (STIFFNESS + P * LENGTH), weight / STIFFNESS
     found = predict_displacements(robot, along, preload=True)[0]
-    np.testing.assert_allclose(found[4], turned, rtol=1e-12)
-    np.testing.assert_allclose(found[2], -turned * LENGTH, rtol=1e-12)
+    np.testing.assert_allclose(found[4], loaded - hanging, rtol=1e-12)
+    np.testing.assert_allclose(found[2], -(np.sin(loaded) - np.sin(hanging)) * LENGTH, rtol=1e-12)
+    np.testing.assert_allclose(found[0], (np.cos(loaded) - np.cos(hanging)) * LENGTH, rtol=1e-9)
     assert np.abs(predict_displacements(robot, along)).max() < 1e-15
 
 

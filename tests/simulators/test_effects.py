@@ -34,6 +34,15 @@ def with_effect(name: str, component: str | None, shape: str, parameters: object
     return robot.model_copy(update={"effects": (added,)})
 
 
+def averaged(name: str, component: str, shapes: dict[str, tuple[float, dict[str, float]]]) -> Robot:
+    several = [
+        {"shape": shape, "weight": weight, "parameters": parameters, "scales": TORQUE}
+        for shape, (weight, parameters) in shapes.items()
+    ]
+    added = AddedEffect.model_validate({"effect": name, "component": component, "shapes": several})
+    return load_robot("kr240-2").model_copy(update={"gravity": (0.0, 0.0, 0.0), "effects": (added,)})
+
+
 def cycle(robot: Robot) -> Measurements:
     """Return a load that rises, is turned round and rises again in one posture, read beside the TCP too."""
     size = np.concatenate([np.linspace(0, 1, 6), np.linspace(0.8, -1, 10), np.linspace(-0.8, 1, 10)])
@@ -51,7 +60,20 @@ def cycle(robot: Robot) -> Measurements:
 def test_the_curve_over_a_load_cycle(
     name: str, component: str | None, shape: str, parameters: object, scales: object
 ) -> None:
-    robot = with_effect(name, component, shape, parameters, scales)
+    check_curve(with_effect(name, component, shape, parameters, scales))
+
+
+def test_averaged_shapes_act_in_series() -> None:
+    friction = {"friction 0.1": (0.4, {"held_windup": 2e-4}), "friction 0.2": (0.6, {"held_windup": 2e-4})}
+    flanks = {
+        "flank within 0.03": (0.7, {"half_width": 2e-4}),
+        "flank within 0.1": (0.3, {"half_width": 4e-4}),
+    }
+    check_curve(averaged("hysteresis", "q2", friction))
+    check_curve(averaged("backlash", "q2", flanks))
+
+
+def check_curve(robot: Robot) -> None:
     rows = cycle(robot)
     ours, (theirs, lost) = predict(robot, rows, preload=True).displacement, mujoco_deflection(robot, rows)
     assert lost == ()

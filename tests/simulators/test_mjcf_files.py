@@ -12,6 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.functions.robots import load_robot as load_any
 from beamstiff.measure import make_measurements, write_measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.simulators.mjcf_edit import mjcf_like
 from beamstiff.simulators.mjcf_reader import read_mjcf
 from beamstiff.simulators.mjcf_writer import robot_to_mjcf
@@ -94,6 +95,22 @@ def test_like_adds_springs_alone_and_mujoco_deflects_as_we_do(arm: Path) -> None
     rows = make_measurements(names, q[None], tcp="tcp", wrench=wrench[None])
     expected = predict(robot, rows, preload=True).displacement[0, :3]
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.linalg.norm(expected))
+
+
+def test_springs_of_the_base_move_what_stands_on_it(arm: Path) -> None:
+    """A site of the base link moves with the pedestal, with or without a mass of the link."""
+    pedestal = AddedEffect(effect="base-compliance", shape="tilt", parameters={"tilting_compliance": 1e-6})
+    for mass in ('<inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/>', ""):
+        column = f'<worldbody>\n    <body name="plinth">{mass}<site name="plate" pos="0.3 0 0"/>'
+        text = ARM.replace("<worldbody>", column).replace("</worldbody>", "</body></worldbody>")
+        arm.write_text(text)
+        robot = load_any(arm).model_copy(update={"effects": (pedestal,)})
+        model = MujocoModel(mjcf_like(robot, text, str(arm))[0])
+        held = dict.fromkeys(["q1", "q2", "q3"], 0.1)
+        rest = model.equilibrium(held, np.zeros(6), "tcp")
+        moved = model.equilibrium(held, np.array([0, 0, 0, 0, 100.0, 0]), "tcp", rest)
+        found = model.site_pose("plate", moved)[0] - model.site_pose("plate", rest)[0]
+        assert found[2] == pytest.approx(-0.3 * 1e-4, rel=1e-3)
 
 
 def test_joints_whose_names_are_no_variables(arm: Path) -> None:

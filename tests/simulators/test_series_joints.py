@@ -1,12 +1,16 @@
 """URDF and SDF with every compliance a joint in series."""
 
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from beamstiff import load_robot
+from beamstiff.functions.written import SERIES, as_written
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.sdf_writer import robot_to_sdf
 from beamstiff.robot.urdf.reader import parse_urdf
 from beamstiff.simulators.series_joints import robot_to_series
 
@@ -42,6 +46,20 @@ def test_an_sdf_says_the_stiffness_itself() -> None:
     }
     assert springs["J2.torsional"] == robot.parameter("J2.torsional")
     assert springs["q2"] == 0.0
+
+
+def test_an_sdf_that_is_diagnosed_gets_its_effect_as_joints_of_its_own(tmp_path: Path) -> None:
+    start = tmp_path / "start.sdf"
+    start.write_text(robot_to_sdf(load_robot("kr240-2")).text)
+    play = {"effect": "backlash", "component": "q2", "shape": "flank within 0.03"}
+    more = {"parameters": {"half_width": 4e-4}, "scales": {"torque": 4000.0}}
+    robot = load_robot(start).model_copy(update={"effects": (AddedEffect.model_validate(play | more),)})
+    text, lost = as_written(robot, str(tmp_path / "out.sdf"), start)
+    assert lost == (SERIES,)
+    names = [item.get("name") for item in ET.fromstring(text).iter() if item.tag in ("link", "joint")]
+    assert len(names) == len(set(names))
+    (stop,) = (joint for joint in ET.fromstring(text).iter("joint") if "backlash" in str(joint.get("name")))
+    assert float(stop.findtext("axis/limit/upper", "0")) == pytest.approx(4e-4)
 
 
 def test_loops_are_cut_and_told() -> None:

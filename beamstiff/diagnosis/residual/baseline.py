@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.internal_wrench import Places, find_places
-from beamstiff.fem.geometric import loaded_displacement
-from beamstiff.fem.structure import compile_structure
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import build_parameters
@@ -25,7 +23,7 @@ from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.model.correction import model_correction
-from beamstiff.model.linear import predict_displacements
+from beamstiff.model.linear import displaced_points, predict_displacements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -252,10 +250,15 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
 
 
 def _by_compliance(model: PortModel, stiffness: Array) -> Array:
-    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding."""
+    """Return the derivative of the displacements by compliances, (N, 6, t); 0 where it is but rounding.
+
+    Of positions and rotations by themselves: a drive whose axis meets the point that is read turns it alone.
+    """
     tangent: Array = -model.derivatives(stiffness)[1] * stiffness**2
-    size = np.linalg.norm(tangent, axis=(0, 1)) / stiffness
-    return np.where(size > ROUNDING * size.max(initial=0.0), tangent, 0.0)
+    parts = tangent.reshape(len(tangent), 2, 3, -1)
+    size = np.linalg.norm(parts, axis=(0, 2), keepdims=True) / stiffness
+    seen = size > ROUNDING * size.max(axis=-1, initial=0.0, keepdims=True)
+    return np.where(seen, parts, 0.0).reshape(tangent.shape)
 
 
 def around(fit: Baseline, stiffness: Array) -> Baseline:
@@ -306,19 +309,12 @@ def predict(robot: Robot, rows: Measurements) -> Array:
 def _of_structure(robot: Robot, rows: Measurements) -> Array:
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
         return np.zeros((len(rows), 6))
-    loaded = predict_displacements(robot, rows, preload=True)
-    if robot.model is not None:
-        loaded = loaded + model_correction(robot, rows)
-    if rows.kind == "displacement":
-        return loaded
-    structure = compile_structure(robot)
-    poses, number = np.unique(rows.q, axis=0, return_inverse=True)
-    where, pose = posture(structure.kinematics, poses), number.reshape(-1)
-    nothing = np.zeros((len(poses), len(robot.nodes), 6))
-    dead = loaded_displacement(structure, where, nothing, gravity=True)
-    seen = [structure.kinematics.node_index[name] for name in rows.point.tolist()]
-    both: Array = loaded + dead[pose, seen]
-    return both
+    moved = (
+        predict_displacements(robot, rows, preload=True)
+        if rows.kind == "displacement"
+        else displaced_points(robot, rows)[0]
+    )
+    return moved if robot.model is None else moved + model_correction(robot, rows)
 
 
 def deviation(robot: Robot, rows: Measurements) -> Array:

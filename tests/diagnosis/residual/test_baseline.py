@@ -14,7 +14,7 @@ from beamstiff.diagnosis.residual.baseline import (
     predict,
 )
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Mass
+from beamstiff.robot.parts import Mass, Node, Rigid
 from tests.diagnosis.machines import arm_at, at_random, close, elbow, kr240, rows_of
 
 REAL = dict(zip(kr240().identify, [3e6, 8e6, 4.5e6, 5e5, 7.5e5, 4e5], strict=True))
@@ -54,6 +54,24 @@ def test_the_tangent_is_the_derivative_by_the_compliances(name: str) -> None:
             for c in (0.999 * compliance, 1.001 * compliance)
         )
         close(found.tangent[..., at], (high - low) / (0.002 * compliance), 1e-4)
+
+
+def test_a_drive_that_turns_the_point_alone_keeps_its_stiffness() -> None:
+    """Its axis meets the point but for rounding, which says nothing of its compliance."""
+    arm = kr240()
+    frame = next(node.frame for node in arm.nodes if node.name == "n6b")
+    tool = Node(name="tool", frame=frame, at=(1e-13, 0, 0.1))
+    flange = Rigid(name="flange", nodes=("n6b", "tool"))
+    more = {"nodes": (*arm.nodes, tool), "rigids": (*arm.rigids, flange), "tcp": "tool"}
+    robot = arm.model_copy(update=more)
+    rows = at_random(robot, 20, seed=1)
+    seen = predict(robot.with_parameters(REAL), rows)
+    seen[:, 3:] = np.nan
+    found = fit_baseline(robot, replace(rows, displacement=seen))
+    last = found.fitted.index("J6.torsional")
+    assert not found.tangent[:, :3, last].any()
+    assert found.tangent[:, 3:, last].any()
+    assert found.robot.parameter("J6.torsional") == pytest.approx(robot.parameter("J6.torsional"), rel=1e-6)
 
 
 def test_the_response_is_the_compliance_between_load_and_point() -> None:
