@@ -131,6 +131,7 @@ def identify(
         combinations_text,
         identification_table,
         identification_text,
+        identification_verdict,
         method_text,
     )
     from beamstiff.report.parity import parity_figure
@@ -182,7 +183,8 @@ def identify(
     texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
     if machine.effects:
         texts.append(f"The fit includes the robot's effects unchanged: {effects_text(machine.effects)}.")
-    outputs.result(found.notes, [table, "", *texts], found.to_dict())
+    verdict = identification_verdict(found, fitted)
+    outputs.result(found.notes, [*verdict.lines(), table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:

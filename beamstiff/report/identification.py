@@ -12,15 +12,15 @@ from beamstiff.errors import listed
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.verdict import BEYOND_NOISE, Level, Verdict, data_of, level_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
-# a residual this much above the noise, or below it, is no chance any more, from a dozen rows on
-BEYOND_NOISE = 1.5
-BELOW_NOISE = 0.5
+BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
 # scipy names the tolerance that was met
 TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
+_PLAIN: Level = "plain"
 ACTS = {
     "series": "act in series",
     "parallel": "act in parallel",
@@ -153,6 +153,25 @@ def identification_text(found: Identification, measured: Measurements, folds: in
     if found.interrupted:
         lines.insert(0, "Stopped by hand: the best values so far.")
     return "\n".join(lines)
+
+
+def identification_verdict(found: Identification, measured: Measurements) -> Verdict:
+    """Return how many values were identified, how much noise the fit leaves, and what to do next."""
+    known = sum(item.value is not None for item in found.parameters)
+    said = f"{known} of {counted(len(found.parameters), 'stiffness value')} identified"
+    ratio, level = sqrt(found.chi_square), _PLAIN
+    if np.isfinite(measured.sigma[measured.measured_mask]).any():
+        level = level_of(ratio)
+        said += f"; the fit leaves {ratio:.1f} times the noise"
+    if level in ("doubtful", "differs"):
+        action = "The model is incomplete: beamstiff diagnose, on the same files, finds what it lacks."
+    elif known < len(found.parameters):
+        action = "Measure what determines the others: beamstiff plan chooses postures and loads."
+    elif level == "agrees":
+        action = "Write the robot (--out) and test it on fresh rows with beamstiff verify."
+    else:
+        action = "State sigma_position in the table's head, so that the fit can be judged."
+    return Verdict(said, level, data_of(measured), action)
 
 
 def method_text(found: Identification) -> str:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -18,9 +17,10 @@ from beamstiff.report.diagnosis import (
     causes_table,
     closed,
     gap_table,
-    headline,
     in_words,
+    likely,
     named,
+    notable,
     one_posture,
     percent,
     places_table,
@@ -33,6 +33,7 @@ from beamstiff.report.diagnosis import (
     summary,
     tested,
     untestable_table,
+    verdict,
 )
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
@@ -45,7 +46,6 @@ from beamstiff.report.tables import Table, number
 from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
-LEAST = 0.0005  # probability of a candidate in the table
 
 
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
@@ -64,11 +64,18 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         Page(
             title="Diagnosis",
             robot=baseline.nominal.name,
-            verdict=headline(result),
+            verdict=verdict(result),
             summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines()],
             facts=list(_facts(result)),
             view=_view(result),
-            sections=[_which(result), _where(result), _how_far(result), *rows.sections, *_others(result)],
+            sections=[
+                _which(result),
+                _next(result),
+                _where(result),
+                _how_far(result),
+                *rows.sections,
+                *_others(result),
+            ],
             provenance=provenance,
             data=result.to_dict(),
             shared=rows.shared,
@@ -135,9 +142,7 @@ def _which(result: Diagnosis) -> Section:
         )
         figure = Figure("which", "Causes", caption, traces, layout, tables[0])
         return Section("which", "Which causes", figures=[figure], tables=tables[1:])
-    first = [
-        one for at, one in enumerate(result.candidates) if at < SHOWN or one.effect in ("none", "unknown")
-    ]
+    first = likely(result, SHOWN)
     traces, layout = bars(
         [named(one) for one in first],
         [one.probability for one in first],
@@ -146,20 +151,19 @@ def _which(result: Diagnosis) -> Section:
         range=[0, 1.02],
         tickformat=".0%",
     )
-    likely = [one for one in result.candidates if one.probability >= LEAST or one in first]
     figure = Figure(
         "which",
         "Which effect",
-        "Probability of the likeliest explanations, and of none and unknown.",
+        "Probability of the likeliest explanations.",
         traces,
         layout,
-        candidates_table(result, likely, "The candidates"),
+        candidates_table(result, likely(result, len(result.candidates)), "The candidates"),
     )
     return Section("which", "Which cause", figures=[figure], tables=tables)
 
 
 def _where(result: Diagnosis) -> Section:
-    places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
+    places = notable(result)
     first = places[:SHOWN]
     figures = []
     if first and result.verdict.effect != "none":
@@ -242,7 +246,23 @@ def _others(result: Diagnosis) -> Iterator[Section]:
             "Fitted to the same rows before or beside the causes; beamstiff identify gives their intervals."
         )
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
-        yield Section("parameters", "Parameters of the model", [text], tables=[table])
+        yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
+    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
+    yield Section("untestable", "What these data cannot show", tables=hidden, open=False)
+    limits = list(result.notes)
+    limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
+    yield Section("limits", "What limits the conclusions", items=limits)
+    features = [[name, number(float(value))] for name, value in result.features.items()]
+    yield Section(
+        "evidence",
+        "Evidence for the verdict",
+        ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
+        tables=[Table("Evidence", ("quantity", "value"), features)] if features else [],
+        open=False,
+    )
+
+
+def _next(result: Diagnosis) -> Section:
     following = [
         [
             ", ".join(
@@ -257,16 +277,4 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     ]
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
-    yield Section("next", "What to measure next", separations(result), tables=tables)
-    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
-    yield Section("untestable", "What these data cannot show", tables=hidden)
-    limits = list(result.notes)
-    limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
-    yield Section("limits", "What limits the conclusions", items=limits)
-    features = [[name, number(float(value))] for name, value in result.features.items()]
-    yield Section(
-        "evidence",
-        "Evidence for the verdict",
-        ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
-        tables=[Table("Evidence", ("quantity", "value"), features, open=False)] if features else [],
-    )
+    return Section("next", "What to measure next", separations(result), tables=tables)

@@ -20,6 +20,7 @@ from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
+from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"
@@ -52,7 +53,7 @@ def exam_html(
         Page(
             title="Exam of a plan" if plan else "Exam of the diagnosis",
             robot=examined,
-            verdict=_found(records) if plan else _verdict(rows, records),
+            verdict=Verdict(_found(records) if plan else _verdict(rows, records)),
             summary=list(_summary(main, lean if rich else [], rows)),
             facts=list(_facts(main)),
             view=None,

@@ -50,6 +50,7 @@ class Section:
     tables: Sequence[Table] = ()
     items: Sequence[str] = ()
     tables_text: str = ""
+    open: bool = True  # shown at once; else behind its heading
 
 
 @dataclass(frozen=True)

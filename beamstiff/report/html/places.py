@@ -30,6 +30,7 @@ from beamstiff.se3 import Array
 
 MOST_ROWS = 1000  # that figures and tables show
 WORST = 100  # of them in any case
+MOST_TABLED = 200  # rows of a table, the worst
 LEGEND = 62  # px above a figure, for its buttons and its legend
 JOINTS = 12  # at most, those that vary
 MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -105,6 +106,7 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
                 f"{' and '.join(SIDES[plane] for plane in planes)}. Larger and darker is worse.{said}"
             ],
             figures=_maps(sizes, planes),
+            open=False,
         )
     ]
     if joints:
@@ -130,10 +132,11 @@ def line_of(rows: Measurements, at: int) -> str:
     return f"{Path(rows.sources[rows.run[at]]).name}, {line}" if len(rows.sources) > 1 else line
 
 
-def rows_table(
-    robot: Robot, rows: Measurements, chosen: NDArray[np.intp], more: Iterable[tuple[str, Array]]
-) -> Table:
-    """Return all numbers of some rows: joint values, load, and whatever else, (N,) each, by its heading."""
+def rows_table(sizes: Sizes, more: Iterable[tuple[str, Array]]) -> Table:
+    """Return all numbers of the rows that are worst: joint values, load, and more, (N,) each by its heading."""
+    robot, rows = sizes.robot, sizes.rows
+    last = list(sizes.values.values())[-1]
+    chosen = np.argsort(-np.nan_to_num(last), kind="stable")[:MOST_TABLED]
     columns, values = joint_columns(robot, rows.variables)
     blocks = [rows.q * values, rows.wrench]
     columns += ["fx, N", "fy, N", "fz, N", "mx, N m", "my, N m", "mz, N m"]
@@ -145,9 +148,12 @@ def rows_table(
         [line_of(rows, at), str(rows.pose[at]), *(f"{v:.4g}" if np.isfinite(v) else "" for v in line)]
         for at, line in zip(chosen.tolist(), body.tolist(), strict=True)
     ]
-    return Table(
-        f"All numbers of {counted(len(cells), 'row')}", ("row", "pose", *columns), cells, left=1, open=False
+    some = (
+        f"{len(cells)} of {counted(len(rows), 'row')}"
+        if len(cells) < len(rows)
+        else counted(len(rows), "row")
     )
+    return Table(f"{some}, the largest {sizes.what} first", ("row", "pose", *columns), cells, left=1)
 
 
 def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[float]]:

@@ -85,7 +85,21 @@
   };
 
   const plots = [...document.querySelectorAll(".plot")];
-  const drawAll = () => Promise.all(plots.map(draw));
+  const seen = (plot) => !plot.closest("details:not([open])");  // what is closed has no width to draw in
+  const drawAll = () => Promise.all(plots.filter(seen).map(draw));
+  document.querySelectorAll("details.part").forEach((part) => part.addEventListener("toggle", () => {
+    if (part.open && document.documentElement.dataset.theme !== "print") part.querySelectorAll(".plot").forEach(draw);
+  }));
+  document.querySelectorAll("nav a").forEach((link) => link.addEventListener("click", () => {
+    const part = document.querySelector(`${link.hash} > details.part`);
+    if (part) part.open = true;
+    if (!wide.matches) menu.open = false;
+  }));
+  const menu = document.querySelector(".menu");
+  const wide = matchMedia("(min-width: 1000px)");  // the list of contents stands at the side, else it is a menu
+  const fold = () => { menu.open = wide.matches; };
+  wide.addEventListener("change", fold);
+  fold();
 
   const tell = () => {
     const text = `× ${Number(Number(magnification.value).toPrecision(3)).toLocaleString("en")}`;
@@ -121,19 +135,19 @@
   let closed = [];
   addEventListener("beforeprint", () => {
     document.documentElement.dataset.theme = "print";
-    closed = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest("#rows"));
+    closed = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest("#rows, #targets, nav"));
     closed.forEach((one) => { one.open = true; });
     drawAll();
   });
   addEventListener("afterprint", () => {
     delete document.documentElement.dataset.theme;
     closed.forEach((one) => { one.open = false; });
-    drawAll().then(() => plots.forEach((plot) => Plotly.Plots.resize(plot)));
+    drawAll().then(() => plots.filter(seen).forEach((plot) => Plotly.Plots.resize(plot)));
   });
 
   // One at a time, from the top, so that the page answers meanwhile.
   (async () => {
-    for (const plot of plots) {
+    for (const plot of plots.filter(seen)) {
       await draw(plot);
       await new Promise((go) => setTimeout(go));
     }
