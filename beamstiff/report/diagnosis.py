@@ -223,8 +223,8 @@ def gap_tables(result: Diagnosis, title: str) -> Table:
     """Return the position gap, RMS in mm, by direction, load, loading and time in one table."""
     made = table(title, "by", "part", "mm", left=2)
     for key, name in PARTS_OF_GAP.items():
-        for at, (part, value) in enumerate(result.where.get(key, {}).items()):
-            made.add_row("" if at else name.removeprefix("By "), part, f"{value:.3f}")
+        by = name.removeprefix("By ").removeprefix("Over ").lower()
+        add_rows(made, ([by, part, f"{value:.3f}"] for part, value in result.where.get(key, {}).items()))
     return made
 
 

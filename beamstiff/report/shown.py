@@ -32,7 +32,7 @@ from beamstiff.report.identification import combinations_text, identification_ta
 from beamstiff.report.overview import describe
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
-from beamstiff.report.skeleton import draw_shares
+from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.report.tables import spaced
 from beamstiff.robot.description import Robot
@@ -121,10 +121,9 @@ def _(
             )
         values[name] = float(value)
     figure = new_figure(6.0, 5.0)
-    axes = figure.subplots()
-    draw_shares(axes, thing, np.array([values[name] for name in names]), shares or {})
-    axes.set(title=thing.name.replace("$", r"\$"), xlabel="m", ylabel="m")
-    plain(axes)
+    axes = figure.add_subplot(projection="3d")
+    draw_in_space(axes, thing, np.array([values[name] for name in names]), shares or {})
+    axes.set(title=thing.name.replace("$", r"\$"))
     return figure
 
 

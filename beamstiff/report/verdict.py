@@ -16,9 +16,8 @@ from beamstiff.report.tables import counted
 
 Level = Literal["agrees", "doubtful", "differs", "plain"]
 
-# a gap this many times the noise is no chance any more, from a dozen rows on; and one that noise hardly adds to
-BEYOND_NOISE = 1.5
-FAR_BEYOND = 5.0
+BEYOND_NOISE = 1.5  # times the noise: from a dozen rows on no chance any more
+FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
     "agrees": "within noise",
     "doubtful": "beyond noise",

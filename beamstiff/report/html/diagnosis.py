@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,13 +11,13 @@ from beamstiff.diagnosis.held_out.prediction import shift
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
     CAUSES,
-    PARTS_OF_GAP,
     SHOWN,
     candidates_table,
     causes,
     causes_table,
     closed,
     gap_table,
+    gap_tables,
     in_words,
     likely,
     named,
@@ -179,15 +180,16 @@ def _where(result: Diagnosis) -> Section:
         table = places_table(places, "The places")
         caption = "Share of the explainable gap that each place could account for, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
-    parts = [(PARTS_OF_GAP[key], key, result.where.get(key)) for key in PARTS_OF_GAP]
+    parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
         turns = _turns(result, name)
         head = f"{name}, {'deg' if turns else 'mm'}"
         parts.append((f"By {name}", head, _for_people(values, turns)))
     regions = result.where.get("regions", {})
     parts += [(f"By {axis} in the base frame", axis, values) for axis, values in regions.items()]
-    tables = [gap_table(values, title, head) for title, head, values in parts if values]
-    text = "Position gap of the fitted model by direction, load, joint reading and region, RMS in mm."
+    tables = [gap_tables(result, "Position gap of the fitted model, RMS")]
+    tables += [replace(gap_table(values, title, head), open=False) for title, head, values in parts if values]
+    text = "Where the fitted model is off: by direction and load, and by joint reading and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
 

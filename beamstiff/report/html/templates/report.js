@@ -45,7 +45,7 @@
     });
     const layout = resolve(figure.layout, style);
     layout.scene.annotations = view.labels.map((one, at) => ({
-      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [36, -40, 40][at % 3], ay: [-30, -26, 30][at % 3],
+      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [70, -70, 70][at % 3], ay: [-36, -36, 36][at % 3],
       x: one.at[0] + factor * one.by[0], y: one.at[1] + factor * one.by[1], z: one.at[2] + factor * one.by[2],
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
@@ -71,6 +71,7 @@
     const narrow = plot.clientWidth < 480;
     if (narrow && layout.scene) {
       layout.height = 440;
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.25 * value])) };
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
@@ -119,7 +120,13 @@
     posture.addEventListener("change", again);
     magnification.addEventListener("input", again);
     const cameras = JSON.parse(camera.dataset.cameras);
-    camera.addEventListener("change", () => Plotly.relayout(plot, { "scene.camera": cameras[camera.value] }));
+    const views = held.figures[plot.dataset.figure].views;
+    const look = () => {  // the first camera follows the posture, where the deflection is seen
+      const own = camera.selectedIndex === 0 && views[Number(posture.value)].camera;
+      return Plotly.relayout(plot, { "scene.camera": own || cameras[camera.value] });
+    };
+    camera.addEventListener("change", look);
+    posture.addEventListener("change", () => { if (camera.selectedIndex === 0) look(); });
   }
 
   document.getElementById("save").addEventListener("click", () => {
