@@ -44,9 +44,11 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.tables import Table, number
+from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
+NOTHING_LEFT = 1e-5  # mm: no reading is as good
 
 
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
@@ -118,7 +120,8 @@ def _view(result: Diagnosis) -> RobotView | None:
     for worst in result.where.get("poses", []):
         own = np.flatnonzero(rows.pose == worst["pose"])
         at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
-        name = f"pose {worst['pose']}: gap {worst['rms_mm']:.3g} mm ({line_of(rows, at)})"
+        gap = rounded(worst["rms_mm"]) if worst["rms_mm"] > NOTHING_LEFT else "0"
+        name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares))
     return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
 
@@ -254,14 +257,6 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     limits = list(result.notes)
     limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
     yield Section("limits", "What limits the conclusions", items=limits)
-    features = [[name, number(float(value))] for name, value in result.features.items()]
-    yield Section(
-        "evidence",
-        "Evidence for the verdict",
-        ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
-        tables=[Table("Evidence", ("quantity", "value"), features)] if features else [],
-        open=False,
-    )
 
 
 def _next(result: Diagnosis) -> Section:

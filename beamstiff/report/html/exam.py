@@ -180,7 +180,7 @@ def _asked(rows: Sequence[Row]) -> Section:
     layout = named_rows(
         [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
     )
-    layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
+    layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND + 30}, "height": layout["height"] + 60}
     caption = "Result with its 95 % interval; the vertical line is the target."
     table = told.headline_table(rows, "Targets and results")
     return Section(

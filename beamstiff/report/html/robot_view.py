@@ -331,7 +331,7 @@ def space(camera: Mapping[str, Any], **more: Any) -> dict[str, Any]:
         f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
     for one in scene.values():
-        del one["automargin"]  # which axes in space do not have
+        del one["automargin"], one["ticklabelstandoff"], one["title"]["standoff"]  # axes in space have none
     scene |= {"aspectmode": "manual", "camera": camera, "dragmode": "turntable"}
     return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, **more)
 

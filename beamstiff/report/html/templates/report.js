@@ -76,13 +76,15 @@
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
+    if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 3 : 4, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => (text.length > 18 ? `${text.slice(0, 16)}…` : text));
     }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
     plot.style.minHeight = `${layout.height}px`;
-    return Plotly.react(plot, traces, layout, { ...config, modeBarButtons: buttons(figure) });
+    // narrow figures have no room for buttons above their legend
+    return Plotly.react(plot, traces, layout, { ...config, displayModeBar: !narrow || Boolean(figure.views), modeBarButtons: buttons(figure) });
   };
 
   const plots = [...document.querySelectorAll(".plot")];
