@@ -14,7 +14,7 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import Column, Table, add_rows, counted, number, small, table
+from beamstiff.report.tables import Column, Table, add_rows, counted, number, scale_of, table, worth
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -105,9 +105,11 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == NOTHING.capitalize():
         return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
     to_check = [one for one in told(result) if one.effect in EFFECTS]
-    states = f"Measure {proposed(result)} (--next writes them)." if result.next else ""
+    states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
+    if states and (not to_check or [key for key in result.indistinguishable if key != UNKNOWN]):
+        return states
     if not to_check:
-        return states or "Measure other postures and load directions; beamstiff plan chooses them."
+        return "Measure other postures and load directions; beamstiff plan chooses them."
     first = to_check[0]
     return f"To check {named(first)}, measure: {EFFECTS[first.effect].separation}."
 
@@ -133,9 +135,12 @@ def stiffness_text(result: Diagnosis) -> str:
     if not finite:
         return ""
     name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
-    unit = parameter_unit(result.baseline.nominal, name)
+    robot = result.baseline.nominal
+    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
+    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), None)
+    of = f"{name} (of {variable})" if variable else name
     return (
-        f"Fitted stiffness: farthest from the robot file is {name}, {stiffness_in_words(value)} instead of "
+        f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
         f"{stiffness_in_words(given)} {unit}."
     )
 
@@ -404,8 +409,9 @@ def _scaled(result: Diagnosis) -> str:
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
     size = 0.0 if abs(item.value) < DUST * item.std else item.value
-    (value, std, low, high), unit = small([size, item.std, *item.realistic], item.unit)
-    return item.name, value, std, f"{low} to {high}", unit
+    factor, unit = scale_of([size, item.std, *item.realistic], item.unit)
+    low, high = (f"{factor * one:.2g}" for one in item.realistic)
+    return item.name, *worth(factor * size, factor * item.std), f"{low} to {high}", unit
 
 
 def named(one: Candidate) -> str:

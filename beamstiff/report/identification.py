@@ -11,7 +11,7 @@ import numpy as np
 from beamstiff.errors import listed
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.tables import Column, Table, counted, number, table, worth
 from beamstiff.report.verdict import BEYOND_NOISE, Level, Verdict, data_of, level_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
@@ -38,15 +38,25 @@ def identification_table(
     `robot`: as it was before; default `found.start`.
     """
     before = robot or found.start
-    columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
+    named = {joint.name: joint.variable for joint in found.robot.joints if joint.variable}
+    drives = [named.get(item.name.rpartition(".")[0], "") for item in found.parameters]
+    whose = [Column("variable", left=True)] if any(drives) else []
+    columns: list[Column | str] = [
+        "parameter",
+        *whose,
+        *(["start"] if before is not None else []),
+        "identified",
+        "std",
+    ]
     page = [Column("95 %", only="page"), Column("unit", left=True)]
     drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
     why = Column("why no value", left=True, only="page")
     result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
-    for item in found.parameters:
+    for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
         more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
-        result.add_row(item.name, *start, *_cells(item), item.unit, *more, item.reason)
+        own = [item.name, drive] if whose else [item.name]
+        result.add_row(*own, *start, *_cells(item), item.unit, *more, item.reason)
     return result
 
 
@@ -60,7 +70,7 @@ def _cells(item: Parameter) -> tuple[str, str, str, str]:
     between = _interval((low or 0.0, high))
     if item.value is None or item.std is None:
         return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-", between
-    return number(item.value), number(item.std), f"{100 * item.std / item.value:.1f} %", between
+    return *worth(item.value, item.std), f"{100 * item.std / item.value:.1f} %", between
 
 
 def _interval(ends: tuple[float, float] | None) -> str:
@@ -95,8 +105,8 @@ def combinations_table(found: Identification) -> Table:
     result = table("Identifiable only in combination", "sum", how, "value", "std", between, unit, one)
     for item in (*found.degenerate, *found.ill_determined):
         if item.value is not None:
-            std = "-" if item.std is None else number(item.std)
-            cells = (number(item.value), std, _interval(item.interval), item.unit, _as_one(item))
+            value, std = (number(item.value), "-") if item.std is None else worth(item.value, item.std)
+            cells = (value, std, _interval(item.interval), item.unit, _as_one(item))
             result.add_row(item.relation, item.kind, *cells)
     return result
 

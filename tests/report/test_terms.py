@@ -66,7 +66,7 @@ def files() -> Iterator[Path]:
 
 
 def sentences(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the texts of a file with their lines: strings of three words and more; of commands docstrings too."""
+    """Yield the texts of a file with their lines: strings of three words and more; of commands docstrings."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".html":
         bare = re.sub(r"\{[%{].*?[%}]\}|<[^>]*>", " ", text)
