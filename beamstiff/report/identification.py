@@ -40,7 +40,7 @@ def identification_table(
     before = robot or found.start
     named = {joint.name: joint.variable for joint in found.robot.joints if joint.variable}
     drives = [named.get(item.name.rpartition(".")[0], "") for item in found.parameters]
-    whose = [Column("variable", left=True)] if any(drives) else []
+    whose = [Column("axis", left=True)] if any(drives) else []
     columns: list[Column | str] = [
         "parameter",
         *whose,
