@@ -105,13 +105,12 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == NOTHING.capitalize():
         return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
     to_check = [one for one in told(result) if one.effect in EFFECTS]
-    states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
-    if states and (not to_check or [key for key in result.indistinguishable if key != UNKNOWN]):
-        return states
     if not to_check:
-        return "Measure other postures and load directions; beamstiff plan chooses them."
+        states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
+        return states or "Measure other postures and load directions; beamstiff plan chooses them."
     first = to_check[0]
-    return f"To check {named(first)}, measure: {EFFECTS[first.effect].separation}."
+    said = f"To check {named(first)}, measure {EFFECTS[first.effect].separation}."
+    return f"{said} The states that --next FILE writes discriminate best." if result.next else said
 
 
 def likely(result: Diagnosis, most: int) -> list[Candidate]:

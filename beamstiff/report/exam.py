@@ -29,13 +29,18 @@ SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that
 SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
+def _seen(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows that have a case."""
+    return [row for row in rows if row.figure.count]
+
+
 def exam_tables(records: Records) -> Iterator[Table]:
     """Return all tables of an exam, in the order in which people read them; lean designs stand apart."""
     told, lean = by_design(records)
-    yield headline_table(headline(told), f"Diagnosis examined: {_cases(told)}")
+    yield headline_table(_seen(headline(told)), f"Diagnosis examined: {_cases(told)}")
     if lean:
         yield headline_table(
-            headline(lean, lean=True), f"Lean designs, ten poses with one load each: {_cases(lean)}"
+            _seen(headline(lean, lean=True)), f"Lean designs, ten poses with one load each: {_cases(lean)}"
         )
     yield effects_table(told)
     yield groups_table(records)

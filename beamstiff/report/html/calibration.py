@@ -82,7 +82,7 @@ def _facts(found: Calibration) -> Iterator[Fact]:
         for name, errors, meaning in values:
             value = None if errors is None else getattr(errors, f"{part}_rms")
             if value is not None and (part == "position" or found.after.position_rms is None):
-                yield Fact(name, f"{factor * value:.4f} {unit}", meaning)
+                yield Fact(name, f"{factor * value:.3g} {unit}", meaning)
     sought = len(found.observability.identified)
     yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "identifiable from these poses")
 

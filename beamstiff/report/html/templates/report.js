@@ -71,12 +71,12 @@
     const narrow = plot.clientWidth < 480;
     if (narrow && layout.scene) {
       layout.height = 440;
-      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.25 * value])) };
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.4 * value])) };
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
-    if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 3 : 4, tickangle: 0, ...layout.xaxis };
+    if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => (text.length > 18 ? `${text.slice(0, 16)}…` : text));
     }
