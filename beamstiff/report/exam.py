@@ -30,8 +30,9 @@ SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
 def _seen(rows: Iterable[Row]) -> list[Row]:
-    """Return the rows that have a case."""
-    return [row for row in rows if row.figure.count]
+    """Return the rows that have a case; all where none has."""
+    known = list(rows)
+    return [row for row in known if row.figure.count] or known
 
 
 def exam_tables(records: Records) -> Iterator[Table]:
