@@ -25,3 +25,12 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "taken")])
     assert result.exit_code == 2
     assert "cannot be made" in result.stderr
+
+
+@pytest.mark.parametrize("name", ["measurements.csv", "report.html"])
+def test_what_the_demo_did_not_write_stays(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("mine", encoding="utf-8")
+    result = CliRunner().invoke(app, ["demo", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert (tmp_path / name).read_text(encoding="utf-8") == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == [name]
