@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.decision.where import where
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, decompose
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.decompose import decompose
+from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.decomposition.selection import build_choice, select
+from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere

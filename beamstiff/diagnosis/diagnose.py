@@ -13,7 +13,8 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.decompose import Decomposition, decompose
+from beamstiff.diagnosis.decomposition.causes import HALF, NOISE
+from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.prediction import (
@@ -40,6 +41,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
+from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
@@ -50,8 +52,6 @@ from beamstiff.robot.description import Robot
 NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
 REPORTED = 8  # candidates whose held-out gap is computed
-CROWD = 3  # causes or more: no pair is sought
-LEFT = 0.05  # of the gap, that causes leave at most to stand where no pair explains displacements
 RIVALS = 3  # candidates that the next measurements are to tell apart
 
 
@@ -116,32 +116,18 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     if beside is not None:
         return beside
     baseline, library, screened = _screened(robot, rows, prior)
-    # what a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
-    stated = baseline if baseline.claimed else screened.baseline
-    several = _decomposed(robot, stated, library, prior, seed)
-    if several is not None and len(several.causes) >= CROWD:
-        white = whiten(screened.baseline, screened.used)
-        return diagnosis_of(several, tuple(notes(screened, white, several.causes[0].key, several.scatter)))
     found = _weighed_one_by_one(library, screened, prior, seed)
-    if found.verdict.effect != "unknown" or several is None:
-        return found  # one cause of the library was weighed in all its forms, and is not it
-    return diagnosis_of(several, found.notes)
-
-
-def _decomposed(
-    robot: Robot, baseline: Baseline, library: Library, prior: Prior, seed: int
-) -> Decomposition | None:
-    """Return the causes of displacements, where there are several, and they leave hardly more.
-
-    Of fewer postures than folds those that are held out tell too little.
-    """
-    if baseline.absolute or np.unique(baseline.rows.pose).size < FOLDS:
-        return None
+    if absolute or found.features["misfit"] <= NOISE or np.unique(rows.pose).size < FOLDS:
+        return found  # of fewer postures than folds those that are held out tell too little
+    # neither one cause nor two, weighed in all their forms, leave but noise: more causes at once.
+    # What a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
+    stated = baseline if baseline.claimed else screened.baseline
     at = by_candidate(library.hypotheses)
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
-    found = decompose(robot, baseline.rows, prior=prior, seed=seed, baseline=baseline, known=known)
-    several = found.causes and len(found.causes) + len(found.unclear) > 1
-    return found if several and found.unexplained <= LEFT else None
+    several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
+    if several.causes and closes_unselected(stated, prior, seed) >= HALF * several.closes:
+        return diagnosis_of(several, found.notes)
+    return found
 
 
 def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:
@@ -261,7 +247,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         first=alone[judged.verdict] if alone else None,
         where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
         next=as_plain(test_plan),
-        features=_features(weighed, chance, both, shrinks[best], scale),
+        features=_features(weighed, chance, judged, both, shrinks[best], scale),
     )
 
 
@@ -316,6 +302,7 @@ def _in_fit(cause: Candidate, fit: Fitted) -> Candidate:
 def _features(
     weighed: Weighed,
     chance: tuple[float, float],
+    judged: Judged,
     both: HeldOutError | None,
     first: HeldOutError,
     scale: float,
@@ -325,6 +312,7 @@ def _features(
     best, pair = found.named[0], found.pairs[0] if found.pairs else None
     weight = found.log_weight[best]
     return {
+        "misfit": first.misfit if judged.also in (None, OUTLIERS) or both is None else both.misfit,
         "log_odds": chance[0],
         "chance": chance[1],
         "none": found.log_weight[NONE] - weight,

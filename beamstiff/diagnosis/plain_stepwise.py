@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.decomposed import diagnosis_of
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import REPEATED, SLIP, Form, forms_of
 from beamstiff.diagnosis.decomposition.open_model import (
     OpenModel,

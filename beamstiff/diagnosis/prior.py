@@ -32,6 +32,10 @@ SELDOM = 0.015  # at a joint or link, of any other effect: once in six places an
 # that a difference of BIC says less than it seems: a quarter, the order of what was found for single causes
 # (log odds by 1 + E / 60 at E of some hundred).
 TEMPERING = 4.0
+# What forms leave grows with what they explain: against another cause E over this is added, E half the fall
+# of the criterion by the cause. Of 60, 120 and 240 the one whose probabilities held best on 115 simulated
+# machines (seed 31003).
+RELATIVE = 120.0
 
 
 @dataclass(frozen=True)

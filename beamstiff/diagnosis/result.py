@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.applied import applied
-from beamstiff.diagnosis.decomposition.decompose import Decomposition
+from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift

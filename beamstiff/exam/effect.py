@@ -74,10 +74,11 @@ class Effect:
     impose: Callable[[Truth, Reality], Reality]
     authors: tuple[tuple[str, ...], ...] = ()
 
-    def draw_form(self, rng: np.random.Generator) -> str:
-        """Return a form: of every author as often."""
-        authors = [some for some in self.authors if some] or [self.forms]
-        some = authors[int(rng.integers(len(authors)))]
+    def draw_form(self, rng: np.random.Generator, authors: Sequence[int] = ()) -> str:
+        """Return a form: of every author as often, or of these alone where one of them wrote any."""
+        mine = [some for k, some in enumerate(self.authors, start=1) if some and k in authors]
+        every = mine or [some for some in self.authors if some] or [self.forms]
+        some = every[int(rng.integers(len(every)))]
         return some[int(rng.integers(len(some)))]
 
     def author_of(self, form: str) -> int:

@@ -21,7 +21,7 @@ from beamstiff.robot.stiffness import parameter_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+    from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
 SHOWN = 8
 PARTS_OF_GAP = {

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.added_effect import added_effect
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import shift_of
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, logit
 
+from beamstiff.diagnosis.decomposition.fit import bic
 from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
-from beamstiff.diagnosis.decomposition.selection import bic
 from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of
 from beamstiff.diagnosis.prior import TEMPERING, Prior
 from beamstiff.measure.arrays import Integers

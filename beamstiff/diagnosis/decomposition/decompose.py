@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 from scipy.special import expit
 
-from beamstiff.diagnosis.decomposition.behind_gears import Behind, behind_gears, informed
+from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
+from beamstiff.diagnosis.decomposition.causes import PRESENT, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.held_out import (
     Folds,
     closed,
@@ -20,20 +22,10 @@ from beamstiff.diagnosis.decomposition.held_out import (
     interval,
     ordered,
 )
-from beamstiff.diagnosis.decomposition.look_alikes import rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
-from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
-from beamstiff.diagnosis.decomposition.selection import (
-    Choice,
-    Step,
-    build_choice,
-    fit_step,
-    forms_in,
-    gain,
-    resampled,
-    select,
-)
-from beamstiff.diagnosis.effects.target_slip import slip_row
+from beamstiff.diagnosis.decomposition.remainder import remainder_of
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled, select
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
@@ -42,128 +34,12 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+Numbers = tuple[int, ...]  # of the forms of a cause
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
 OPEN = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
-PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
-NAMED = 0.5  # probability that it is this one, from which it is named
-MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
-NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
-HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A cause, and what it closes of the gap after those before it.
-
-    Attributes
-    ----------
-    forms : tuple of Form
-        One; of a target that slipped several times, one for each row.
-    theta : tuple of (c,) array
-        Parameters of each form, in realistic sizes.
-    std : tuple of (c,) array
-    probability : float
-        That this effect at this component is really there.
-    present : float
-        That there is a cause in its place, and not a little of everything else.
-    closes : float
-        Share of the explainable gap on held-out postures.
-    closes_interval : (float, float)
-        90 %, over the postures.
-    rms_after : float, m
-    indistinguishable : tuple of str
-    rivals : tuple of Form
-        The best of each of these.
-    """
-
-    forms: tuple[Form, ...]
-    theta: tuple[Array, ...]
-    std: tuple[Array, ...]
-    probability: float
-    present: float
-    closes: float
-    closes_interval: tuple[float, float]
-    rms_after: float
-    indistinguishable: tuple[str, ...]
-    rivals: tuple[Form, ...]
-
-    @property
-    def key(self) -> str:
-        """``effect:component``."""
-        return self.forms[0].key
-
-    @property
-    def named(self) -> bool:
-        """Whether it is surely this cause, and more than what the form of another may leave."""
-        return self.present >= PRESENT and self.probability >= NAMED and self.closes >= MINOR
-
-    @property
-    def rows(self) -> tuple[int, ...]:
-        """Rows (from 0) at which a target slips; empty for other causes."""
-        return tuple(slip_row(form.shape.name) for form in self.forms if form.effect == SLIP)
-
-
-@dataclass(frozen=True)
-class Decomposition:
-    """The causes of a gap, those that close most first, and what remains.
-
-    Attributes
-    ----------
-    model : OpenModel
-    causes, unclear : tuple of Cause
-        Those that are named, and those that are there but could as well be another.
-    remainder : Remainder
-        What those that are named leave.
-    unexplained : float
-        Share of the explainable gap that those that are unclear leave as well.
-    rms, noise : float, m
-        Held-out position gap of the open model without a cause, and what noise alone would leave.
-    change : (t,) array
-        Of the open parameters, beside the causes.
-    scatter : float
-        What is left over the stated noise.
-    bic : float
-        Of the open model with the causes.
-    largest : float
-        Probability that the first cause closes more than the second, over the postures.
-    behind : tuple of Behind
-        What encoders behind the gears say.
-    """
-
-    model: OpenModel
-    causes: tuple[Cause, ...]
-    unclear: tuple[Cause, ...]
-    remainder: Remainder
-    unexplained: float
-    rms: float
-    noise: float
-    change: Array
-    scatter: float
-    bic: float
-    largest: float
-    behind: tuple[Behind, ...] = ()
-
-    @property
-    def closes(self) -> float:
-        """Share of the explainable gap that all causes close together."""
-        return sum(cause.closes for cause in self.causes)
-
-    @property
-    def gap_shows(self) -> bool:
-        """Whether more is left without a cause than noise makes."""
-        return self.scatter > NOISE or bool(self.causes or self.unclear)
-
-    @property
-    def verdict(self) -> Cause | None:
-        """The first cause, where it closes most of what can be closed."""
-        if not self.causes:
-            return None
-        first, *others = (*self.causes, *self.unclear)
-        alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
-        return first if first.named and (first.closes >= HALF or alone) else None
 
 
 def decompose(
@@ -290,7 +166,7 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     model, choice, least = folds.model, folds.choice, step.bic
-    step = with_usual_name(choice, _kept(folds, step))
+    step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
     order, errors = ordered(folds, _causes_of(choice, step))
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
@@ -303,32 +179,15 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    rivals = [rival_of(choice, step, cause, folds.squared_errors) for cause in order]
-    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
     causes = {
-        cause: Cause(
-            forms=tuple(choice.forms[number] for number in cause),
-            theta=tuple(thetas[number] for number in cause),
-            std=tuple(stds[number] for number in cause),
-            probability=rival.probability * float(present),
-            present=float(present),
-            closes=share,
-            closes_interval=(share, share),
-            rms_after=0.0,
-            indistinguishable=rival.indistinguishable,
-            rivals=tuple(choice.forms[number] for number in rival.forms),
+        cause: replace(
+            judged, theta=tuple(thetas[k] for k in cause), std=tuple(stds[k] for k in cause), closes=share
         )
-        for cause, rival, present, share in zip(
-            order, rivals, expit(odds / TEMPERING), closed(errors, noise2), strict=True
+        for (cause, judged), share in zip(
+            _judged(folds, step, order, replaced).items(), closed(errors, noise2), strict=True
         )
     }
-    # those that are named alone are the answer, so what each closes is what it closes beside these; but not
-    # where one of them helps only beside an undecided one
-    first = sorted(order, key=lambda cause: not causes[cause].named)
-    along = errors if first == order else errors_along(folds, first)
-    count = sum(causes[cause].named for cause in order)
-    if min(closed(along, noise2)[:count], default=0.0) >= 0.0:
-        order, errors = first, along
+    order, errors = _named_first(folds, order, errors, causes, noise2)
     every = [
         replace(
             causes[cause],
@@ -344,7 +203,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     unclear = [cause for numbers, cause in zip(order, every, strict=True) if not causes[numbers].named]
     rest = remainder_of(model, forms, theta, noise2, total, folds.rows)
     unexplained = rest.share
-    if count < len(every):
+    if unclear:
         some = [form for cause in named for form in cause.forms]
         rest = remainder_of(model, some, solved(model, some)[0], noise2, total, folds.rows)
     return Decomposition(
@@ -360,6 +219,50 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
         bic=least,
         largest=_largest(errors),
     )
+
+
+def _judged(
+    folds: Folds, step: Step, order: Sequence[Numbers], replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]
+) -> dict[Numbers, Cause]:
+    """Return how sure each cause of a fit is, its sizes and what it closes left open."""
+    choice = folds.choice
+    rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
+    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
+    return {
+        cause: Cause(
+            forms=tuple(choice.forms[number] for number in cause),
+            theta=(),
+            std=(),
+            probability=rival.probability * float(present),
+            present=float(present),
+            closes=0.0,
+            closes_interval=(0.0, 0.0),
+            rms_after=0.0,
+            indistinguishable=rival.indistinguishable,
+            rivals=tuple(choice.forms[number] for number in rival.forms),
+        )
+        for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
+    }
+
+
+def _named_first(
+    folds: Folds,
+    order: list[Numbers],
+    errors: list[Array],
+    causes: Mapping[Numbers, Cause],
+    noise: float,
+) -> tuple[list[Numbers], list[Array]]:
+    """Return causes with those that are named first, and the errors (P,) along them.
+
+    Those alone are the answer, so what each closes is what it closes beside these; but not where one of them
+    helps only beside an undecided one.
+    """
+    first = sorted(order, key=lambda cause: not causes[cause].named)
+    along = errors if first == order else errors_along(folds, first)
+    count = sum(cause.named for cause in causes.values())
+    if min(closed(along, noise)[:count], default=0.0) >= 0.0:
+        return first, along
+    return order, errors
 
 
 def _kept(folds: Folds, step: Step) -> Step:
@@ -381,6 +284,22 @@ def _kept(folds: Folds, step: Step) -> Step:
     return step
 
 
+def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[int, Step]]]]:
+    """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
+    choice = folds.choice
+    for _ in range(ROUNDS + 1):
+        causes = _causes_of(choice, step)
+        replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
+        every = [found for fits in replaced.values() for _, found in fits]
+        best = min(every, key=lambda found: found.bic, default=step)
+        errors = folds.squared_errors(step)
+        better = with_usual_name(choice, _kept(folds, best)) if best.bic <= step.bic - ENOUGH else step
+        if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
+            break
+        step = better
+    return step, replaced
+
+
 def _largest(errors: Sequence[Array]) -> float:
     """Return the share of postures drawn anew in which the first cause closes more than the second."""
     if len(errors) < 3:
@@ -389,7 +308,7 @@ def _largest(errors: Sequence[Array]) -> float:
     return float((resampled(first - second) > 0.0).mean())
 
 
-def _causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
+def _causes_of(choice: Choice, step: Step) -> list[Numbers]:
     """Return the forms of a fit by cause: those of one effect at one component belong together."""
     found: dict[str, list[int]] = {}
     for number in step.chosen:

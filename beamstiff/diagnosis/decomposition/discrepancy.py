@@ -14,7 +14,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from beamstiff.diagnosis.decomposition.selection import Choice, Step, bic
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array

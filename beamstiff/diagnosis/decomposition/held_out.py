@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
-from beamstiff.diagnosis.decomposition.selection import Choice, Step, fit_step
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -146,12 +146,8 @@ def closed(errors: Sequence[Array], noise: float) -> list[float]:
 def _largest_first(choice: Choice, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     """Return causes in the order in which taking one away leaves least."""
     step = fit_step(choice, [number for cause in causes for number in cause])
-    sizes = [int(step.drives.sum()), *(int(free.sum()) for free in step.free)]
-    columns = np.split(step.columns, np.cumsum(sizes)[:-1], axis=1)
-    thetas = np.split(step.theta, np.cumsum(sizes)[:-1])
-    drives = orthonormal(columns[0])
-    moved = iter([own @ theta for own, theta in zip(columns[1:], thetas[1:], strict=True)])
-    parts = {cause: sum((next(moved) for _ in cause), np.zeros(len(step.left))) for cause in causes}
+    drives = orthonormal(step.columns[:, : int(step.drives.sum())])
+    parts = {cause: np.sum([step.moved[number] for number in cause], axis=0) for cause in causes}
     parts = {cause: part - drives @ (drives.T @ part) for cause, part in parts.items()}
     left = choice.residual - drives @ (drives.T @ choice.residual)
     order: list[tuple[int, ...]] = []

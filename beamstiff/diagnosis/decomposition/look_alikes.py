@@ -1,16 +1,25 @@
-"""How sure a cause is: what the fit would be with another in its place, and without it."""
+"""How sure a cause is: what the fit would be with another in its place, and without it.
+
+What stands in for a cause alone is found by exchanging its form. What stands in for it together with others,
+which look after what the first leaves, is found by selecting anew with the cause forbidden. Forms of causes
+are not exact: what they leave of what they should explain grows with it. So a difference D of the criterion
+counts ``D / (2 (T + E / R))``, E half the fall that the cause is worth.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.selection import Choice, HeldOut, Step, fit_step, gain, with_each
-from beamstiff.diagnosis.prior import TEMPERING
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.selection import HeldOut, gain, select, with_each
+from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
+SEARCHES = 3  # for what explains the rows without a cause
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,13 @@ class Rival:
     forms: tuple[int, ...]
 
 
-def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldOut | None = None) -> Rival:
+def rival_of(
+    choice: Choice,
+    step: Step,
+    cause: tuple[int, ...],
+    held_out: HeldOut | None = None,
+    replaced: Sequence[tuple[int, Step]] = (),
+) -> Rival:
     """Return how sure a cause of a fit is.
 
     Parameters
@@ -46,6 +61,8 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
         Its forms.
     held_out : function, optional
         Forms of others count only where they help on held-out postures. Without it all count.
+    replaced : sequence of (int, Step)
+        What others selected anew make of the fit, `instead`.
     """
     own = choice.forms[cause[0]].key
     others = tuple(number for number in step.chosen if number not in cause)
@@ -64,8 +81,13 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
         other = fit_step(choice, (*others, number))
         if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
             best[key], form[key] = min(other.bic, best.get(key, np.inf)), number
+    tempering = tempering_of(step, without)
+    for number, found in replaced:
+        key = choice.forms[number].key
+        best[key] = min(found.bic, best.get(key, np.inf))
+        form.setdefault(key, number)
     least = min(best.values())
-    weight = {key: float(np.exp(-(value - least) / (2.0 * TEMPERING))) for key, value in best.items()}
+    weight = {key: float(np.exp(-(value - least) / (2.0 * tempering))) for key, value in best.items()}
     alike = [
         key
         for key in sorted(weight, key=lambda key: -weight[key])
@@ -75,12 +97,41 @@ def rival_of(choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldO
     alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
+    nothing = float(np.exp(-max(without.bic - min(least, step.bic), 0.0) / (2.0 * TEMPERING)))
     return Rival(
         named / total,
-        1.0 - weight["none:null"] / total,
+        1.0 / (1.0 + nothing),
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def tempering_of(step: Step, without: Step) -> float:
+    """Return by what log odds are divided where a cause is held against another; see the module."""
+    return TEMPERING + max(without.bic - step.bic, 0.0) / 2.0 / RELATIVE
+
+
+def instead(
+    choice: Choice, step: Step, cause: tuple[int, ...], held_out: HeldOut
+) -> Iterator[tuple[int, Step]]:
+    """Yield fits without a cause, the others selected anew, and the form that does there what it did.
+
+    Each without what did it in the fits before as well; until one is worth too little.
+    """
+    others = [number for number in step.chosen if number not in cause]
+    before = {choice.forms[number].key for number in step.chosen}
+    forbidden = {choice.forms[cause[0]].key}
+    tempering = tempering_of(step, fit_step(choice, others))
+    own = np.sum([step.moved[number] for number in cause], axis=0)
+    for _ in range(SEARCHES):
+        found = select(choice, held_out, start=others, forbidden=forbidden, exchange=False)
+        new = [n for n in found.chosen if choice.forms[n].key not in before]
+        if not new or found.bic > step.bic - 2.0 * tempering * np.log(PLAUSIBLE):
+            return
+        like = [float(own @ found.moved[n]) / (float(np.linalg.norm(found.moved[n])) or 1.0) for n in new]
+        likest = new[int(np.argmax(like))]
+        yield likest, found
+        forbidden.add(choice.forms[likest].key)
 
 
 def with_usual_name(choice: Choice, step: Step) -> Step:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.effects import Quantity
 
 

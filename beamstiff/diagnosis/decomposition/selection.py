@@ -1,30 +1,14 @@
-"""Forward selection of causes with removal and exchange, by the Bayesian information criterion.
-
-Residual r and forms X are projected off the open geometry once, and off the causes chosen, ``P``. The drives
-are in every fit, as compliances that cannot be negative. Their
-parameters are known beforehand to lie about zero within ``D^-1/2`` (a few times their realistic sizes). A
-form takes ``b^T (G + D)^-1 b`` from the sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is
-weighed by ``BIC = n log(S / n) + k log n - 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the
-parameters that the data determine, ``tr G (G + D)^-1``. The noise variance is estimated from what is left:
-the scatter of the machine about any smooth law, not what the tracker reads to.
-"""
+"""Forward selection of causes with removal and exchange, by the criterion and held-out postures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
-from beamstiff.diagnosis.decomposition.forms import REPEATED, Form
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
-from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
-from beamstiff.diagnosis.effects.effect import LARGEST
-from beamstiff.measure.arrays import Integers
+from beamstiff.diagnosis.decomposition.fit import DRIVES, Choice, Step, bic, fit_step, prior_of
+from beamstiff.diagnosis.decomposition.forms import REPEATED
 from beamstiff.se3 import Array
 
 # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
@@ -33,289 +17,17 @@ MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
 DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
-UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
-SURELY = 2.0  # standard deviations
-DRIVES = -1  # number of the drives
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
 HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each held out
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Forms to choose from, projected off the open geometry.
-
-    Attributes
-    ----------
-    forms : tuple of Form (f)
-    open_basis : (n, t) array
-        Of the open geometry, orthonormal.
-    residual : (n,) array
-        That rigid drives would leave.
-    columns : (n, C) array
-        Of the drives and all forms, one after another, of unit length before the projection.
-    precision : (C,) array
-        1 / variance of each parameter before the data, in units of the columns.
-    units : (C,) array
-        SI of each parameter's unit.
-    at : tuple of slice (f)
-        Where each form's columns stand.
-    positive : (C,) bool array
-        Parameters that cannot be negative.
-    largest : (C,) array
-        That parameters can be, SI.
-    groups : tuple of (int array (g,), int array (g, c), array (g, c, c))
-        Forms with c columns each, where these stand, and their products with one another.
-    open_count : int
-        Open parameters of the geometry.
-    drives : int
-        Open compliances, the first columns.
-    count : int
-        Measured values.
-    alike : mapping of str to tuple of str
-        Causes that are one mechanics.
-    products : dict of int to array
-        See `products_of`.
-    """
-
-    forms: tuple[Form, ...]
-    open_basis: Array
-    residual: Array
-    columns: Array
-    precision: Array
-    units: Array
-    at: tuple[slice, ...]
-    positive: NDArray[np.bool_]
-    largest: Array
-    groups: tuple[tuple[Integers, Integers, Array], ...]
-    open_count: int
-    drives: int
-    count: int
-    alike: Mapping[str, tuple[str, ...]]
-    products: dict[int, Array] = field(default_factory=dict)
-
-    @cached_property
-    def pull(self) -> Array:
-        """Products (C,) of the columns with the residual."""
-        return np.asarray(self.residual @ self.columns)
-
-    def products_of(self, number: int) -> Array:
-        """Return the products (c, C) of a form's columns, or the drives', with all columns; they are kept."""
-        if number not in self.products:
-            at = slice(0, self.drives) if number == DRIVES else self.at[number]
-            self.products[number] = self.columns[:, at].T @ self.columns
-        return self.products[number]
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A fit with some causes.
-
-    Attributes
-    ----------
-    chosen : tuple of int
-        Numbers of their forms.
-    free : tuple of (c,) bool array
-        Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
-    drives : (d,) bool array
-        Likewise of the drives.
-    columns : (n, c) array
-        That are used.
-    residual : (n,) array
-        That is fitted.
-    triangle : (c, c) array
-        Of Cholesky, upper: of ``G + D``.
-    theta : (c,) array
-        Parameters, per unit column.
-    squares : float
-        Sum of squares that is left, with that of the parameters over their sizes.
-    determined : float
-        Parameters of theirs that the data determine.
-    bic : float
-    """
-
-    chosen: tuple[int, ...]
-    free: tuple[NDArray[np.bool_], ...]
-    drives: NDArray[np.bool_]
-    columns: Array
-    residual: Array
-    triangle: Array
-    theta: Array
-    squares: float
-    determined: float
-    bic: float
-
-    @cached_property
-    def basis(self) -> Array:
-        """Columns (n, c), orthonormal together with what is known of their parameters beforehand."""
-        return np.asarray(solve_triangular(self.triangle, self.columns.T, trans="T").T)
-
-    @cached_property
-    def left(self) -> Array:
-        """What is left of the residual, (n,)."""
-        return np.asarray(self.residual - self.columns @ self.theta)
-
-
-def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
-    """Return the forms of an open model as one problem."""
-    basis, drives = orthonormal(model.geometry), model.present.size
-    residual = model.residual + model.drives @ model.present
-    residual = residual - basis @ (basis.T @ residual)
-    sizes = [form.columns.shape[1] for form in forms]
-    ends = np.cumsum([drives, *sizes])
-    every = np.concatenate([model.drives, *(form.columns for form in forms)], axis=1)
-    size = np.linalg.norm(every, axis=0)
-    every = every / np.where(size > 0, size, 1.0)
-    every = every - basis @ (basis.T @ every)
-    known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
-    spread = np.concatenate([np.full(drives, UNSEEN), known])
-    parameters = [item for form in forms for item in form.shape.parameters]
-    groups = []
-    for count in sorted(set(sizes)):
-        some = np.flatnonzero(np.array(sizes) == count)
-        at = ends[some][:, None] + np.arange(count)
-        own = every.T[at]  # (g, c, n)
-        groups.append((some, at, own @ own.swapaxes(1, 2)))
-    return Choice(
-        tuple(forms),
-        basis,
-        residual,
-        every,
-        1.0 / np.clip(spread, 1.0 / UNSEEN, UNSEEN) ** 2,
-        np.concatenate([np.ones(drives), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
-        tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
-        np.concatenate([np.ones(drives, dtype=bool), *(form.positive for form in forms)]),
-        np.array([np.inf] * drives + [LARGEST.get(item.unit, np.inf) for item in parameters]),
-        tuple(groups),
-        basis.shape[1],
-        drives,
-        model.count,
-        same_mechanics(model.given),
-    )
-
-
-def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
-    """Return the fit with some forms, in which no parameter is negative that cannot be."""
-    at = np.concatenate(
-        [np.arange(choice.drives), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
-    )
-    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
-    columns, triangle, pull = _factor(choice, at)
-    known = np.linalg.inv(triangle) * np.sqrt(choice.precision[at])[:, None]
-    # a sign that was left out is a choice too: it costs as much
-    determined = float(at.size - (known**2).sum())
-    free = _allowed(choice, chosen, at, sizes, triangle, pull)
-    if not free.all():
-        columns, triangle, pull = _factor(choice, at[free])
-    theta = np.asarray(np.linalg.solve(triangle, pull))
-    left = choice.residual - columns @ theta
-    squares = float(left @ left + choice.precision[at[free]] @ theta**2)
-    prior = prior_of(choice, chosen)
-    value = float(bic(squares, choice.open_count + determined, choice.count, prior))
-    if (np.abs(theta * choice.units[at[free]]) > choice.largest[at[free]]).any():
-        value = np.inf  # no machine is like that
-    drives, each = free[: choice.drives], np.split(free[choice.drives :], sizes)[:-1]
-    return Step(
-        tuple(chosen),
-        tuple(each),
-        drives,
-        columns,
-        choice.residual,
-        triangle,
-        theta,
-        squares,
-        determined,
-        value,
-    )
-
-
-def prior_of(choice: Choice, chosen: Sequence[int]) -> float:
-    """Return the log prior of some forms: of each among those of its cause, and of each cause once."""
-    causes = {choice.forms[number].key: choice.forms[number].cause_log_prior for number in chosen}
-    return sum(causes.values()) + sum(choice.forms[number].log_prior for number in chosen)
-
-
-def _allowed(
-    choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
-) -> NDArray[np.bool_]:
-    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away.
-
-    A compliance about a remote centre lies on the bound of its couplings itself: they are held against what
-    they couple as large as it may be, two standard deviations up.
-    """
-    starts = choice.drives + np.concatenate([[0], ends]).astype(int)
-    couplings = np.concatenate(
-        [np.zeros((0, 3), dtype=int)]
-        + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
-    )
-    left = choice.residual @ choice.residual - pull @ pull
-    scatter = max(1.0, float(left) / choice.count)
-    root = np.linalg.inv(triangle)
-    variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
-    up = SURELY * np.sqrt(variance) * choice.units[at]
-    used = np.arange(at.size)
-    for _ in range(1 + len(couplings)):
-        found = np.zeros(at.size)
-        found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
-        value = found * choice.units[at]
-        c, a, b = couplings.T
-        wrong = couplings[value[c] ** 2 > (value + up)[a] * (value + up)[b], 0]
-        used = np.setdiff1d(used, wrong)
-        if not wrong.size:
-            break
-    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & ((found > 0.0) | ~choice.positive[at])
-    return result
-
-
-def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> Array:
-    """Return parameters (c,) of which some cannot be negative; the others are eliminated first."""
-    basis, triangle = np.linalg.qr(matrix)
-    found = np.asarray(np.linalg.solve(triangle, basis.T @ right))
-    if (found[positive] < 0.0).any():
-        basis, triangle = np.linalg.qr(matrix[:, ~positive])
-        own = matrix[:, positive]
-        found[positive] = nnls(own - basis @ (basis.T @ own), right - basis @ (basis.T @ right))[0]
-        found[~positive] = np.linalg.solve(triangle, basis.T @ (right - own @ found[positive]))
-    return found
-
-
-def _factor(choice: Choice, at: Integers) -> tuple[Array, Array, Array]:
-    """Return some columns (n, c), their triangle R (c, c) and ``R^-T X^T r`` (c,)."""
-    columns = choice.columns[:, at]
-    triangle = np.linalg.cholesky(columns.T @ columns + np.diag(choice.precision[at])).T
-    pull = solve_triangular(triangle, choice.pull[at], trans="T") if at.size else np.zeros(0)
-    return columns, np.asarray(triangle), np.asarray(pull)
-
-
-def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
-    """Return the forms of a fit by number; columns of parameters that it does not use are 0."""
-    return {
-        number: replace(form, columns=form.columns * free)
-        for number, form, free in zip(
-            step.chosen, (choice.forms[k] for k in step.chosen), step.free, strict=True
-        )
-    }
-
-
-def bic(squares: Array | float, parameters: Array | float, values: int, log_prior: Array | float) -> Array:
-    """Return the criterion of fits.
-
-    Examples
-    --------
-    >>> round(float(bic(100.0, 2, 100, 0.0)), 3)  # noise as stated: the cost of two parameters alone
-    9.21
-    """
-    n = max(values, 1)
-    result: Array = n * np.log(np.maximum(squares, 1e-12) / n) + parameters * np.log(n) - 2.0 * log_prior
-    return result
-
-
-def with_each(choice: Choice, step: Step) -> Array:
+def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Array:
     """Return the BIC (f,) of a fit with each form added to it.
 
-    inf where a form does not show, stands there already, or asks for a sign that a parameter cannot have:
-    such a form is not what is there.
+    inf where a form does not show, is of a forbidden cause, stands there already, or asks for a sign that a
+    parameter cannot have: such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
     known = prior_of(choice, step.chosen)
@@ -333,7 +45,7 @@ def with_each(choice: Choice, step: Step) -> Array:
         pull = pull - step.theta @ products
     forms = [choice.forms[number] for number in step.chosen]
     taken = {form.key for form in forms if form.effect not in REPEATED}
-    taken |= {key for form in forms for key in choice.alike.get(form.key, ())}
+    taken |= {key for form in forms for key in choice.alike.get(form.key, ())} | set(forbidden)
     for numbers, at, own in choice.groups:
         gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
@@ -351,28 +63,39 @@ def with_each(choice: Choice, step: Step) -> Array:
     return result
 
 
-def select(choice: Choice, held_out: HeldOut, most: int = MOST) -> Step:
+def select(
+    choice: Choice,
+    held_out: HeldOut,
+    most: int = MOST,
+    start: Sequence[int] = (),
+    forbidden: Collection[str] = (),
+    exchange: bool = True,
+) -> Step:
     """Return the fit with the causes that the criterion and held-out postures ask for, `most` forms.
 
     After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
     that another explains better, or two others, is exchanged.
+
+    `start`: forms to begin with. `forbidden`: causes that must not come in.
     """
-    step = fit_step(choice, ())
+    step = fit_step(choice, start)
     for _ in range(ROUNDS):
-        larger = _larger(choice, step, held_out) if len(step.chosen) < most and choice.forms else None
+        larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
         while larger is not None:
             step = _needed(choice, larger)
-            larger = _larger(choice, step, held_out) if len(step.chosen) < most else None
-        other = _exchanged(choice, step, held_out) if len(step.chosen) < most else None
+            larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
+        other = _exchanged(choice, step, held_out) if exchange and len(step.chosen) < most else None
         if other is None:
             break
         step = _needed(choice, other)
     return step
 
 
-def _larger(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+def _larger(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection[str]) -> Step | None:
     """Return a fit with the form more that helps most; None where none helps enough."""
-    after = with_each(choice, step)
+    if not choice.forms:
+        return None
+    after = with_each(choice, step, forbidden)
     before = held_out(step)
     for new in np.argsort(after, kind="stable")[:TRIED].tolist():
         if after[new] > step.bic - ENOUGH:

@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.decomposition.decompose import Cause, Decomposition, solved
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.decompose import solved
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.next_measurement.candidates import load_cycles
 from beamstiff.diagnosis.next_measurement.test_plan import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -56,14 +56,22 @@ INDEPENDENT = 1e-6  # singular value of unit columns below which a direction is 
 
 @dataclass(frozen=True)
 class CrowdedExam:
-    """What the exam draws its cases from; the same exam draws the same cases."""
+    """What the exam draws its cases from; the same exam draws the same cases.
+
+    `robots`: with the share of each. `absolute`: share of the campaigns. `count`: fewest effects, and most.
+    `authors`: whose forms the effects have; all by default.
+    """
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
+    robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))
+    absolute: float = ABSOLUTE
+    count: tuple[int, int] = (FEWEST, MOST)
+    authors: tuple[int, ...] = ()
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data."""
-        return {"crowded": True, "seed": self.seed, "shares": dict(self.shares)}
+        return {"crowded": True, **asdict(self), "count": list(self.count), "authors": list(self.authors)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,20 +126,20 @@ def draw_crowded_case(exam: CrowdedExam, case: int) -> CrowdedCase:
     why = ""
     for _ in range(TRIES):
         try:
-            return _drawn(rng, case, kind)
+            return _drawn(exam, rng, case, kind)
         except BeamstiffError as error:  # a pose that does not come to rest, too few effects that show
             why = str(error)
     raise BeamstiffError(f"exam: case {case}: {why}")
 
 
-def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
-    robot = exam_robot(str(rng.choice(list(ROBOTS), p=list(ROBOTS.values()))), rng)
+def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
+    robot = exam_robot(str(rng.choice(list(exam.robots), p=list(exam.robots.values()))), rng)
     for _ in range(int(rng.integers(0, 5)) if rng.random() < 0.6 else 0):
         robot = with_stiff_drive(robot, rng)
     force = largest_force(robot, rng)
     mass = rng.uniform(0.2, 0.7) * force / GRAVITY
     robot = with_payload(robot, float(mass), tuple(rng.uniform(-0.1, 0.1, 3).tolist()))
-    absolute = kind == "geometry" or rng.random() < ABSOLUTE
+    absolute = kind == "geometry" or rng.random() < exam.absolute
     machine = robot
     points: tuple[str, ...] = (robot.tcp,)
     if absolute:
@@ -155,7 +163,7 @@ def _drawn(rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
 
     truths: list[Truth] = []
     if kind in ("crowded", "outside"):
-        truths = _draw_effects(rng, robot, rows, kind == "outside")
+        truths = _draw_effects(rng, robot, rows, kind == "outside", exam)
     every, nothing = rows(truths), rows(())
     parts = np.zeros((len(every), len(truths)))
     for k in range(len(truths)):
@@ -286,9 +294,13 @@ def in_order(gap: Array, parts: Array) -> tuple[list[int], list[float]]:
 
 
 def _draw_effects(
-    rng: np.random.Generator, robot: Robot, rows: Callable[[Sequence[Truth]], Array], outside: bool
+    rng: np.random.Generator,
+    robot: Robot,
+    rows: Callable[[Sequence[Truth]], Array],
+    outside: bool,
+    exam: CrowdedExam,
 ) -> list[Truth]:
-    """Return three to six effects, each at a place of its own, the largest first.
+    """Return effects, as many as the exam asks for, each at a place of its own, the largest first.
 
     `rows` tells what a machine with some effects reads, without what is fitted in any case.
     """
@@ -300,13 +312,17 @@ def _draw_effects(
         except BeamstiffError:  # so large that the machine buckles under it
             return float("inf")
 
-    wanted, found, count = _between(rng, *LARGEST), list[Truth](), int(rng.integers(FEWEST, MOST + 1))
+    wanted, found, count = (
+        _between(rng, *LARGEST),
+        list[Truth](),
+        int(rng.integers(exam.count[0], exam.count[1] + 1)),
+    )
     for at in range(count):
         effects = BEYOND if outside and at == 0 else INSIDE
         for _ in range(DRAWS):
             seed, effect = int(rng.integers(2**31)), effects[int(rng.integers(len(effects)))]
             try:
-                truth = draw_truth(rng, robot, effect, 0.5)
+                truth = draw_truth(rng, robot, effect, 0.5, authors=exam.authors)
             except BeamstiffError:  # this robot cannot have it
                 continue
             if (truth.component or effect) in [one.component or one.effect for one in found]:
@@ -319,7 +335,7 @@ def _draw_effects(
         if not found:
             raise BeamstiffError("no effect is large enough to be the largest")
         wanted *= rng.uniform(*FALLS)
-    if len(found) < FEWEST:
+    if len(found) < exam.count[0]:
         raise BeamstiffError(f"only {len(found)} effects show")
     return found
 

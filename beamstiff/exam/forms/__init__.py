@@ -1,11 +1,12 @@
 """Effects as the simulated machines have them, in the forms of several authors, a folder each.
 
-The authors of `author2` and `author3` have not read the diagnosis. Who writes the diagnosis must not read
-their forms: what its shapes miss can only show on forms that they do not know.
+The authors of `author2`, `author3` and `author4` have not read the diagnosis. Who writes the diagnosis must
+not read their forms: what its shapes miss can only show on forms that they do not know.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,17 +14,25 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.exam.campaign import Truth
 from beamstiff.exam.effect import DrawRequest, Effect, joined
-from beamstiff.exam.forms import author1, author2, author3
+from beamstiff.exam.forms import author1, author2, author3, author4
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
-AUTHORS = (author1, author2, author3)
-_LATER = tuple({effect.name: effect for effect in author.EFFECTS} for author in AUTHORS[1:])
-INSIDE: tuple[Effect, ...] = tuple(
-    joined(effect, *(forms.get(effect.name) for forms in _LATER)) for effect in author1.EFFECTS
+AUTHORS = (author1, author2, author3, author4)
+_OTHERS = tuple(
+    {effect.name: effect for effect in (*author.EFFECTS, *getattr(author, "LATER", ()))}
+    for author in AUTHORS[1:]
 )
+
+
+def _joined(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Return the first author's effects with the forms of all others."""
+    return tuple(joined(effect, *(forms.get(effect.name) for forms in _OTHERS)) for effect in effects)
+
+
+INSIDE: tuple[Effect, ...] = _joined(author1.EFFECTS)
 OUTSIDE: tuple[Effect, ...] = tuple(effect for author in AUTHORS for effect in author.OUTSIDE)
-LATER: tuple[Effect, ...] = author1.LATER
+LATER: tuple[Effect, ...] = _joined(author1.LATER)
 EFFECTS = {effect.name: effect for effect in (*INSIDE, *LATER, *OUTSIDE)}
 
 
@@ -39,12 +48,14 @@ def draw_truth(
     size: float | None = None,
     component: str | None = None,
     form: str | None = None,
+    authors: Sequence[int] = (),
 ) -> Truth:
     """Return an effect drawn at random: its component, form and parameters.
 
     `robot`: as the model has it.
     `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
     `component`, `form`: given instead of drawn.
+    `authors`: of the forms that are drawn; all by default.
 
     Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.
     """
@@ -54,7 +65,7 @@ def draw_truth(
         where = f"at {component!r}" if component else "anywhere"
         raise BeamstiffError(f"robot {robot.name!r} cannot have the effect {effect!r} {where}")
     place = possible[int(rng.integers(len(possible)))] if component is None else component
-    kind = known.draw_form(rng) if form is None else form
+    kind = known.draw_form(rng, authors) if form is None else form
     if kind not in known.forms:
         raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
     measure = float(rng.uniform()) if size is None else size
@@ -71,7 +82,7 @@ def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
 
 
 def author_of(truth: Truth) -> int:
-    """Return who wrote the form of an effect: 1 for who writes the diagnosis; 2 and 3 have not read it."""
+    """Return who wrote the form of an effect: 1 for who writes the diagnosis; the others have not read it."""
     for number, author in enumerate(AUTHORS, start=1):
         if any(effect.name == truth.effect for effect in author.OUTSIDE):
             return number

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.fit import Choice, bic, fit_step
 from beamstiff.diagnosis.decomposition.forms import Form
-from beamstiff.diagnosis.decomposition.selection import Choice, bic, fit_step
 from beamstiff.diagnosis.effects import Quantity
 from beamstiff.se3 import Array
 from tests.diagnosis.decomposition.test_selection import choice_of, form

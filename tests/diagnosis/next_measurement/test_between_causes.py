@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.decomposition.decompose import Decomposition
+from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.forms import forms_of
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.next_measurement.between_causes import Ahead, propose_between

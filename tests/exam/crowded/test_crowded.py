@@ -199,7 +199,8 @@ def test_a_contribution_is_what_leaving_the_effect_out_changes_after_a_refit(
         others = [truth for k, truth in enumerate(case.truths) if k != at]
         assert case.truths[at].label == cause.key
         change = (whole - rows((*case.geometry, *others))).reshape(-1)
-        left = change - matrix @ np.linalg.lstsq(matrix, change, rcond=1e-5)[0]
+        # redundant parameters of the frames, which only the deflections here tell apart, are none
+        left = change - matrix @ np.linalg.lstsq(matrix, change, rcond=1e-4)[0]
         rms = 1e3 * np.sqrt(3.0 * np.mean(left**2))
         assert cause.contribution_mm == pytest.approx(rms, rel=0.05, abs=0.003)
 

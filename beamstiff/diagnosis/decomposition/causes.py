@@ -1,0 +1,130 @@
+"""A cause among others, and a gap as an ordered list of them with what remains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from beamstiff.diagnosis.decomposition.behind_gears import Behind
+from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.remainder import Remainder
+from beamstiff.diagnosis.effects.target_slip import slip_row
+from beamstiff.se3 import Array
+
+PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, from which it counts
+NAMED = 0.5  # probability that it is this one, from which it is named
+MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
+NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
+HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause, and what it closes of the gap after those before it.
+
+    Attributes
+    ----------
+    forms : tuple of Form
+        One; of a target that slipped several times, one for each row.
+    theta : tuple of (c,) array
+        Parameters of each form, in realistic sizes.
+    std : tuple of (c,) array
+    probability : float
+        That this effect at this component is really there.
+    present : float
+        That there is a cause in its place, and not a little of everything else.
+    closes : float
+        Share of the explainable gap on held-out postures.
+    closes_interval : (float, float)
+        90 %, over the postures.
+    rms_after : float, m
+    indistinguishable : tuple of str
+    rivals : tuple of Form
+        The best of each of these.
+    """
+
+    forms: tuple[Form, ...]
+    theta: tuple[Array, ...]
+    std: tuple[Array, ...]
+    probability: float
+    present: float
+    closes: float
+    closes_interval: tuple[float, float]
+    rms_after: float
+    indistinguishable: tuple[str, ...]
+    rivals: tuple[Form, ...]
+
+    @property
+    def key(self) -> str:
+        """``effect:component``."""
+        return self.forms[0].key
+
+    @property
+    def named(self) -> bool:
+        """Whether it is surely this cause, and more than what the form of another may leave."""
+        return self.present >= PRESENT and self.probability >= NAMED and self.closes >= MINOR
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Rows (from 0) at which a target slips; empty for other causes."""
+        return tuple(slip_row(form.shape.name) for form in self.forms if form.effect == SLIP)
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """The causes of a gap, those that close most first, and what remains.
+
+    Attributes
+    ----------
+    model : OpenModel
+    causes, unclear : tuple of Cause
+        Those that are named, and those that are there but could as well be another.
+    remainder : Remainder
+        What those that are named leave.
+    unexplained : float
+        Share of the explainable gap that those that are unclear leave as well.
+    rms, noise : float, m
+        Held-out position gap of the open model without a cause, and what noise alone would leave.
+    change : (t,) array
+        Of the open parameters, beside the causes.
+    scatter : float
+        What is left over the stated noise.
+    bic : float
+        Of the open model with the causes.
+    largest : float
+        Probability that the first cause closes more than the second, over the postures.
+    behind : tuple of Behind
+        What encoders behind the gears say.
+    """
+
+    model: OpenModel
+    causes: tuple[Cause, ...]
+    unclear: tuple[Cause, ...]
+    remainder: Remainder
+    unexplained: float
+    rms: float
+    noise: float
+    change: Array
+    scatter: float
+    bic: float
+    largest: float
+    behind: tuple[Behind, ...] = ()
+
+    @property
+    def closes(self) -> float:
+        """Share of the explainable gap that all causes close together."""
+        return sum(cause.closes for cause in self.causes)
+
+    @property
+    def gap_shows(self) -> bool:
+        """Whether more is left without a cause than noise makes."""
+        return self.scatter > NOISE or bool(self.causes or self.unclear)
+
+    @property
+    def verdict(self) -> Cause | None:
+        """The first cause, where it closes most of what can be closed."""
+        if not self.causes:
+            return None
+        first, *others = (*self.causes, *self.unclear)
+        alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
+        return first if first.named and (first.closes >= HALF or alone) else None

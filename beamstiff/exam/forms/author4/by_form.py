@@ -1,0 +1,84 @@
+"""An effect put together from its forms, and the scales of a machine that their sizes follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import LARGE, DrawRequest, Effect, slender, stiffness_of, turns
+from beamstiff.exam.laws import Law
+from beamstiff.exam.machine import Hinge, Machine, Mesh, drives_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+STEP = 1e-30  # of complex steps
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form of an effect: how its parameters are drawn, and how it is imposed."""
+
+    draw: Callable[[DrawRequest], dict[str, float]]
+    impose: Callable[[Truth, Reality], Reality]
+
+
+def effect_of(
+    name: str, places: Callable[[Robot], Sequence[str | None]], forms: Mapping[str, Form]
+) -> Effect:
+    """Return the effect with these forms."""
+    return Effect(
+        name,
+        tuple(forms),
+        places,
+        lambda request: forms[request.form].draw(request),
+        lambda truth, reality: forms[truth.form].impose(truth, reality),
+    )
+
+
+def main_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the stiffest turning drive, N m/rad."""
+    return LARGE / slender(robot) ** 2
+
+
+def wrist_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the softest turning drive, N m/rad; a tenth of the main one's at least."""
+    turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
+    main = main_stiffness(robot)
+    return max(min(turning, default=main), 0.05 * main)
+
+
+def way_of(request: DrawRequest, length: float, prefix: str) -> dict[str, float]:
+    """Return a vector of that length in a direction drawn evenly, by x, y and z after a prefix."""
+    return {prefix + name: value for name, value in request.direction(length).items()}
+
+
+def prefixed(p: Mapping[str, float], prefix: str) -> Array:
+    """Return the vector (3,) of parameters x, y and z after a prefix."""
+    return np.array([p[prefix + name] for name in "xyz"])
+
+
+def rounded_ramp(x: Array, width: float) -> tuple[Array, Array]:
+    """Return a ramp that is 0 for x < 0 and x for x > 0, rounded over a width, and its slope."""
+    root = np.sqrt(x**2 + width**2)
+    return 0.5 * (x + root), 0.5 * (1.0 + x / root)
+
+
+def beside(machine: Machine, hinge: str, direction: int, law: Law) -> Machine:
+    """Return the machine with a law parallel to whatever a hinge has in a direction."""
+    return machine.plus(meshes=(Mesh((hinge, direction), (hinge, direction), (1.0, 0.0), law),))
+
+
+def round_about(machine: Machine, hinge: Hinge, first: int, law: Law) -> Machine:
+    """Return the machine with a law in every way of tilting about two directions of a hinge.
+
+    Four springs on diameters 45 degrees apart take half of the law's stiffness each: alike in all ways where
+    the law is linear, nearly so else. `law`: of one of the four.
+    """
+    for angle in 0.25 * np.pi * np.arange(4):
+        weights = (float(np.cos(angle)), float(np.sin(angle)))
+        mesh = Mesh((hinge.name, first), (hinge.name, first + 1), weights, law)
+        machine = machine.plus(meshes=(mesh,))
+    return machine

@@ -1,0 +1,211 @@
+"""Springs in the drives: wind-up of gears, ropes and splines, and play that is not a plain dead zone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import DrawRequest, at_joints, drives, stiffness_of, stroke, turns
+from beamstiff.exam.forms.author4.by_form import Form, effect_of, main_stiffness, rounded_ramp
+from beamstiff.exam.laws import Curve, Forgetful, Law, Memory, Situation, Stiffness, WindUp
+from beamstiff.exam.machine import drives_of, joints_of, own_stiffness
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+ROUND = 0.08  # of a play's width: its corners
+
+
+def soft_zone(k: float, lost: float, knee: float) -> WindUp:
+    """Return a strain wave gear's wind-up: teeth that settle add up to `lost` while the torque is small."""
+
+    def wind_up(force: Array) -> tuple[Array, Array]:
+        u = force / (k * knee)
+        return force / k + lost * (2.0 / np.pi) * np.arctan(u), 1.0 / k + lost * (2.0 / np.pi) / (
+            k * knee * (1.0 + u**2)
+        )
+
+    return WindUp(wind_up, k)
+
+
+def engaging(k: float, gain: float, scale: float, skew: float) -> WindUp:
+    """Return a gear's wind-up of which more teeth carry the larger the torque, sooner in one direction.
+
+    Stiffness ``k (1 + gain (1 - exp(-|T| / T1)))``, T1 = ``k scale (1 + skew sign(T))``.
+    """
+
+    def wind_up(force: Array) -> tuple[Array, Array]:
+        T1 = k * scale * np.where(force >= 0.0, 1.0 + skew, 1.0 - skew)
+        u = np.abs(force) / T1
+        rest = 1.0 + gain * -np.expm1(-u)
+        wound = T1 / (k * (1.0 + gain)) * (u + np.log1p(gain * -np.expm1(-u)))
+        return np.sign(force) * wound, 1.0 / (k * rest)
+
+    return WindUp(wind_up, k * (1.0 + gain))
+
+
+def spline(k: float, contact: float, knee: float) -> WindUp:
+    """Return the wind-up of a shaft in a spline: contacts that give with the torque to two thirds.
+
+    `contact`: their compliance at no torque, over that of the shaft.
+    """
+
+    def wind_up(force: Array) -> tuple[Array, Array]:
+        u = force / (k * knee)
+        soft = u * (1.0 + u**2) ** (-1.0 / 6.0)
+        slope = (1.0 + u**2) ** (-7.0 / 6.0) * (1.0 + 2.0 / 3.0 * u**2)
+        return force / k + contact * knee * soft, (1.0 + contact * slope) / k
+
+    return WindUp(wind_up, k)
+
+
+def scissor(k: float, sign: float, preload: float, gap: float, soft: float) -> Curve:
+    """Return a split gear: beyond its preload in one direction the spring half gives by a gap."""
+    width = ROUND * (gap + preload)
+
+    def part(y: Array) -> tuple[Array, Array]:
+        first, its = rounded_ramp(-y - preload, width)
+        last, other = rounded_ramp(-y - preload - gap, width)
+        return k * y + (1.0 - soft) * k * (first - last), k - (1.0 - soft) * k * (its - other)
+
+    at_rest = part(np.zeros(1))[0]
+
+    def curve(strain: Array) -> tuple[Array, Array]:
+        force, slope = part(sign * strain)
+        return sign * (force - at_rest), slope
+
+    return Curve(curve)
+
+
+@dataclass(frozen=True)
+class EccentricMesh(Forgetful):
+    """Play between flanks of a wheel that runs out: half as wide again on one side of its turn.
+
+    Grease between the flanks carries a little.
+    """
+
+    stiffness: float
+    half_width: float
+    runout: float
+    phase: float
+    grease: float
+    variable: str
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
+        """Return force, slope and no memory."""
+        w = self.half_width * (1.0 + self.runout * np.cos(situation.values[self.variable] - self.phase))
+        above, below = (np.sqrt((strain + way * w) ** 2 + (ROUND * w) ** 2) for way in (-1.0, 1.0))
+        free = strain + 0.5 * (above - below)
+        slope = 1.0 + 0.5 * ((strain - w) / above - (strain + w) / below)
+        carried = self.stiffness * (1.0 - self.grease)
+        rest = self.stiffness * self.grease
+        return rest * strain + carried * free, rest + carried * slope, memory
+
+
+def _soft_zone(request: DrawRequest) -> dict[str, float]:
+    return {"lost": request.sized(1e-5, 4e-4), "knee": request.log_uniform(2e-5, 1.5e-4)}
+
+
+def _engaging(request: DrawRequest) -> dict[str, float]:
+    return {
+        "gain": request.sized(0.05, 1.5),
+        "scale": request.log_uniform(6e-5, 4e-4),
+        "skew": request.sign() * request.uniform(0.0, 0.5),
+    }
+
+
+def _hardening(truth: Truth, reality: Reality) -> Reality:
+    law_of = soft_zone if truth.form == "soft-zone" else engaging
+    return at_joints(truth, reality, lambda k: law_of(k, **truth.parameters))
+
+
+def _usual(request: DrawRequest) -> float:
+    """Return the geometric mean of the other drives' stiffness."""
+    robot, place = request.robot, request.component
+    like = [
+        stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name) == turns(robot, place)
+    ]
+    return float(np.exp(np.mean(np.log(like)))) if like else main_stiffness(robot)
+
+
+def _rope(request: DrawRequest) -> dict[str, float]:
+    return {
+        "stiffness": _usual(request) / request.sized(0.03, 1.2),
+        "longer": request.sign() * request.uniform(0.15, 0.5),
+    }
+
+
+def _spline(request: DrawRequest) -> dict[str, float]:
+    return {
+        "stiffness": _usual(request) / request.sized(0.03, 1.2),
+        "contact": request.uniform(0.5, 2.0),
+        "knee": request.log_uniform(3e-5, 3e-4),
+    }
+
+
+def _given_way(truth: Truth, reality: Reality) -> Reality:
+    p, variable = truth.parameters, str(truth.component)
+    if truth.form == "spline":
+        return at_joints(truth, reality, lambda _: spline(p["stiffness"], p["contact"], p["knee"]))
+    middle, half = stroke(reality.machine.robot, variable)
+
+    def stiffness(situation: Situation) -> Array:
+        # the free strand grows as the drum winds off; limits of a joint may be passed by a little
+        way = np.clip((situation.values[variable] - middle) / half, -1.5, 1.5)
+        return np.asarray(p["stiffness"] / (1.0 + p["longer"] * way))
+
+    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
+
+
+def _mesh(request: DrawRequest) -> dict[str, float]:
+    return {
+        "half_width": request.sized(5e-6, 4e-4),
+        "runout": request.uniform(0.2, 0.6),
+        "phase": request.uniform(0.0, 2.0 * np.pi),
+        "grease": request.uniform(0.01, 0.06),
+    }
+
+
+def _scissor(request: DrawRequest) -> dict[str, float]:
+    return {
+        "sign": request.sign(),
+        "preload": request.log_uniform(1e-5, 1.2e-4),
+        "gap": request.sized(1e-5, 6e-4),
+        "soft": request.uniform(0.02, 0.12),
+    }
+
+
+def _backlash(truth: Truth, reality: Reality) -> Reality:
+    def law_of(k: float) -> Law:
+        if truth.form == "scissor-gear":
+            return scissor(k, **truth.parameters)
+        return EccentricMesh(k, variable=str(truth.component), **truth.parameters)
+
+    return at_joints(truth, reality, law_of)
+
+
+def stiff_joints(robot: Robot) -> Sequence[str | None]:
+    """Return the actuated joints that the model holds rigid."""
+    names = [v.name for v in robot.actuated if any(j.variable == v.name for j in robot.joints)]
+    return [n for n in names if all(np.isinf(own_stiffness(robot, *at)) for at in joints_of(robot, n))]
+
+
+EFFECTS = (
+    effect_of(
+        "hardening",
+        drives,
+        {"soft-zone": Form(_soft_zone, _hardening), "engaging-teeth": Form(_engaging, _hardening)},
+    ),
+    effect_of(
+        "joint-compliance",
+        stiff_joints,
+        {"rope-drive": Form(_rope, _given_way), "spline": Form(_spline, _given_way)},
+    ),
+    effect_of(
+        "backlash",
+        drives,
+        {"eccentric-mesh": Form(_mesh, _backlash), "scissor-gear": Form(_scissor, _backlash)},
+    ),
+)

@@ -1,0 +1,66 @@
+"""What stands in for a cause, on hand-made problems in which that is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, tempering_of
+from beamstiff.diagnosis.effects import Quantity
+from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
+from beamstiff.se3 import Array
+from tests.diagnosis.decomposition.test_selection import VALUES, choice_of, form
+
+AWAY = 0.005  # of a cause, that its two look-alikes together do not reproduce
+
+
+def held_out(step: Step) -> Array:
+    """Return squared errors, each value a posture; of so many values few fits change held out."""
+    squares: Array = step.left**2
+    return squares
+
+
+@pytest.fixture
+def made() -> Choice:
+    """A cause that two others reproduce together, neither by itself, and one that none does."""
+    rng = np.random.default_rng(3)
+    first, second, apart, away = rng.standard_normal((4, VALUES))
+    both = first + second + AWAY * away
+    size = Quantity("size", "1", 1.0)
+    names = ("q1", "q2", "q3", "q4")
+    forms = [
+        replace(form(column[:, None], size), effect="angle-curve", component=name)
+        for name, column in zip(names, (both, first, second, apart), strict=True)
+    ]
+    return choice_of(30.0 * both + 20.0 * apart + rng.standard_normal(VALUES), *forms)
+
+
+def test_two_causes_that_do_together_what_one_does_are_found_in_its_place(made: Choice) -> None:
+    step = fit_step(made, (0, 3))
+    found = list(instead(made, step, (0,), held_out))
+    assert sorted(found[0][1].chosen) == [1, 2, 3]
+    alone = rival_of(made, step, (0,), held_out)
+    together = rival_of(made, step, (0,), held_out, found)
+    assert alone.indistinguishable == ()
+    assert set(together.indistinguishable) & {"angle-curve:q2", "angle-curve:q3"}
+    assert together.probability < alone.probability
+    assert together.present == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_cause_that_none_replaces_is_sure(made: Choice) -> None:
+    step = fit_step(made, (0, 3))
+    assert list(instead(made, step, (3,), held_out)) == []
+    rival = rival_of(made, step, (3,), held_out)
+    assert rival.indistinguishable == ()
+    assert rival.probability > 0.99
+
+
+def test_the_more_a_cause_explains_the_less_a_difference_says(made: Choice) -> None:
+    """By log odds over ``T + E / R``, E half of what the criterion falls by the cause."""
+    step = fit_step(made, (0, 3))
+    for number, other in ((0, 3), (3, 0)):
+        without = fit_step(made, (other,))
+        expected = TEMPERING + (without.bic - step.bic) / 2.0 / RELATIVE
+        assert tempering_of(step, without) == pytest.approx(expected)
+        assert number in step.chosen
