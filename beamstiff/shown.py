@@ -31,6 +31,18 @@ class Shown:
         for part in told(self):
             yield from plain.render(part, options)
 
+    def __str__(self) -> str:
+        """Return the same tables as text."""
+        from beamstiff.report.shown import as_text
+
+        return as_text(self)
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: the tables are for `print`."""
+        from beamstiff.report.shown import line
+
+        return f"<{type(self).__name__}: {line(self)}>"
+
     def _repr_html_(self) -> str:
         """Return the same tables for Jupyter."""
         from beamstiff.report.shown import as_html

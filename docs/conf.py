@@ -26,6 +26,7 @@ autodoc_typehints = "none"  # the docstrings say more: shapes and units
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_use_ivar = True  # attributes of the same name in several classes are no targets
 highlight_language = "none"
 html_math_renderer = "mathml"
 html_theme = "furo"

@@ -157,8 +157,8 @@ def _notes(problem: Problem, found: Estimate, factor: float, widened: bool) -> t
         notes.append("the estimate stopped before it converged")
     if problem.claimed and widened:
         notes.append(
-            f"the fit leaves {factor:.2g} times what the stated noise would: the model lacks something; the "
-            "standard deviations are widened by this factor, and do not cover what a wrong model does"
+            f"the residual is {factor:.2g} times the stated noise: the model is incomplete; the standard "
+            "deviations are scaled by this factor and do not cover the bias of an incomplete model"
         )
     if rigid := [
         item.name

@@ -114,7 +114,7 @@ def calibrated_parameters(
     return (*kept, *new)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Shown):
     """A calibrated robot, how sure its parameters are, and what is left; N rows, t parameters."""
 

@@ -85,7 +85,13 @@ def calibrate(
     from beamstiff.measure.coerce import as_tables, refuse_fitted
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.outputs import write_output
-    from beamstiff.report.geometry import calibration_text, dependent_table, errors_table, parameters_table
+    from beamstiff.report.geometry import (
+        calibration_text,
+        calibration_verdict,
+        dependent_table,
+        errors_table,
+        parameters_table,
+    )
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
@@ -118,7 +124,8 @@ def calibrate(
         )
     assert found.rows is not None
     assert found.statement is not None
-    shown: list[Any] = [parameters_table(found, f"{machine.name}: calibrated geometry"), ""]
+    shown: list[Any] = [*calibration_verdict(found, found.rows).lines()]
+    shown += [parameters_table(found, f"{machine.name}: calibrated geometry"), ""]
     if (dependent := dependent_table(found)) is not None:
         shown += [dependent, ""]
     outputs.result(found.notes, [*shown, errors_table(found), "", *calibration_text(found)], found.to_dict())

@@ -135,6 +135,7 @@ def identify(
         front_table,
         identification_table,
         identification_text,
+        identification_verdict,
         method_text,
     )
     from beamstiff.report.parity import front_figure, parity_figure
@@ -191,7 +192,8 @@ def identify(
         texts.append(f"The fit includes the robot's effects unchanged: {effects_text(machine.effects)}.")
     if (points := found.front) is not None:
         texts += ["", front_table(points)]
-    outputs.result(found.notes, [table, "", *texts], found.to_dict())
+    verdict = identification_verdict(found, fitted)
+    outputs.result(found.notes, [*verdict.lines(), table, "", *texts], found.to_dict())
     if out is not None:
         write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:

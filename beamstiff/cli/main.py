@@ -14,6 +14,7 @@ from beamstiff.cli.compare_runs import compare_runs
 from beamstiff.cli.compensate import compensate
 from beamstiff.cli.convert import convert
 from beamstiff.cli.deflect import deflect
+from beamstiff.cli.demo import demo
 from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.doctor import doctor
 from beamstiff.cli.exam import exam
@@ -62,6 +63,7 @@ def beamstiff(
     To begin with:
       beamstiff show ir663
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg
+      beamstiff demo
       beamstiff doctor
 
     Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a fault of beamstiff,
@@ -88,6 +90,7 @@ for command in (
     convert,
     exam,
     doctor,
+    demo,
 ):
     app.command()(with_common(command))
 app.command()(with_common(schema, json=STDOUT))

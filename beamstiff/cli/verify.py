@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -46,7 +47,9 @@ def verify(
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
+    from beamstiff.report.diagnosis import in_words
     from beamstiff.report.tables import add_rows, table
+    from beamstiff.report.verdict import Level, Verdict, level_of, rounded
     from beamstiff.units import in_unit
 
     outputs = Outputs([robot_file(robot), *data])
@@ -62,12 +65,23 @@ def verify(
         ["without model and effects" if modelled else "without effects", f"{1e3 * found.before:.4f} mm", ""]
     ]
     lines += [
-        [f"and {name}", f"{1e3 * after:.4f} mm", f"{closes:.0%}"] for name, after, closes in found.causes
+        [f"and {in_words([name])}", f"{1e3 * after:.4f} mm", f"{100 * closes:.0f} %"]
+        for name, after, closes in found.causes
     ]
     add_rows(rows, [*lines, ["noise as stated", f"{1e3 * found.noise:.4f} mm", ""]])
-    known = found.causes and found.promised is not None
-    said = [f"Promised {found.promised:.0%} of the gap, true {found.true:.0%}."] if known else []
-    outputs.result(found.notes, [rows, *said], found.to_dict())
+    level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
+    with_them = "with its effects" if found.causes else "as described"
+    times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
+    head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
+    files = ", ".join(Path(path).name for path in data)
+    action = "Use the robot within these postures and loads."
+    if level in ("doubtful", "differs"):
+        action = "Run beamstiff diagnose on these rows: something is still missing."
+    verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)
+    said = []
+    if found.causes and found.promised is not None and found.true is not None:
+        said = [f"Promised: {100 * found.promised:.0f} % of the gap closes. True: {100 * found.true:.0f} %."]
+    outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())
         raise typer.Exit(TOO_LARGE)

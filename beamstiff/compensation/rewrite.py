@@ -45,7 +45,7 @@ def size_of(errors: Array) -> Size:
     return Size(rms[0], float(far.max()), rms[1], float(turned.max()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Compensated(Shown):
     """A corrected file, and what is known of it; N targets.
 

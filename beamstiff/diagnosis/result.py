@@ -76,7 +76,7 @@ class Candidate:
         return key_of(self.effect, self.component)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
     """A diagnosis; see the format ``beamstiff-diagnosis/1`` for what its JSON holds.
 

@@ -260,8 +260,8 @@ def _turned(displacement: Array, turn: Array) -> Array:
 
 def _widened(tables: Sequence[Measurements], fits: Sequence[CampaignFit]) -> list[str]:
     return [
-        f"{table.source}: the fit leaves {fit.noise:.2g} times what the stated noise would: the standard "
-        "deviations are widened by this factor; a change of the postures may then show as one of the machine"
+        f"{table.source}: the residual is {fit.noise:.2g} times the stated noise: the model is incomplete, "
+        "and standard deviations are scaled by this factor; other postures may then look like another machine"
         for table, fit in zip(tables, fits, strict=True)
         if fit.freedom is not None and np.isfinite(table.sigma[table.measured_mask]).any()
     ]

@@ -38,7 +38,7 @@ TESTS = 20  # to make if nothing else is said
 GROWING = (0.5, 1, 2, 4)  # sizes that are looked at, to say how many tests are enough
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MeasurementPlan(Shown):
     """Tests to make, and what is expected of them.
 

@@ -23,7 +23,7 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Shown):
     """Predicted displacements, N rows.
 

@@ -30,7 +30,7 @@ from beamstiff.shown import Shown
 Joints = Mapping[str, ArrayLike] | ArrayLike
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TcpStiffness(Shown):
     """Stiffness and compliance at the TCP in one posture, SI, base frame.
 

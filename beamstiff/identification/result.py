@@ -55,7 +55,7 @@ class Combination:
     interval: tuple[float, float] | None = None  # (low, high): 95 %, of the value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification(Shown):
     """Identified stiffness of a robot.
 

@@ -14,7 +14,8 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import Column, Table, add_rows, counted, number, small, table
+from beamstiff.report.tables import Column, Table, add_rows, counted, number, scale_of, table, worth
+from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ PARTS_OF_GAP = {
     "history": "Loading and unloading",
     "time": "Over time",
 }
+LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
 CAUSES = "Causes, each added to those above it"
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
@@ -38,6 +40,7 @@ UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "noth
 
 def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     """Yield what a terminal shows of a diagnosis."""
+    yield from verdict(result).lines()
     yield Text(summary(result))
     yield Text("")
     if result.decomposition is not None and result.decomposition.gap_shows:
@@ -45,23 +48,80 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
             yield causes_table(result.decomposition, CAUSES)
         yield Text(remainder_text(result.decomposition))
     if not several(result):
-        yield candidates_table(result, result.candidates[:SHOWN], "Which effect")
+        yield from (candidates_table(result, likely(result, SHOWN), "Which effect"), "")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
-        yield sizes
-    if result.verdict.effect != "none" and (places := result.where.get("components", [])[:SHOWN]):
-        yield places_table(places, "Where: share of the explainable gap that each place could account for")
-    for key in PARTS_OF_GAP:
-        if found := result.where.get(key):
-            yield gap_table(found, f"Position gap by {key}, RMS", key)
+        yield from (sizes, "")
+    if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
+        title = "Where: share of the explainable gap that each place could account for"
+        yield from (places_table(places, title), "")
+    yield from (gap_tables(result, "Position gap of the fitted model, RMS"), "")
     if moved := stiffness_text(result):
-        yield Text(moved)
+        yield Text(f"{moved}\n")
     if result.untestable:
-        yield untestable_table(result, "What these data cannot show")
+        yield from (untestable_table(result, "What these data cannot show"), "")
     if result.next and result.verdict.effect != "none":
-        yield Text(f"\nMeasure next: {proposed(result)} (--next writes them).")
+        yield Text(f"Measure next: {proposed(result)} (--next writes them).")
     for line in separations(result):
         yield Text(line)
+
+
+def verdict(result: Diagnosis) -> Verdict:
+    """Return the headline with the gap and its cause, the data, and the one thing to do next."""
+    head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
+    gap, found, close = f"Gap of {rounded(1e3 * result.rms)} mm", several(result), result.verdict.shrink
+    level = level_of(ratio)
+    if head == TOO_FEW:
+        said, level = head, "plain"
+    elif head == NOTHING.capitalize():
+        noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
+        said, level = f"Model and machine agree: {noise}", "agrees"
+    else:
+        level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
+        if found:
+            said = f"{gap}, {closed(found)} explained by {_shortly([one.key for one in found])}"
+        elif head == UNDECIDED:
+            said = f"{gap}, cause undecided"
+        elif result.verdict.effect == "unknown":
+            said = f"{gap}, cause unknown"
+        elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
+            share = "" if one_posture(result) else f"{percent(close.shrink)} "
+            said = f"{gap}, {share}explained by {causes(result)}"
+        else:
+            said = f"{gap}, {head[0].lower()}{head[1:]}"
+    return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+
+
+def _shortly(keys: Sequence[str]) -> str:
+    """Return the first effects, ``effect:component`` each, in words, and how many there are beside them."""
+    rest = f" and {len(keys) - NAMED} more" if len(keys) > NAMED else ""
+    return in_words(keys[:NAMED]) + rest
+
+
+def _action(result: Diagnosis, head: str) -> str:
+    """Return the one thing to do next, as a sentence."""
+    if head == TOO_FEW:
+        return "Measure more rows; beamstiff plan chooses postures and loads."
+    if head == NOTHING.capitalize():
+        return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
+    to_check = [one for one in told(result) if one.effect in EFFECTS]
+    if not to_check:
+        states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
+        return states or "Measure other postures and load directions; beamstiff plan chooses them."
+    first = to_check[0]
+    said = f"To check {named(first)}, measure {EFFECTS[first.effect].separation}."
+    return f"{said} The states that --next FILE writes discriminate best." if result.next else said
+
+
+def likely(result: Diagnosis, most: int) -> list[Candidate]:
+    """Return the candidates that a list shows, the likeliest first: no row of 0.0 %."""
+    return [one for one in result.candidates if one.probability >= LEAST][:most]
+
+
+def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
+    """Return the places that could account for some of the gap, the largest share first."""
+    places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
+    return [item for item in places if item["share"] >= LEAST]
 
 
 def stiffness_text(result: Diagnosis) -> str:
@@ -74,9 +134,12 @@ def stiffness_text(result: Diagnosis) -> str:
     if not finite:
         return ""
     name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
-    unit = parameter_unit(result.baseline.nominal, name)
+    robot = result.baseline.nominal
+    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
+    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), None)
+    of = f"{name} (of {variable})" if variable else name
     return (
-        f"Fitted stiffness: farthest from the robot file is {name}, {stiffness_in_words(value)} instead of "
+        f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
         f"{stiffness_in_words(given)} {unit}."
     )
 
@@ -157,6 +220,15 @@ def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
         share = item["share"]
         made.add_row(item["component"], percent(share), f"{100 * share:.1f} %", percents(item["interval"]))
     made.most = SHOWN
+    return made
+
+
+def gap_tables(result: Diagnosis, title: str) -> Table:
+    """Return the position gap, RMS in mm, by direction, load, loading and time in one table."""
+    made = table(title, "by", "part", "mm", left=2)
+    for key, name in PARTS_OF_GAP.items():
+        by = name.removeprefix("By ").removeprefix("Over ").lower()
+        add_rows(made, ([by, part, f"{value:.3f}"] for part, value in result.where.get(key, {}).items()))
     return made
 
 
@@ -254,9 +326,8 @@ def headline(result: Diagnosis) -> str:
     """Return the verdict in a few words: as sure as its probability and its rows allow."""
     verdict = result.verdict
     if found := several(result):
-        rest = f" and {len(found) - NAMED} more" if len(found) > NAMED else ""
-        names = in_words([one.key for one in found[:NAMED]])
-        return f"Cause{'s' * (len(found) > 1)} of {closed(found)} of the gap: {names}{rest}"
+        names = _shortly([one.key for one in found])
+        return f"Cause{'s' * (len(found) > 1)} of {closed(found)} of the gap: {names}"
     if verdict.effect == "none":
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
         if left < FEW_VALUES:
@@ -337,8 +408,9 @@ def _scaled(result: Diagnosis) -> str:
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
     size = 0.0 if abs(item.value) < DUST * item.std else item.value
-    (value, std, low, high), unit = small([size, item.std, *item.realistic], item.unit)
-    return item.name, value, std, f"{low} to {high}", unit
+    factor, unit = scale_of([size, item.std, *item.realistic], item.unit)
+    low, high = (f"{factor * one:.2g}" for one in item.realistic)
+    return item.name, *worth(factor * size, factor * item.std), f"{low} to {high}", unit
 
 
 def named(one: Candidate) -> str:

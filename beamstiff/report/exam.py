@@ -29,13 +29,19 @@ SIZES = tuple(row.name for row in headline([]) if not row.share)  # figures that
 SHARES = ("detected", "exact", "family", "place", "covered", "unknown")
 
 
+def _seen(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows that have a case; all where none has."""
+    known = list(rows)
+    return [row for row in known if row.figure.count] or known
+
+
 def exam_tables(records: Records) -> Iterator[Table]:
     """Return all tables of an exam, in the order in which people read them; lean designs stand apart."""
     told, lean = by_design(records)
-    yield headline_table(headline(told), f"Diagnosis examined: {_cases(told)}")
+    yield headline_table(_seen(headline(told)), f"Diagnosis examined: {_cases(told)}")
     if lean:
         yield headline_table(
-            headline(lean, lean=True), f"Lean designs, ten poses with one load each: {_cases(lean)}"
+            _seen(headline(lean, lean=True)), f"Lean designs, ten poses with one load each: {_cases(lean)}"
         )
     yield effects_table(told)
     yield groups_table(records)

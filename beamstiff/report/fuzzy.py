@@ -78,8 +78,16 @@ def _surface(
     x[:, inputs[0]], x[:, inputs[1]] = at_a.ravel(), at_b.ravel()
     height = 1e9 * model.system(x, extrapolate=True)[:, term[0], term[1]].reshape(at_a.shape)
     names = [premises.inputs[at] for at in inputs]
+    low, high = np.nanpercentile(height, (2, 98)).tolist()  # an outlying rule does not flatten the colours
     axes.plot_surface(  # type: ignore[attr-defined]
-        at_a * unit[names[0]], at_b * unit[names[1]], height, cmap="viridis", linewidth=0, alpha=0.85
+        at_a * unit[names[0]],
+        at_b * unit[names[1]],
+        height,
+        cmap="viridis",
+        vmin=low,
+        vmax=high,
+        linewidth=0,
+        alpha=0.85,
     )
     corners = premises.corners()
     own = 1e9 * model.system.conclusions[:, term[0], term[1]]

@@ -14,8 +14,10 @@ from beamstiff.calibration.recursion import Recursion
 from beamstiff.calibration.result import Calibration, Found
 from beamstiff.calibration.sensitivity import SensitivityIndices
 from beamstiff.errors import listed
+from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
@@ -98,6 +100,24 @@ def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, s
     text = " ".join(f"{'-' if value < 0 else '+'} {abs(value):.3g} {one}" for one, value in shown)
     more = f" and {len(ordered) - MOST_TERMS} more" if len(ordered) > MOST_TERMS else ""
     return (text.removeprefix("+ ") if text else "nothing: too small to see") + more
+
+
+def calibration_verdict(found: Calibration, rows: Measurements) -> Verdict:
+    """Return the error before and after, against the noise, and what to do next."""
+    before, after = found.before.position_rms, (found.held_out or found.after).position_rms
+    if before is None or after is None:
+        said = f"{counted(len(found.observability.identified), 'parameter')} calibrated"
+    else:
+        where = " on held-out poses" if found.held_out is not None else ""
+        said = f"Position error from {rounded(1e3 * before)} to {rounded(1e3 * after)} mm{where}"
+    level: Level = level_of(found.noise) if found.claimed else "plain"
+    if found.claimed:
+        said += f", {found.noise:.1f} times the noise"
+    if level in ("doubtful", "differs"):
+        action = "More than geometry is missing: beamstiff diagnose, on the same files, finds what."
+    else:
+        action = "Test the calibrated robot on fresh poses (--test, or beamstiff verify)."
+    return Verdict(said, level, data_of(rows), action)
 
 
 def calibration_text(found: Calibration) -> list[str]:

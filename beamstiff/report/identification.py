@@ -12,17 +12,17 @@ from beamstiff.errors import listed
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.tables import Column, Table, counted, number, table, worth
+from beamstiff.report.verdict import BEYOND_NOISE, Level, Verdict, data_of, level_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
-# a residual this much above the noise, or below it, is no chance any more, from a dozen rows on
-BEYOND_NOISE = 1.5
-BELOW_NOISE = 0.5
+BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 # scipy names the tolerance that was met
 TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
+_PLAIN: Level = "plain"
 ACTS = {
     "series": "act in series",
     "parallel": "act in parallel",
@@ -40,15 +40,25 @@ def identification_table(
     `robot`: as it was before; default `found.start`.
     """
     before = robot or found.start
-    columns = ["parameter", *(["start"] if before is not None else []), "identified", "std"]
+    named = {joint.name: joint.variable for joint in found.robot.joints if joint.variable}
+    drives = [named.get(item.name.rpartition(".")[0], "") for item in found.parameters]
+    whose = [Column("axis", left=True)] if any(drives) else []
+    columns: list[Column | str] = [
+        "parameter",
+        *whose,
+        *(["start"] if before is not None else []),
+        "identified",
+        "std",
+    ]
     page = [Column("95 %", only="page"), Column("unit", left=True)]
     drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
     why = Column("why no value", left=True, only="page")
     result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
-    for item in found.parameters:
+    for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
         more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
-        result.add_row(item.name, *start, *_cells(item), item.unit, *more, item.reason)
+        own = [item.name, drive] if whose else [item.name]
+        result.add_row(*own, *start, *_cells(item), item.unit, *more, item.reason)
     return result
 
 
@@ -62,7 +72,7 @@ def _cells(item: Parameter) -> tuple[str, str, str, str]:
     between = _interval((low or 0.0, high))
     if item.value is None or item.std is None:
         return f"> {number(item.lower_bound)}" if item.lower_bound else "?", "-", "-", between
-    return number(item.value), number(item.std), f"{100 * item.std / item.value:.1f} %", between
+    return *worth(item.value, item.std), f"{100 * item.std / item.value:.1f} %", between
 
 
 def _interval(ends: tuple[float, float] | None) -> str:
@@ -108,8 +118,8 @@ def combinations_table(found: Identification) -> Table:
     result = table("Identifiable only in combination", "sum", how, "value", "std", between, unit, one)
     for item in (*found.degenerate, *found.ill_determined):
         if item.value is not None:
-            std = "-" if item.std is None else number(item.std)
-            cells = (number(item.value), std, _interval(item.interval), item.unit, _as_one(item))
+            value, std = (number(item.value), "-") if item.std is None else worth(item.value, item.std)
+            cells = (value, std, _interval(item.interval), item.unit, _as_one(item))
             result.add_row(item.relation, item.kind, *cells)
     return result
 
@@ -166,6 +176,25 @@ def identification_text(found: Identification, measured: Measurements, folds: in
     if found.interrupted:
         lines.insert(0, "Stopped by hand: the best values so far.")
     return "\n".join(lines)
+
+
+def identification_verdict(found: Identification, measured: Measurements) -> Verdict:
+    """Return how many values were identified, how much noise the fit leaves, and what to do next."""
+    known = sum(item.value is not None for item in found.parameters)
+    said = f"{known} of {counted(len(found.parameters), 'stiffness value')} identified"
+    ratio, level = sqrt(found.chi_square), _PLAIN
+    if np.isfinite(measured.sigma[measured.measured_mask]).any():
+        level = level_of(ratio)
+        said += f"; the fit leaves {ratio:.1f} times the noise"
+    if level in ("doubtful", "differs"):
+        action = "The model is incomplete: beamstiff diagnose, on the same files, finds what it lacks."
+    elif known < len(found.parameters):
+        action = "Measure what determines the others: beamstiff plan chooses postures and loads."
+    elif level == "agrees":
+        action = "Write the robot (--out) and test it on fresh rows with beamstiff verify."
+    else:
+        action = "State sigma_position in the table's head, so that the fit can be judged."
+    return Verdict(said, level, data_of(measured), action)
 
 
 def method_text(found: Identification) -> str:

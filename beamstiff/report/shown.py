@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Mapping
 from functools import singledispatch
+from html import escape
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console, RenderableType
+from rich.text import Text
 
 from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
@@ -27,14 +29,20 @@ from beamstiff.report.compensation import compensation_figure, compensation_tabl
 from beamstiff.report.deflection import deflection_table, deflection_text
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
-from beamstiff.report.geometry import calibration_figure, calibration_text, errors_table, parameters_table
-from beamstiff.report.identification import combinations_text, identification_table
+from beamstiff.report.geometry import (
+    calibration_figure,
+    calibration_text,
+    calibration_verdict,
+    errors_table,
+    parameters_table,
+)
+from beamstiff.report.identification import combinations_text, identification_table, identification_verdict
 from beamstiff.report.overview import describe
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.parity import parity_figure
-from beamstiff.report.skeleton import draw_shares
+from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
-from beamstiff.report.tables import spaced
+from beamstiff.report.tables import Table, counted, spaced
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reference import reference_posture
 
@@ -58,12 +66,62 @@ def console(width: int = WIDTH) -> Console:
     )
 
 
-def as_html(thing: object) -> str:
-    """Return what rich prints as HTML, everything from files escaped."""
+def as_text(thing: object) -> str:
+    """Return what rich prints as plain text."""
     page = console()
     for part in told(thing):
         page.print(part)
-    return page.export_html(inline_styles=True, code_format=PRE)
+    return "\n".join(one.rstrip() for one in page.export_text().rstrip().splitlines())
+
+
+def as_html(thing: object) -> str:
+    """Return the tables and sentences as HTML, everything from files escaped; trees as rich prints them."""
+    made = []
+    for part in told(thing):
+        if isinstance(part, Table):
+            made.append(_html_table(part))
+        elif isinstance(part, str | Text):
+            head = isinstance(part, Text) and "bold" in str(part.style)
+            lines = "<br>".join(escape(one) for one in str(part).strip().splitlines())
+            made.append(f"<p><strong>{lines}</strong></p>" if head else f"<p>{lines}</p>" if lines else "")
+        else:
+            page = console()
+            page.print(part)
+            made.append(page.export_html(inline_styles=True, code_format=PRE))
+    return "\n".join(filter(None, made))
+
+
+def _html_table(one: Table) -> str:
+    columns, rows = one.drawn("page")
+    sides = [f' style="text-align:{"left" if column.left else "right"}"' for column in columns]
+    cells = [
+        "<tr>" + "".join(f"<td{s}>{escape(c)}</td>" for s, c in zip(sides, row, strict=True)) for row in rows
+    ]
+    heads = "".join(f"<th{s}>{escape(column.head)}</th>" for s, column in zip(sides, columns, strict=True))
+    caption = f'<caption style="text-align:left"><strong>{escape(one.title)}</strong></caption>'
+    return f"<table>{caption}<thead><tr>{heads}</thead><tbody>{''.join(cells)}</tbody></table>"
+
+
+@singledispatch
+def line(thing: object) -> str:
+    """Return what a robot or a result is, in a line."""
+    for part in told(thing):
+        said = (
+            part.title
+            if isinstance(part, Table)
+            else str(part).strip()
+            if isinstance(part, str | Text)
+            else ""
+        )
+        if said:
+            return said.splitlines()[0]
+    return type(thing).__name__
+
+
+@line.register
+def _(thing: Robot) -> str:
+    parts = [(thing.nodes, "node"), (thing.beams, "beam"), (thing.rigids, "rigid"), (thing.joints, "joint")]
+    return f"{thing.name}, {', '.join(counted(len(some), what) for some, what in parts if some)}"
 
 
 @singledispatch
@@ -121,10 +179,9 @@ def _(
             )
         values[name] = float(value)
     figure = new_figure(6.0, 5.0)
-    axes = figure.subplots()
-    draw_shares(axes, thing, np.array([values[name] for name in names]), shares or {})
-    axes.set(title=thing.name.replace("$", r"\$"), xlabel="m", ylabel="m")
-    plain(axes)
+    axes = figure.add_subplot(projection="3d")
+    draw_in_space(axes, thing, np.array([values[name] for name in names]), shares or {})
+    axes.set(title=thing.name.replace("$", r"\$"))
     return figure
 
 
@@ -154,6 +211,8 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 
 @told.register
 def _(thing: Identification) -> Iterable[RenderableType]:
+    if thing.rows is not None:
+        yield from identification_verdict(thing, thing.rows).lines()
     yield identification_table(thing)
     yield ""
     yield from combinations_text(thing)
@@ -179,6 +238,7 @@ told.register(TcpStiffness, stiffness_tables)
 told.register(
     Calibration,
     lambda thing: (
+        *([] if thing.rows is None else calibration_verdict(thing, thing.rows).lines()),
         *spaced((parameters_table(thing, _title(thing)), errors_table(thing))),
         *calibration_text(thing),
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -18,6 +19,7 @@ from beamstiff.se3 import Array
 COLOURS = "YlOrRd"
 QUIET = "0.75"  # parts without a share
 LABELLED = 3
+NEAR, MOST_NAMED = 0.1, 40  # of the size: places that share a label; labels in space at most
 TOOL_POINT = "tool point"  # where the tool is taken to be, which may be off
 
 
@@ -63,6 +65,47 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
         axes.annotate(label, where, xytext=offset, textcoords="offset points", fontsize=8, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.15)
+
+
+def draw_in_space(axes: Any, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
+    """Draw a robot in three dimensions with the names of its joints, base and tool.
+
+    `axes`: of the projection 3d. `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by part,
+    which colour it.
+    """
+    kinematics = compile_kinematics(robot)
+    positions = posture(kinematics, q[None]).node_positions[0]
+    at = dict(zip((node.name for node in robot.nodes), positions, strict=True))
+    colours = ScalarMappable(Normalize(0.0, max([0.05, *shares.values()])), colormaps[COLOURS])
+
+    def colour(name: str) -> str:
+        return to_hex(colours.to_rgba(np.array([shares[name]]))[0]) if shares.get(name, 0.0) > 0.0 else QUIET
+
+    ends = [(part.name, part.nodes) for part in robot.rigids]
+    ends += [(part.name, part.nodes) for part in robot.beams]
+    ends += [(part.name, part.nodes) for part in robot.struts]
+    for name, nodes in ends:
+        axes.plot(*np.array([at[node] for node in nodes]).T, color=colour(name), lw=3.0)
+    marks = [(component_of(robot, joint), joint.nodes[0], "o") for joint in robot.joints]
+    marks += [("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
+    for name, node, mark in marks:
+        axes.scatter(*at[node], s=36.0, color=colour(name), marker=mark, edgecolors="0.2", depthshade=False)
+    size = float(np.ptp(positions, axis=0).max()) or 1.0
+    places = list[tuple[Array, list[str]]]()  # what stands close together shares a label
+    for name, node, _ in marks:
+        near = [names for place, names in places if np.linalg.norm(place - at[node]) < NEAR * size]
+        if near:
+            near[0].append(name)
+        else:
+            places.append((at[node], [name]))
+    places += [(0.5 * (at[one.nodes[0]] + at[one.nodes[1]]), [one.name]) for one in robot.struts]
+    for place, names in places[:MOST_NAMED]:
+        axes.text(*(place + 0.03 * size), ", ".join(names), fontsize=8)
+    middle, half = 0.5 * (positions.min(axis=0) + positions.max(axis=0)), 0.55 * size
+    for name, value in zip("xyz", middle.tolist(), strict=True):
+        axes.locator_params(axis=name, nbins=5)
+        axes.set(**{f"{name}lim": (value - half, value + half), f"{name}label": f"{name}, m"})
+    axes.set_box_aspect((1, 1, 1))
 
 
 def _flat(positions: Array, gravity: Array) -> Array:

@@ -100,10 +100,23 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def small(values: Sequence[float], unit: str) -> tuple[list[str], str]:
-    """Return numbers as tables show them, and their unit: small angles in mrad, lengths in mm."""
-    factor, shown = SMALL[unit] if unit in SMALL and max(map(abs, values)) < 1.0 else (1.0, unit)
-    return [number(factor * value) for value in values], shown
+def worth(value: float, std: float) -> tuple[str, str]:
+    """Return a value with the digits that its standard deviation leaves it, and the latter with two.
+
+    Examples
+    --------
+    >>> worth(1364333.2, 139420.2), worth(1.257e-06, 1.996e-08), worth(0.0, 2e-3)
+    (('1.36e+06', '1.4e+05'), ('1.257e-06', '2e-08'), ('0', '0.002'))
+    """
+    if not (math.isfinite(value) and math.isfinite(std) and value and std > 0.0):
+        return number(value), f"{std:.2g}"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f"{value:.{min(max(digits, 1), 6)}g}", f"{std:.2g}"
+
+
+def scale_of(values: Sequence[float], unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which tables show numbers: small angles in mrad, lengths in mm."""
+    return SMALL[unit] if unit in SMALL and max(map(abs, values)) < 1.0 else (1.0, unit)
 
 
 def nice(value: float) -> float:

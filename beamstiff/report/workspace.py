@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from math import degrees
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from beamstiff.errors import BeamstiffError
 from beamstiff.maps.quantities import QUANTITIES, variable_of
 from beamstiff.maps.summary import PERCENTILES, axes_of, ordered_quantities, worst_pose
+from beamstiff.measure.table import WRENCH
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.se3 import Array
@@ -111,6 +113,7 @@ def map_figure(dataset: xarray.Dataset, quantities: list[str] | None = None) -> 
             )
     if not names:
         raise BeamstiffError("plot: the map has matrices alone, expected a quantity of one number a pose")
+    dataset = upright(dataset)
     axes = axes_of(dataset)
     slices = [_slices(dataset, name) for name in names]
     columns = max(len(some) for some in slices)
@@ -121,9 +124,30 @@ def map_figure(dataset: xarray.Dataset, quantities: list[str] | None = None) -> 
             _draw_line(panels[row, 0], dataset, name)
         else:
             _draw_slices(figure, panels[row], dataset, name, some)
-    title = f"{dataset.attrs.get('robot', '')}: {dataset['reason'].size:,} poses, base frame"
-    figure.suptitle(title.replace("$", r"\$"))
+    what = ", ".join(name.replace("_", " ") for name in names)
+    title = f"{dataset.attrs.get('robot', '')}: {what}{_loaded(dataset, names)}"
+    figure.suptitle(
+        f"{title}\n{dataset['reason'].size:,} poses, base frame".replace("$", r"\$"), fontsize="medium"
+    )
     return figure
+
+
+def upright(dataset: xarray.Dataset) -> xarray.Dataset:
+    """Return a map with z, where it is one of its last two axes, as the one that is drawn upwards."""
+    axes = list(axes_of(dataset))
+    if len(axes) > 1 and axes[-1] == "z":
+        axes[-2:] = axes[:-3:-1]
+    return dataset.transpose(*axes, ...)
+
+
+def _loaded(dataset: xarray.Dataset, names: list[str]) -> str:
+    """Return under which wrench the tool was displaced, in words; empty where no load counts."""
+    if not any("wrench" in QUANTITIES[name].needs for name in names):
+        return ""
+    loads = zip(WRENCH, json.loads(dataset.attrs.get("wrench", "[]")), strict=False)
+    parts = [f"{axis} = {number(value)} {'N' if axis[0] == 'f' else 'N m'}" for axis, value in loads if value]
+    parts += ["its own weight"] if "added" in dataset.attrs.get("dead_weight", "") else []
+    return f" under {', '.join(parts)}" if parts else ""
 
 
 def _slices(dataset: xarray.Dataset, name: str) -> list[int]:
@@ -160,6 +184,8 @@ def _draw_slices(figure: Figure, panels: Any, dataset: xarray.Dataset, name: str
             u, v, shown_values, norm=norm, cmap=colours, shading="nearest", rasterized=True
         )
         panel.set_facecolor(GREY)
+        if {along, across} <= set("xyz"):
+            panel.set_aspect("equal")
         panel.set_xlabel(_label(dataset, along))
         if at == 0:
             panel.set_ylabel(_label(dataset, across))

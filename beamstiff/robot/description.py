@@ -44,6 +44,27 @@ from beamstiff.shown import Shown
 class Robot(Shown, Described):
     """A robot as a graph of nodes, beams, rigids, joints and struts on moving frames.
 
+    Attributes
+    ----------
+    name : str
+    gravity : three numbers
+        In the base frame.
+    fixed : list of str
+        Nodes that stand on the ground.
+    tcp : str
+        Node at which the tool is measured and loaded.
+    identify : list of str
+        Parameters that `identify` and `diagnose` fit, such as ``J2.torsional`` (of a joint), ``screw2`` (of a
+        strut).
+    effects : list
+        What the machine is known to have beyond beams and springs.
+    calibrated : list
+        What `calibrate` fitted; `diagnose` keeps it open.
+    model : mapping
+        A fitted model of elasticity, in place of constant springs.
+    assembly : str
+        How closed loops are put together: a name that ``beamstiff show`` lists.
+
     Examples
     --------
     >>> beam = Robot(

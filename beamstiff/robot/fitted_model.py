@@ -149,7 +149,7 @@ class TaughtProcess(Described):
 
 
 class FittedModel(Described):
-    """How the machine gives way under load, fitted to measurements, in place of constant springs.
+    """How the machine deforms under load, fitted to measurements, in place of constant springs.
 
     Attributes
     ----------

@@ -58,7 +58,22 @@ def _linear(value: Any) -> float | str:
 
 
 class Variable(Described):
-    """A joint variable: actuated, passive (solved by loop closure) or coupled (`equals`)."""
+    """A joint variable: actuated, passive (solved by loop closure) or coupled (`equals`).
+
+    Attributes
+    ----------
+    name : str
+    type : "revolute" or "prismatic"
+        Needed unless `equals` is given.
+    passive : bool
+        Solved by the loops, not driven.
+    equals : str
+        A linear expression of other variables, such as ``"10 deg - 2*q5"``.
+    limits : pair
+        Lower and upper.
+    guess : float
+        Of a passive variable: which way the loop is put together.
+    """
 
     name: Identifier
     type: Literal["revolute", "prismatic"] | None = None
@@ -197,7 +212,20 @@ def _axis(value: Any) -> Any:
 
 
 class Joint(Described):
-    """An elastic joint: a six-direction spring between two coincident nodes."""
+    """An elastic joint: a six-direction spring between two coincident nodes.
+
+    Attributes
+    ----------
+    name : str
+    nodes : pair of str
+        The node before the joint, and the one that moves with it.
+    frame : str
+        In which `axis` stands.
+    axis : "x", "y", "z" or three numbers
+    variable : str
+        The joint variable; none where the joint only deforms.
+    stiffness : JointStiffness
+    """
 
     name: Name
     nodes: tuple[Name, Name]

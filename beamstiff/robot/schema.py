@@ -34,7 +34,7 @@ def robot_schema() -> dict[str, Any]:
         told = inspect.getdoc(models[name]) or ""
         part["description"] = told.partition("\n")[0]
         for key, text in _told(told).items():
-            if key in part["properties"]:
+            if text and key in part["properties"]:
                 part["properties"][key]["description"] = text
     del schema["properties"]["urdf"]  # of a robot that was read from one
     version = {"const": VERSION, "description": "version of the format of this file"}
@@ -70,7 +70,7 @@ def _told(text: str) -> dict[str, str]:
     """Return what the Attributes section of a docstring says of each key."""
     section = text.partition("Attributes\n----------\n")[2]
     return {
-        name.strip(): " ".join(f"{entry['kind']}. {entry['text']}".split()).removesuffix(".")
+        name.strip(): " ".join(entry["text"].replace("``", "`").split()).removesuffix(".")
         for entry in _ENTRY.finditer(section)
         for name in entry["names"].split(",")
     }

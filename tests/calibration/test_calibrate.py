@@ -99,7 +99,7 @@ def test_a_model_that_lacks_something_is_told_by_its_stated_noise() -> None:
     rows = measured(REAL, within(serial(), 60, 5), noise=10 * SIGMA)
     found = calibrate(serial(), rows, folds=0)
     assert found.noise == pytest.approx(10, rel=0.2)
-    assert "the model lacks something" in found.notes[-1]
+    assert "the model is incomplete" in found.notes[-1]
 
 
 def test_held_out_errors_are_those_of_fresh_poses() -> None:

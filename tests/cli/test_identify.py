@@ -87,7 +87,7 @@ def test_the_figure_is_of_the_kind_that_its_name_says(run: Run, folder: Path, na
 def test_people_get_start_value_uncertainty_and_gap(run: Run, wrong_start: str) -> None:
     text = " ".join(run("identify", wrong_start, "crane.csv").stdout.split())
     for part in (
-        "J1.torsional 3e+05 1e+06 7071 0.7 %",
+        "J1.torsional q1 3e+05 1e+06 7.1e+03 0.7 %",
         "0.000 mm RMS on the 4 fitted rows",
         "0.000 mm on held-out poses",
     ):

@@ -35,8 +35,8 @@ def test_the_demo_prints_what_its_page_shows(printed: tuple[str, Path]) -> None:
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:
     text, _ = demo
-    assert re.search(r"J12\.torsional 1\.72e\+06 \S+ \S+ [0-9.]+ % N\*m/rad", text)
-    assert re.search(r"J18\.torsional 1\.56e\+06 > \S+ - - N\*m/rad", text)
+    assert re.search(r"J12\.torsional q2 1\.72e\+06 \S+ \S+ [0-9.]+ % N\*m/rad", text)
+    assert re.search(r"J18\.torsional q8 1\.56e\+06 > \S+ - - N\*m/rad", text)
     assert "No upper bound from these data for J18.torsional:" in text
 
 

@@ -3,7 +3,7 @@ import io
 import pytest
 from rich.console import Console
 
-from beamstiff.report.tables import small, table
+from beamstiff.report.tables import scale_of, table, worth
 
 TITLE = "Where: share of the explainable gap that each place could account for"
 
@@ -30,9 +30,14 @@ def test_a_title_wider_than_the_terminal_breaks_and_loses_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("values", "unit", "shown"),
-    [([1.481e-4, 3e-6], "rad", (["0.1481", "0.003"], "mrad")), ([1.5, 1e-3], "m", (["1.5", "0.001"], "m"))],
+    [([1.481e-4, 3e-6], "rad", (1e3, "mrad")), ([1.5, 1e-3], "m", (1.0, "m"))],
 )
 def test_small_angles_and_lengths_have_small_units(
-    values: list[float], unit: str, shown: tuple[list[str], str]
+    values: list[float], unit: str, shown: tuple[float, str]
 ) -> None:
-    assert small(values, unit) == shown
+    assert scale_of(values, unit) == shown
+
+
+def test_a_value_has_the_digits_that_its_standard_deviation_leaves() -> None:
+    assert worth(0.0005604, 1e-4) == ("0.00056", "0.0001")
+    assert worth(3.1, 20.0) == ("3", "20")

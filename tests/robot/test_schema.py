@@ -55,4 +55,6 @@ def test_every_part_says_what_it_is() -> None:
     parts = {part.__name__ for part in Described.__subclasses__()} & schema["$defs"].keys()
     assert len(parts) > 8
     assert all(schema["$defs"][name]["description"] for name in parts)
-    assert schema["$defs"]["AddedEffect"]["properties"]["std"]["description"].startswith("mapping of str")
+    assert schema["$defs"]["AddedEffect"]["properties"]["std"]["description"].startswith(
+        "Standard deviations"
+    )

@@ -77,7 +77,7 @@ class Judged:
         return float(own.max()) if own.size else None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Models(Shown):
     """Models side by side."""
 

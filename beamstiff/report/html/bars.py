@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, floor, log10
 from typing import Any
 
 from beamstiff.report.html.parts import axis, css, label, plain_layout, scatter
 
 ROW = 30  # px
+DECADES = 4  # ticks of a logarithmic axis at most
 WIDEST = 34  # characters of a name
 
 
@@ -77,8 +79,30 @@ def intervals(
     x, texts = [values[at] for at in known], [label(names[at]) for at in known]
     hover = "%{text}: %{x:.4g}<extra></extra>"
     traces.append(scatter(x, known, "identified", hover, ("circle", "blue", 10), text=texts))
-    more = {"type": "log"} if log else {}
-    return traces, named_rows(names, title, exponentformat="power", **more)
+    more: dict[str, Any] = {}
+    if log:
+        seen = [one for pair in ends for one in pair if one is not None and one > 0.0] + [v for v in x if v]
+        more = {"type": "log", **({"tickvals": log_ticks(min(seen), max(seen))} if seen else {})}
+    return traces, named_rows(names, title, exponentformat="SI", **more)
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Return a few round numbers about two ends, for an axis that is logarithmic.
+
+    Examples
+    --------
+    >>> log_ticks(3e5, 4e6), log_ticks(5.2e5, 5.9e5), log_ticks(1.0, 1e7)
+    ([500000.0, 1000000.0, 2000000.0], [520000.0, 590000.0], [1.0, 100.0, 10000.0, 1000000.0])
+    """
+    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+    if len(decades) > DECADES:
+        return [10.0**power for power in decades[:: ceil(len(decades) / DECADES)]]
+    some = [
+        step * 10.0**power for power in decades for step in (1, 2, 5) if low <= step * 10.0**power <= high
+    ]
+    if len(some) < 2:
+        return [float(f"{low:.2g}"), float(f"{high:.2g}")] if high > 1.05 * low else [float(f"{low:.2g}")]
+    return some[:: ceil(len(some) / DECADES)]
 
 
 def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:

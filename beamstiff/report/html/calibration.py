@@ -16,6 +16,7 @@ from beamstiff.report.geometry import (
     SETUP,
     WITHIN,
     calibration_text,
+    calibration_verdict,
     dependent_table,
     errors_table,
     parameters_table,
@@ -27,7 +28,7 @@ from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
-from beamstiff.report.tables import Table, counted, number
+from beamstiff.report.tables import Table, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -55,13 +56,13 @@ def calibration_html(found: Calibration, robot: Robot, measured: Measurements, p
         Page(
             title="Calibration",
             robot=robot.name,
-            verdict=_verdict(found),
+            verdict=calibration_verdict(found, measured),
             summary=calibration_text(found),
             facts=list(_facts(found)),
             view=None if seen is None else seen.view,
             sections=[
                 *sections,
-                Section("rows", "The rows", tables=[_rows(found, measured, sizes)]),
+                Section("rows", "The rows", tables=[_rows(found, measured, sizes)], open=False),
                 Section("notes", "Notes", items=found.notes),
             ],
             provenance=provenance,
@@ -69,14 +70,6 @@ def calibration_html(found: Calibration, robot: Robot, measured: Measurements, p
             shared=rows.shared | ({} if seen is None else seen.shared),
         )
     )
-
-
-def _verdict(found: Calibration) -> str:
-    before, after = found.before.position_rms, (found.held_out or found.after).position_rms
-    if before is None or after is None:
-        return f"{counted(len(found.observability.identified), 'parameter')} calibrated"
-    where = ", on held-out poses" if found.held_out is not None else ""
-    return f"From {1e3 * before:.3g} to {1e3 * after:.3g} mm{where}"
 
 
 def _facts(found: Calibration) -> Iterator[Fact]:
@@ -89,7 +82,7 @@ def _facts(found: Calibration) -> Iterator[Fact]:
         for name, errors, meaning in values:
             value = None if errors is None else getattr(errors, f"{part}_rms")
             if value is not None and (part == "position" or found.after.position_rms is None):
-                yield Fact(name, f"{factor * value:.4f} {unit}", meaning)
+                yield Fact(name, f"{factor * value:.3g} {unit}", meaning)
     sought = len(found.observability.identified)
     yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "identifiable from these poses")
 
@@ -244,4 +237,4 @@ def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
         ]
         if found.held_out_residual is not None:
             more.append(("error held out, mm", _size(found.held_out_residual)))
-    return rows_table(found.robot, measured, sizes.shown, more)
+    return rows_table(sizes, more)

@@ -17,6 +17,7 @@ from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
 from beamstiff.report.tables import Table, counted
+from beamstiff.report.verdict import Verdict, data_of
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -42,15 +43,14 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
         "error",
     )
     rows = over_places(sizes, joints=False, planes=(widest_plane(models.position),))
-    said = sizes.left_out
     more = [(f"error {one.name}, mm", 1e3 * one.error) for one in answered]
-    table = rows_table(robot, models.table, sizes.shown, [*more, ("kind", models.split.kind.astype(float))])
+    table = rows_table(sizes, [*more, ("kind", models.split.kind.astype(float))])
     kinds = "; ".join(f"{at}: {kind}" for at, kind in enumerate(KINDS))
     return render(
         Page(
             title="Comparison of models",
             robot=robot.name,
-            verdict=_verdict(models),
+            verdict=Verdict(_verdict(models), data=data_of(models.table)),
             summary=list(_summary(models)),
             facts=list(_facts(models)),
             view=_view(models),
@@ -59,7 +59,7 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
                 _by_load(models),
                 Section("about", "What came out of each", items=models_text(models)),
                 *rows.sections,
-                Section("rows", "The rows", [f"{said} Kinds: {kinds}.".strip()], tables=[table]),
+                Section("rows", "The rows", [f"Kinds: {kinds}."], tables=[table], open=False),
                 Section("notes", "Notes", items=models.notes),
             ],
             provenance=provenance,

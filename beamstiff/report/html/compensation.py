@@ -18,6 +18,7 @@ from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
 from beamstiff.report.tables import Table, counted, number
+from beamstiff.report.verdict import Verdict
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -48,14 +49,14 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
         Page(
             title="Compensation",
             robot=robot.name,
-            verdict=_verdict(result),
+            verdict=Verdict(_verdict(result)),
             summary=[compensation_text(result) if result.known.any() else NOWHERE, *([said] if said else [])],
             facts=list(_facts(result)),
             view=None if seen is None else seen.view,
             sections=[
                 _uncorrected(result),
                 *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
-                Section("targets", "The targets", tables=[_targets(result, some)]),
+                Section("targets", "The targets", tables=[_targets(result, some)], open=False),
                 Section("notes", "Notes", items=result.notes),
             ],
             provenance=provenance,

@@ -17,6 +17,7 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import robot_view, worst_postures
 from beamstiff.report.html.rows import Compared, row_figures
 from beamstiff.report.tables import counted, number
+from beamstiff.report.verdict import Verdict, data_of
 from beamstiff.se3 import Array
 
 
@@ -35,15 +36,14 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
         sizes = Sizes(robot, loads, {"moved": moved}, ("the tool",), "displacement")
         rows = over_places(sizes)
         more = [(f"{name}, {UNITS[k]}", 1e3 * predicted[:, k]) for k, name in enumerate(DISPLACEMENT)]
-        table = rows_table(robot, loads, sizes.shown, [*more, ("displacement, mm", moved)])
-        said = [sizes.left_out] if sizes.left_out else []
-        rows.sections.append(Section("rows", "The rows", said, tables=[table]))
+        table = rows_table(sizes, [*more, ("displacement, mm", moved)])
+        rows.sections.append(Section("rows", "The rows", tables=[table], open=False))
     worst = int(np.argmax(moved))
     return render(
         Page(
             title="Deflection",
             robot=robot.name,
-            verdict=f"The tool moves {number(moved[worst])} mm at most",
+            verdict=Verdict(f"The tool moves {number(moved[worst])} mm at most", data=data_of(loads)),
             summary=[
                 f"{counted(len(loads), 'row')}; the largest displacement is that of {line_of(loads, worst)}.",
                 *texts,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,16 +11,17 @@ from beamstiff.diagnosis.held_out.prediction import shift
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
     CAUSES,
-    PARTS_OF_GAP,
     SHOWN,
     candidates_table,
     causes,
     causes_table,
     closed,
     gap_table,
-    headline,
+    gap_tables,
     in_words,
+    likely,
     named,
+    notable,
     one_posture,
     percent,
     places_table,
@@ -33,6 +34,7 @@ from beamstiff.report.diagnosis import (
     summary,
     tested,
     untestable_table,
+    verdict,
 )
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
@@ -42,10 +44,11 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.tables import Table, number
+from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
-LEAST = 0.0005  # probability of a candidate in the table
+NOTHING_LEFT = 1e-5  # mm: no reading is as good
 
 
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
@@ -64,11 +67,18 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         Page(
             title="Diagnosis",
             robot=baseline.nominal.name,
-            verdict=headline(result),
+            verdict=verdict(result),
             summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines()],
             facts=list(_facts(result)),
             view=_view(result),
-            sections=[_which(result), _where(result), _how_far(result), *rows.sections, *_others(result)],
+            sections=[
+                _which(result),
+                _next(result),
+                _where(result),
+                _how_far(result),
+                *rows.sections,
+                *_others(result),
+            ],
             provenance=provenance,
             data=result.to_dict(),
             shared=rows.shared,
@@ -110,7 +120,8 @@ def _view(result: Diagnosis) -> RobotView | None:
     for worst in result.where.get("poses", []):
         own = np.flatnonzero(rows.pose == worst["pose"])
         at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
-        name = f"pose {worst['pose']}: gap {worst['rms_mm']:.3g} mm ({line_of(rows, at)})"
+        gap = rounded(worst["rms_mm"]) if worst["rms_mm"] > NOTHING_LEFT else "0"
+        name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares))
     return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
 
@@ -135,9 +146,7 @@ def _which(result: Diagnosis) -> Section:
         )
         figure = Figure("which", "Causes", caption, traces, layout, tables[0])
         return Section("which", "Which causes", figures=[figure], tables=tables[1:])
-    first = [
-        one for at, one in enumerate(result.candidates) if at < SHOWN or one.effect in ("none", "unknown")
-    ]
+    first = likely(result, SHOWN)
     traces, layout = bars(
         [named(one) for one in first],
         [one.probability for one in first],
@@ -146,20 +155,19 @@ def _which(result: Diagnosis) -> Section:
         range=[0, 1.02],
         tickformat=".0%",
     )
-    likely = [one for one in result.candidates if one.probability >= LEAST or one in first]
     figure = Figure(
         "which",
         "Which effect",
-        "Probability of the likeliest explanations, and of none and unknown.",
+        "Probability of the likeliest explanations.",
         traces,
         layout,
-        candidates_table(result, likely, "The candidates"),
+        candidates_table(result, likely(result, len(result.candidates)), "The candidates"),
     )
     return Section("which", "Which cause", figures=[figure], tables=tables)
 
 
 def _where(result: Diagnosis) -> Section:
-    places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
+    places = notable(result)
     first = places[:SHOWN]
     figures = []
     if first and result.verdict.effect != "none":
@@ -175,15 +183,16 @@ def _where(result: Diagnosis) -> Section:
         table = places_table(places, "The places")
         caption = "Share of the explainable gap that each place could account for, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
-    parts = [(PARTS_OF_GAP[key], key, result.where.get(key)) for key in PARTS_OF_GAP]
+    parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
         turns = _turns(result, name)
         head = f"{name}, {'deg' if turns else 'mm'}"
         parts.append((f"By {name}", head, _for_people(values, turns)))
     regions = result.where.get("regions", {})
     parts += [(f"By {axis} in the base frame", axis, values) for axis, values in regions.items()]
-    tables = [gap_table(values, title, head) for title, head, values in parts if values]
-    text = "Position gap of the fitted model by direction, load, joint reading and region, RMS in mm."
+    tables = [gap_tables(result, "Position gap of the fitted model, RMS")]
+    tables += [replace(gap_table(values, title, head), open=False) for title, head, values in parts if values]
+    text = "Where the fitted model is off: by direction and load, and by joint reading and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
 
@@ -242,7 +251,15 @@ def _others(result: Diagnosis) -> Iterator[Section]:
             "Fitted to the same rows before or beside the causes; beamstiff identify gives their intervals."
         )
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
-        yield Section("parameters", "Parameters of the model", [text], tables=[table])
+        yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
+    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
+    yield Section("untestable", "What these data cannot show", tables=hidden, open=False)
+    limits = list(result.notes)
+    limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
+    yield Section("limits", "What limits the conclusions", items=limits)
+
+
+def _next(result: Diagnosis) -> Section:
     following = [
         [
             ", ".join(
@@ -257,16 +274,4 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     ]
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
-    yield Section("next", "What to measure next", separations(result), tables=tables)
-    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
-    yield Section("untestable", "What these data cannot show", tables=hidden)
-    limits = list(result.notes)
-    limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
-    yield Section("limits", "What limits the conclusions", items=limits)
-    features = [[name, number(float(value))] for name, value in result.features.items()]
-    yield Section(
-        "evidence",
-        "Evidence for the verdict",
-        ["Logarithms of evidence and ratios from which the probability of the verdict was calibrated."],
-        tables=[Table("Evidence", ("quantity", "value"), features, open=False)] if features else [],
-    )
+    return Section("next", "What to measure next", separations(result), tables=tables)

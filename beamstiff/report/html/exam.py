@@ -20,6 +20,7 @@ from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
+from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"
@@ -52,7 +53,7 @@ def exam_html(
         Page(
             title="Exam of a plan" if plan else "Exam of the diagnosis",
             robot=examined,
-            verdict=_found(records) if plan else _verdict(rows, records),
+            verdict=Verdict(_found(records) if plan else _verdict(rows, records)),
             summary=list(_summary(main, lean if rich else [], rows)),
             facts=list(_facts(main)),
             view=None,
@@ -179,7 +180,7 @@ def _asked(rows: Sequence[Row]) -> Section:
     layout = named_rows(
         [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
     )
-    layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND}, "height": layout["height"] + 30}
+    layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND + 30}, "height": layout["height"] + 60}
     caption = "Result with its 95 % interval; the vertical line is the target."
     table = told.headline_table(rows, "Targets and results")
     return Section(

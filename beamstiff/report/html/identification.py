@@ -21,9 +21,9 @@ from beamstiff.report.identification import (
     front_table,
     identification_table,
     identification_text,
+    identification_verdict,
     method_text,
 )
-from beamstiff.report.tables import counted
 from beamstiff.robot.description import Robot
 
 MOST_NAMED = 30  # parameters whose correlation is drawn
@@ -41,13 +41,12 @@ def identification_html(
     compared = Compared(
         found.robot, measured, np.where(used, measured.displacement, 0.0), found.predicted, used
     )
-    known = sum(item.value is not None for item in found.parameters)
     rows = row_figures(compared, ("identified model", ""))
     return render(
         Page(
             title="Identification",
             robot=robot.name,
-            verdict=f"{known} of {counted(len(found.parameters), 'stiffness value')} identified",
+            verdict=identification_verdict(found, measured),
             summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
             facts=list(_facts(found)),
             view=_view(found, measured),

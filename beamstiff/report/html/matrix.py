@@ -36,7 +36,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
             }
         ],
         _layout(names, names, 160),
-        Table("Correlation", ("", *names), rows, open=False),
+        Table("Correlation", ("parameter", *names), rows, open=False),
     )
 
 

@@ -16,6 +16,7 @@ from markupsafe import Markup
 from beamstiff.report.html.parts import Fact, Figure, Section, embedded
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView
+from beamstiff.report.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Page:
     # title, robot: what is reported, of which robot
     title: str
     robot: str
-    verdict: str  # the answer in a line
+    verdict: Verdict  # the answer in a line, the data, what to do next
     summary: Sequence[str]  # in plain words, a paragraph each
     facts: Sequence[Fact]  # numbers to begin with
     view: RobotView | None  # the robot in three dimensions

@@ -50,6 +50,7 @@ class Section:
     tables: Sequence[Table] = ()
     items: Sequence[str] = ()
     tables_text: str = ""
+    open: bool = True  # shown at once; else behind its heading
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,8 @@ def scatter(
 def axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return an axis in the look of the report."""
     return {
-        "title": {"text": title},
+        "title": {"text": title, "standoff": 14},
+        "ticklabelstandoff": 6,  # so that the labels of two axes do not meet in the corner
         "gridcolor": css("grid"),
         "zerolinecolor": css("grid"),
         "linecolor": css("muted"),

@@ -30,6 +30,9 @@ from beamstiff.se3 import Array
 
 MOST_ROWS = 1000  # that figures and tables show
 WORST = 100  # of them in any case
+MOST_TABLED = 200  # rows of a table, the worst
+# colours distinguish values up to this percentile, where the largest is so many times as large
+USUAL, OUTLYING = 95, 1.5
 LEGEND = 62  # px above a figure, for its buttons and its legend
 JOINTS = 12  # at most, those that vary
 MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -72,6 +75,14 @@ class Sizes:
         """The largest value, mm; 0 where there is none."""
         return max(float(np.nanmax(one, initial=0.0)) for one in self.values.values())
 
+    @property
+    def ceiling(self) -> float:
+        """The value from which on all marks look alike: outliers do not flatten the scale."""
+        known = [one[np.isfinite(one)] for one in self.values.values()]
+        usual = [float(np.percentile(one, USUAL)) for one in known if one.size]
+        high = max(usual, default=0.0)
+        return high if 0.0 < OUTLYING * high < self.largest else self.largest
+
 
 @dataclass(frozen=True)
 class RowFigures:
@@ -91,6 +102,9 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
     chosen, rows = sizes.shown, sizes.rows
     held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}
     held |= {f"size_{key}": numbers(value[chosen], 4) for key, value in sizes.values.items()}
+    if sizes.ceiling < sizes.largest:
+        drawn = {key: np.minimum(value[chosen], sizes.ceiling) for key, value in sizes.values.items()}
+        held |= {f"mark_{key}": numbers(value, 4) for key, value in drawn.items()}
     if not sizes.largest > 0.0:  # none, or nothing to see
         return RowFigures([], held)
     places = tool_places(sizes.robot, rows, chosen)
@@ -105,6 +119,7 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
                 f"{' and '.join(SIDES[plane] for plane in planes)}. Larger and darker is worse.{said}"
             ],
             figures=_maps(sizes, planes),
+            open=False,
         )
     ]
     if joints:
@@ -130,10 +145,11 @@ def line_of(rows: Measurements, at: int) -> str:
     return f"{Path(rows.sources[rows.run[at]]).name}, {line}" if len(rows.sources) > 1 else line
 
 
-def rows_table(
-    robot: Robot, rows: Measurements, chosen: NDArray[np.intp], more: Iterable[tuple[str, Array]]
-) -> Table:
-    """Return all numbers of some rows: joint values, load, and whatever else, (N,) each, by its heading."""
+def rows_table(sizes: Sizes, more: Iterable[tuple[str, Array]]) -> Table:
+    """Return all numbers of the worst rows: joint values, load, and more, (N,) each by its heading."""
+    robot, rows = sizes.robot, sizes.rows
+    last = list(sizes.values.values())[-1]
+    chosen = np.argsort(-np.nan_to_num(last), kind="stable")[:MOST_TABLED]
     columns, values = joint_columns(robot, rows.variables)
     blocks = [rows.q * values, rows.wrench]
     columns += ["fx, N", "fy, N", "fz, N", "mx, N m", "my, N m", "mz, N m"]
@@ -145,9 +161,9 @@ def rows_table(
         [line_of(rows, at), str(rows.pose[at]), *(f"{v:.4g}" if np.isfinite(v) else "" for v in line)]
         for at, line in zip(chosen.tolist(), body.tolist(), strict=True)
     ]
-    return Table(
-        f"All numbers of {counted(len(cells), 'row')}", ("row", "pose", *columns), cells, left=1, open=False
-    )
+    of = f"{len(cells)} of " if len(cells) < len(rows) else ""
+    title = f"{of}{counted(len(rows), 'row')}, the largest {sizes.what} first"
+    return Table(title, ("row", "pose", *columns), cells, left=1)
 
 
 def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[float]]:
@@ -158,7 +174,9 @@ def joint_columns(robot: Robot, names: Sequence[str]) -> tuple[list[str], list[f
 
 
 def _maps(sizes: Sizes, planes: Sequence[tuple[int, int]]) -> list[Figure]:
-    figures, most = [], sizes.largest
+    figures, most = [], sizes.ceiling
+    above = most < sizes.largest
+    more = " (last colour: and above)" if above else ""
     marker: dict[str, Any] = {
         "sizemode": "diameter",
         "sizeref": most / 16 or 1.0,
@@ -167,18 +185,19 @@ def _maps(sizes: Sizes, planes: Sequence[tuple[int, int]]) -> list[Figure]:
         "cmax": most,
         "colorscale": [[0, css("low")], [0.5, css("middle")], [1, css("high")]],
         "showscale": True,
-        "colorbar": {"title": {"text": f"{sizes.what}, mm", "side": "right"}, "thickness": 12},
+        "colorbar": {"title": {"text": f"{sizes.what}, mm{more}", "side": "right"}, "thickness": 12},
         "line": {"width": 0.5, "color": css("ink")},
     }
     for key, name in zip(sizes.values, sizes.names, strict=False):
         for plane in planes:
             (a, b), view = ("xyz"[k] for k in plane), SIDES[plane]
             hover, size = "%{text}: %{customdata} mm<extra></extra>", shared(f"size_{key}")
+            mark = shared(f"mark_{key}") if above else size
             trace = scatter(shared(f"place_{a}"), shared(f"place_{b}"), label(name), hover, mode="markers")
             trace |= {
                 "text": shared("rows"),
                 "customdata": size,
-                "marker": marker | {"color": size, "size": size},
+                "marker": marker | {"color": mark, "size": mark},
             }
             up = axis(f"{b}, m", scaleanchor="x", scaleratio=1)
             layout = plain_layout(340, xaxis=axis(f"{a}, m"), yaxis=up, showlegend=False)

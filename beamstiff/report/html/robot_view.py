@@ -25,6 +25,7 @@ from beamstiff.robot.kinematics import posture
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
+DEFLECTION = "where the deflection is seen"  # the camera
 TOOL = ("tool", "tool point")  # places at the tool
 POSES = 5  # that are shown, the worst
 LABELLED = 3
@@ -36,11 +37,16 @@ AROUND = 0.25  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
-    "oblique": {"eye": {"x": 1.2, "y": -1.4, "z": 0.6}, "center": {"x": 0.0, "y": 0.0, "z": -0.16}},
-    "front (along x)": {"eye": {"x": 1.7, "y": 0.0, "z": 0.0}},
-    "side (along y)": {"eye": {"x": 0.0, "y": -1.7, "z": 0.0}},
-    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 1.8}},
+    "oblique": {"eye": {"x": 1.6, "y": -1.85, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    "front (along x)": {"eye": {"x": 2.4, "y": 0.0, "z": 0.0}},
+    "side (along y)": {"eye": {"x": 0.0, "y": -2.4, "z": 0.0}},
+    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 2.5}},
 }
+# of the camera that looks across the deflection: from the axis, above the middle, and how far it is turned so
+# that the axis that points at it is seen too
+DISTANCE, HEIGHT, TURNED = 2.4, 0.6, np.radians(18.0)
+LOWER = {"x": 0.0, "y": 0.0, "z": -0.12}  # what it looks at: room for the axes' names below
+SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where the camera is chosen
 
 
 @dataclass(frozen=True)
@@ -131,10 +137,11 @@ def robot_view(
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
         "a unit force in each direction displaces the tool.",
         _styles(share, most),
-        space(showlegend=False),
+        space(views[0]["camera"], showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
     )
-    return RobotView(figure, views, magnification, FURTHER * magnification, CAMERAS, note)
+    cameras = {DEFLECTION: views[0]["camera"], **CAMERAS}
+    return RobotView(figure, views, magnification, FURTHER * magnification, cameras, note)
 
 
 def _energy(robot: Robot, response: Response | None, at: int) -> dict[str, float]:
@@ -186,6 +193,7 @@ class _View:
                 self._ellipsoid(compliance, tool),
             ],
             "labels": self._labels(shares, links, joints, index),
+            "camera": across(self.moved[tool, :3], self.positions[tool] - self.positions[base]),
             "ranges": self._ranges(),
             "largest": max(shares.values(), default=0.0),
         }
@@ -236,6 +244,22 @@ class _View:
         return rows | {
             f"d{name}": value for name, value in zip("xyz", numbers(self.moved[tool, :3]), strict=True)
         }
+
+
+def across(moved: Array, reach: Array) -> dict[str, Any]:
+    """Return the camera that sees how the tool moved, and the robot from its side.
+
+    `moved` (3,): of the tool. `reach` (3,): from the base to the tool.
+    """
+    seen = np.zeros((2, 2))
+    for part, weight in ((moved, 1.0), (reach, SPREAD)):
+        if (length := float(np.linalg.norm(part))) > 0.0:
+            seen += weight * np.outer(part[:2], part[:2]) / length**2
+    eye = np.linalg.eigh(seen)[1][:, 0]  # along which the least is seen
+    eye = eye * (-1.0 if eye[1] > 1e-9 or (abs(eye[1]) <= 1e-9 and eye[0] < 0) else 1.0)  # from the front
+    eye = np.array([[np.cos(TURNED), -np.sin(TURNED)], [np.sin(TURNED), np.cos(TURNED)]]) @ eye
+    place = np.append(DISTANCE * eye, HEIGHT)
+    return {"eye": dict(zip("xyz", numbers(place), strict=True)), "center": LOWER}
 
 
 def _points(positions: Array, moved: Array) -> dict[str, Any]:
@@ -301,14 +325,14 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
     ]
 
 
-def space(**more: Any) -> dict[str, Any]:
-    """Return the layout of a figure in three dimensions."""
+def space(camera: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    """Return the layout of a figure in three dimensions, seen from a camera."""
     scene: dict[str, Any] = {
         f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
     for one in scene.values():
-        del one["automargin"]  # which axes in space do not have
-    scene |= {"aspectmode": "manual", "camera": CAMERAS["oblique"], "dragmode": "turntable"}
+        del one["automargin"], one["ticklabelstandoff"], one["title"]["standoff"]  # axes in space have none
+    scene |= {"aspectmode": "manual", "camera": camera, "dragmode": "turntable"}
     return plain_layout(540, margin={"l": 0, "r": 0, "t": 0, "b": 0}, scene=scene, **more)
 
 

@@ -1,8 +1,8 @@
-"""Figures of the rows: measured against predicted, and the gap wherever it is."""
+"""Figures of the rows: residuals over load and posture, and the gap wherever it is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,20 +16,23 @@ from beamstiff.report.html.parts import (
     Figure,
     Section,
     axis,
-    css,
+    label,
     numbers,
     plain_layout,
     scatter,
     shared,
 )
-from beamstiff.report.html.places import LEGEND, MARKS, RowFigures, Sizes, over_places, rows_table
+from beamstiff.report.html.places import (
+    BEFORE_AFTER,
+    LEGEND,
+    MARKS,
+    RowFigures,
+    Sizes,
+    over_places,
+    rows_table,
+)
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
-
-PARTS = {
-    "displacement": ((0, "displacement", "mm"), (3, "rotation", "mrad")),
-    "absolute": ((0, "deviation", "mm"), (3, "rotation", "mrad")),
-}
 
 
 @dataclass(frozen=True)
@@ -66,16 +69,15 @@ def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with
     if compared.after is not None:
         gaps["after"] = compared.gap(compared.after)
     sizes = Sizes(compared.robot, compared.rows, gaps, names)
-    chosen, said = sizes.shown, sizes.left_out
     over = over_places(sizes)
     held = dict(over.shared)
     more = [
         *_columns(compared, names),
         *((f"gap {name}, mm", one) for name, one in zip(names, gaps.values(), strict=False)),
     ]
-    table = rows_table(compared.robot, compared.rows, chosen, more)
-    last = Section("rows", "The rows", texts=[said] if said else [], tables=[table])
-    sections = [_parity(compared, chosen, held, names), *over.sections, last]
+    table = rows_table(sizes, more)
+    last = Section("rows", "The rows", tables=[table], open=False)
+    sections = [_residuals(compared, sizes, held), *over.sections, last]
     return RowFigures([one for one in sections if one.figures or one.tables], held)
 
 
@@ -91,51 +93,67 @@ def _columns(compared: Compared, names: tuple[str, str]) -> Iterator[tuple[str, 
             yield f"{DISPLACEMENT[k]} {what}, {'mm' if k < 3 else 'mrad'}", 1e3 * values[:, k]
 
 
-def _parity(
-    compared: Compared, chosen: NDArray[np.intp], held: dict[str, list[Any]], names: tuple[str, str]
-) -> Section:
+def _residuals(compared: Compared, sizes: Sizes, held: dict[str, list[Any]]) -> Section:
+    """Return the residual over the load, component by component, and over the postures in their order."""
+    chosen, names = sizes.shown, sizes.names
+    predictions = [compared.before, *([] if compared.after is None else [compared.after])]
     figures = []
-    predictions = [("before", compared.before)]
-    if compared.after is not None:
-        predictions.append(("after", compared.after))
-    for first, what, unit in PARTS[compared.rows.kind]:
-        part = slice(first, first + 3)
-        used = compared.used[chosen][:, part]
-        if not used.any():
-            continue
-        measured = np.where(used, 1e3 * compared.measured[chosen][:, part], np.nan)
-        values = [np.where(used, 1e3 * predicted[chosen][:, part], np.nan) for _, predicted in predictions]
-        whole = np.concatenate([measured, *values])
-        margin = 0.05 * float(np.nanmax(whole) - np.nanmin(whole)) or 0.05
-        ends = numbers(np.array([np.nanmin(whole) - margin, np.nanmax(whole) + margin]))
-        for k in range(3):
-            held[f"measured_{first + k}"] = numbers(measured[:, k], 4)
-        for (key, _), value, name in zip(predictions, values, names, strict=False):
-            traces = [scatter(ends, ends, "equal", line={"color": css("muted"), "width": 1})]
-            hover = "%{text}: measured %{x}, predicted %{y} " + unit
-            for k, (symbol, colour) in enumerate(MARKS):
-                if used[:, k].any():
-                    x, y = shared(f"measured_{first + k}"), numbers(value[:, k], 4)
-                    trace = scatter(x, y, DISPLACEMENT[first + k], hover, (symbol, colour, 6), opacity=0.75)
-                    traces.append(trace | {"text": shared("rows")})
-            rms = float(np.sqrt(np.nanmean(np.nansum((measured - value) ** 2, axis=1)[used.any(axis=1)])))
-            layout = plain_layout(
-                400,
-                margin=MARGIN | {"t": LEGEND},
-                xaxis=axis(f"measured {what}, {unit}", range=ends),
-                yaxis=axis(f"predicted {what}, {unit}", range=ends),
+    if compared.used[chosen][:, :3].any():
+        figures = list(_over_load(compared, chosen, predictions, names))
+    if sizes.largest > 0.0:
+        held["pose"] = [int(at) for at in compared.rows.pose[chosen]]
+        marks = BEFORE_AFTER if len(sizes.values) > 1 else MARKS
+        traces = [
+            scatter(
+                shared("pose"),
+                shared(f"size_{key}"),
+                label(name),
+                "%{text}, pose %{x}: %{y} mm",
+                (symbol, colour, 6),
+                text=shared("rows"),
             )
-            caption = f"Root mean square of the distance {rms:.3g} {unit}"
-            caption += "." if key == "before" else ", fitted to these rows."
-            title = f"{what.capitalize()}, {name}"
-            figures.append(Figure(f"parity-{what}-{key}", title, caption, traces, layout))
-    kind = "displacement" if compared.rows.kind == "displacement" else "deviation from the nominal pose"
+            for key, name, (symbol, colour) in zip(sizes.values, names, marks, strict=False)
+        ]
+        layout = plain_layout(
+            340,
+            margin=MARGIN | {"t": LEGEND},
+            xaxis=axis("pose"),
+            yaxis=axis("size of the residual, mm", rangemode="tozero"),
+            showlegend=len(traces) > 1,
+        )
+        figures.append(Figure("residual-pose", "Over the poses", "", traces, layout))
     return Section(
-        "parity",
-        "Measured against predicted",
-        texts=[
-            f"On the line the model is right. Shown is the {kind} of every row, component by component; "
-            "the numbers are in the table of rows below."
-        ],
+        "residuals",
+        "Residuals, before and after" if compared.after is not None else "Residuals",
+        texts=["Measured minus predicted position. A pattern over the load or the postures is no noise."],
         figures=figures,
     )
+
+
+def _over_load(
+    compared: Compared, chosen: NDArray[np.intp], predictions: Sequence[Array], names: Sequence[str]
+) -> Iterator[Figure]:
+    used = compared.used[chosen][:, :3]
+    force = compared.rows.wrench[chosen][:, :3]
+    if not np.any(force):
+        return
+    gaps = [
+        np.where(used, 1e3 * (compared.measured - predicted)[chosen][:, :3], np.nan)
+        for predicted in predictions
+    ]
+    most = 1.08 * max(float(np.nanmax(np.abs(gap))) for gap in gaps) or 0.05  # one scale for both
+    for gap, name, key in zip(gaps, names, ("before", "after"), strict=False):
+        traces = []
+        for k, (symbol, colour) in enumerate(MARKS):
+            if used[:, k].any():
+                hover = f"%{{text}}: %{{y}} mm under %{{x}} N along {'xyz'[k]}"
+                x, y = numbers(force[:, k], 4), numbers(gap[:, k], 4)
+                trace = scatter(x, y, "xyz"[k], hover, (symbol, colour, 6), opacity=0.75)
+                traces.append(trace | {"text": shared("rows")})
+        layout = plain_layout(
+            340,
+            margin=MARGIN | {"t": LEGEND},
+            xaxis=axis("force along the same axis, N"),
+            yaxis=axis("residual, mm", range=[-most, most]),
+        )
+        yield Figure(f"residual-load-{key}", f"Over the load: {name}", "", traces, layout)

@@ -111,7 +111,7 @@ def still_view(
         "The robot",
         caption,
         _styles(deviations),
-        space(legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top"}),
+        space(CAMERAS["oblique"], legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top"}),
         table,
     )
     return StillView(RobotView(figure, views, magnification, most, cameras, slider=slider), held)

@@ -5,6 +5,7 @@ browser, every kind of report is opened once and looked at wide and narrow, ligh
 script in all of them is tried on one.
 """
 
+import itertools
 import time
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,14 @@ def open_page(browser: Any, page: Path, width: int, theme: str) -> None:
     until = time.monotonic() + 60
     while not browser.execute_script("return document.documentElement.dataset.drawn"):
         assert time.monotonic() < until, "the figures are not drawn after a minute"
+        time.sleep(0.05)
+    # what is behind a heading is drawn when it is opened
+    browser.execute_script("document.querySelectorAll('details.part').forEach((one) => { one.open = true; })")
+    drawn = (
+        "return [...document.querySelectorAll('.plot')].every((plot) => plot._fullData && plot._fullLayout)"
+    )
+    while not browser.execute_script(drawn):
+        assert time.monotonic() < until, "the figures behind headings are not drawn"
         time.sleep(0.05)
 
 
@@ -123,6 +132,51 @@ def test_a_page_opens_without_fault_wide_and_light_narrow_and_dark(
     assert browser.execute_script("return document.documentElement.scrollWidth") <= NARROW
     right = "return [...document.querySelectorAll('.plot')].map((one) => one.getBoundingClientRect().right)"
     assert max(browser.execute_script(right)) <= NARROW
+
+
+# the boxes of all texts of a figure, and of its buttons; texts that are turned count upright
+BOXES = (
+    "const shown = (box) => box.width > 0 && box.height > 0;"
+    "return [...document.querySelectorAll('.plot')].map((plot) => [plot.dataset.figure,"
+    " [...plot.querySelectorAll('svg text, .modebar-group')].map((one) => [one.textContent,"
+    " one.getBoundingClientRect()]).filter(([, box]) => shown(box))"
+    ".map(([text, box]) => [text, box.left, box.top, box.right, box.bottom])])"
+)
+TOUCH = 2.0  # px that boxes may share: they are larger than what is drawn in them
+
+
+def overprinted(browser: Any) -> list[tuple[str, str, str]]:
+    """Return the texts of figures whose boxes overlap: the figure, and both texts."""
+    found = []
+    for figure, texts in browser.execute_script(BOXES):
+        for (one, *a), (other, *b) in itertools.combinations(texts, 2):
+            wide = min(a[2], b[2]) - max(a[0], b[0])
+            high = min(a[3], b[3]) - max(a[1], b[1])
+            if wide > TOUCH and high > TOUCH:
+                found.append((figure, one, other))
+    return found
+
+
+@pytest.mark.parametrize("kind", QUICK)
+def test_no_label_overprints_another(
+    kind: str, browser: Any, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    page = written(request.getfixturevalue(f"{kind}_page"), tmp_path)
+    for width in (390, 768, 1280, 1920):
+        open_page(browser, page, width, "light")
+        assert (
+            sum(len(texts) for _, texts in browser.execute_script(BOXES)) > 20
+        )  # there is what could overlap
+        assert overprinted(browser) == [], width
+
+
+def test_overlapping_labels_are_found(opened: Any) -> None:
+    opened.execute_async_script(
+        "const done = arguments[0], plot = document.querySelector('.plot:not(#plot-robot)');"
+        "const note = (text) => ({text, showarrow: false, xref: 'paper', yref: 'paper', x: 0.5, y: 0.5});"
+        "Plotly.relayout(plot, {annotations: [note('one'), note('two')]}).then(() => done())"
+    )
+    assert any({"one", "two"} == {a, b} for _, a, b in overprinted(opened))
 
 
 def turn_narrow_and_dark(browser: Any) -> None:
@@ -203,7 +257,7 @@ def test_the_posture_and_the_camera_change_the_view(opened: Any) -> None:
     before = opened.execute_script(SHAPE)
     opened.execute_async_script(CHANGE, "posture", "selectedIndex", 1)
     assert opened.execute_script(SHAPE) != before
-    opened.execute_async_script(CHANGE, "camera", "selectedIndex", 1)
+    opened.execute_async_script(CHANGE, "camera", "selectedIndex", 2)
     eye = opened.execute_script("return document.getElementById('plot-robot').layout.scene.camera.eye")
     assert (eye["y"], eye["z"]) == (0, 0)
 
@@ -233,6 +287,7 @@ def test_the_page_prints_light_with_its_tables_open(opened: Any) -> None:
     use_theme(opened, "dark")
     closed = "return document.querySelectorAll('details:not([open])').length"
     scheme = "return getComputedStyle(document.documentElement).colorScheme"
+    opened.execute_script("document.querySelector('#rows > details').open = false")
     before = opened.execute_script(closed)
     # at once: paper does not wait
     widest = opened.execute_script(

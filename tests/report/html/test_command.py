@@ -151,7 +151,6 @@ def test_absolute_rows_are_reported_as_deviations(folder: Path) -> None:
     (folder / "crane.csv").write_text("\n".join(lines), encoding="utf-8")
     result = run("diagnose", "crane.yaml", "crane.csv", "--html", "out.html")
     assert result.exit_code == 0, result.output
-    outline = Outline((folder / "out.html").read_text(encoding="utf-8"))
-    assert "deviation from the nominal pose" in "".join(outline.text)
-    held = json.loads(outline.scripts["figures"])
-    assert max(held["shared"]["measured_1"]) == pytest.approx(1.5, rel=1e-3)  # mm
+    page = (folder / "out.html").read_text(encoding="utf-8")
+    assert ">dy measured, mm<" in page
+    assert ">1.5<" in page  # mm: the deviation from the nominal pose

@@ -45,7 +45,7 @@
     });
     const layout = resolve(figure.layout, style);
     layout.scene.annotations = view.labels.map((one, at) => ({
-      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [36, -40, 40][at % 3], ay: [-30, -26, 30][at % 3],
+      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [70, -70, 70][at % 3], ay: [-36, -36, 36][at % 3],
       x: one.at[0] + factor * one.by[0], y: one.at[1] + factor * one.by[1], z: one.at[2] + factor * one.by[2],
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
@@ -71,21 +71,38 @@
     const narrow = plot.clientWidth < 480;
     if (narrow && layout.scene) {
       layout.height = 440;
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.4 * value])) };
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
+    if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => (text.length > 18 ? `${text.slice(0, 16)}…` : text));
     }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
     plot.style.minHeight = `${layout.height}px`;
-    return Plotly.react(plot, traces, layout, { ...config, modeBarButtons: buttons(figure) });
+    // narrow figures have no room for buttons above their legend
+    return Plotly.react(plot, traces, layout, { ...config, displayModeBar: !narrow || Boolean(figure.views), modeBarButtons: buttons(figure) });
   };
 
   const plots = [...document.querySelectorAll(".plot")];
-  const drawAll = () => Promise.all(plots.map(draw));
+  const seen = (plot) => !plot.closest("details:not([open])");  // what is closed has no width to draw in
+  const drawAll = () => Promise.all(plots.filter(seen).map(draw));
+  document.querySelectorAll("details.part").forEach((part) => part.addEventListener("toggle", () => {
+    if (part.open && document.documentElement.dataset.theme !== "print") part.querySelectorAll(".plot").forEach(draw);
+  }));
+  document.querySelectorAll("nav a").forEach((link) => link.addEventListener("click", () => {
+    const part = document.querySelector(`${link.hash} > details.part`);
+    if (part) part.open = true;
+    if (!wide.matches) menu.open = false;
+  }));
+  const menu = document.querySelector(".menu");
+  const wide = matchMedia("(min-width: 1000px)");  // the list of contents stands at the side, else it is a menu
+  const fold = () => { menu.open = wide.matches; };
+  wide.addEventListener("change", fold);
+  fold();
 
   const tell = () => {
     const text = `× ${Number(Number(magnification.value).toPrecision(3)).toLocaleString("en")}`;
@@ -105,7 +122,13 @@
     posture.addEventListener("change", again);
     magnification.addEventListener("input", again);
     const cameras = JSON.parse(camera.dataset.cameras);
-    camera.addEventListener("change", () => Plotly.relayout(plot, { "scene.camera": cameras[camera.value] }));
+    const views = held.figures[plot.dataset.figure].views;
+    const look = () => {  // the first camera follows the posture, where the deflection is seen
+      const own = camera.selectedIndex === 0 && views[Number(posture.value)].camera;
+      return Plotly.relayout(plot, { "scene.camera": own || cameras[camera.value] });
+    };
+    camera.addEventListener("change", look);
+    posture.addEventListener("change", () => { if (camera.selectedIndex === 0) look(); });
   }
 
   document.getElementById("save").addEventListener("click", () => {
@@ -121,19 +144,19 @@
   let closed = [];
   addEventListener("beforeprint", () => {
     document.documentElement.dataset.theme = "print";
-    closed = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest("#rows"));
+    closed = [...document.querySelectorAll("details:not([open])")].filter((one) => !one.closest("#rows, #targets, nav"));
     closed.forEach((one) => { one.open = true; });
     drawAll();
   });
   addEventListener("afterprint", () => {
     delete document.documentElement.dataset.theme;
     closed.forEach((one) => { one.open = false; });
-    drawAll().then(() => plots.forEach((plot) => Plotly.Plots.resize(plot)));
+    drawAll().then(() => plots.filter(seen).forEach((plot) => Plotly.Plots.resize(plot)));
   });
 
   // One at a time, from the top, so that the page answers meanwhile.
   (async () => {
-    for (const plot of plots) {
+    for (const plot of plots.filter(seen)) {
       await draw(plot);
       await new Promise((go) => setTimeout(go));
     }

@@ -1,0 +1,98 @@
+"""The verdict that a result begins with: its colour by gap over noise, the data, one action."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import calibrate, identify, load_robot, read_measurements
+from beamstiff.diagnosis.result import Candidate
+from beamstiff.measure.table import make_measurements
+from beamstiff.report.diagnosis import verdict
+from beamstiff.report.geometry import calibration_verdict
+from beamstiff.report.identification import identification_verdict
+from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.diagnosis.planted import diagnosed
+
+DATA = "examples/data/ir663_compliance_xx.csv"
+
+
+@pytest.mark.parametrize(
+    ("ratio", "level"), [(0.4, "agrees"), (1.5, "agrees"), (3.7, "doubtful"), (5.1, "differs")]
+)
+def test_the_colour_follows_gap_over_noise(ratio: float, level: str) -> None:
+    assert level_of(ratio) == level
+
+
+def test_a_terminal_shows_headline_data_and_action_in_their_order() -> None:
+    lines = list(Verdict("Gap of 1 mm", "differs", "a.csv, 3 rows", "Measure.").lines())
+    assert [line.plain for line in lines] == ["Gap of 1 mm", "Data: a.csv, 3 rows.", "Next: Measure.", ""]
+    assert str(lines[0].style) == "bold red"
+    assert Verdict("x", "doubtful").badge == "beyond noise"
+
+
+def test_a_fit_that_leaves_several_times_the_noise_is_amber_and_sends_to_the_diagnosis() -> None:
+    robot = load_robot("ir663")
+    rows = read_measurements(DATA, robot)
+    found = identification_verdict(identify(robot, rows), rows)
+    assert found.headline == "2 of 3 stiffness values identified; the fit leaves 3.7 times the noise"
+    assert found.level == "doubtful"
+    assert "beamstiff diagnose" in found.action
+    assert found.data == "ir663_compliance_xx.csv, 12 rows at 12 postures"
+
+
+def test_without_a_stated_noise_nothing_is_judged() -> None:
+    robot = load_robot("ir663")
+    rows = read_measurements(DATA, robot)
+    bare = replace(rows, sigma=rows.sigma * float("nan"), sigma_position=None)
+    found = identification_verdict(identify(robot, bare, ["J12.torsional"]), bare)
+    assert found.level == "plain"
+    assert "sigma_position" in found.action
+
+
+def test_a_cause_is_named_with_the_gap_and_what_it_explains() -> None:
+    result = diagnosed("backlash")
+    found = verdict(result)
+    assert result.verdict.shrink is not None
+    share = f"{100 * result.verdict.shrink.shrink:.0f} %"
+    gap = rounded(1e3 * result.rms)
+    assert found.headline == f"Gap of {gap} mm, {share} explained by backlash at q3"
+    assert found.level in ("doubtful", "differs")
+    assert data_of(result.baseline.rows) == found.data
+
+
+def test_what_is_systematic_is_never_green_and_what_is_undecided_names_no_cause() -> None:
+    result = diagnosed("backlash")
+    near = replace(result, rms=1.01 * result.noise)
+    assert verdict(near).level == "doubtful"
+    unknown = Candidate("unknown", None, 0.9)
+    found = verdict(replace(result, verdict=unknown, candidates=(unknown,), decomposition=None))
+    assert found.headline.endswith("cause unknown")
+    doubt = replace(result.verdict, probability=0.24)
+    others = (doubt, Candidate("none", None, 0.46), Candidate("unknown", None, 0.3))
+    found = verdict(replace(result, verdict=doubt, candidates=others, decomposition=None))
+    assert found.headline.endswith("cause undecided")
+    assert "backlash" not in found.headline
+
+
+def test_nothing_beyond_noise_is_green() -> None:
+    found = verdict(diagnosed(None))
+    assert found.level == "agrees"
+    assert found.headline.startswith("Model and machine agree: gap ")
+
+
+def test_a_calibration_says_error_before_and_after() -> None:
+    robot = load_robot("kr240-2")
+    names = [one.name for one in robot.actuated]
+    rng = np.random.default_rng(0)
+    low, high = np.array([one.limits or (-1, 1) for one in robot.actuated]).T
+    q = low + (high - low) * (0.3 + 0.4 * rng.random((40, len(names))))
+    kinematics = compile_kinematics(robot)
+    place = posture(kinematics, q).node_positions[:, kinematics.node_index[robot.tcp]]
+    place = place + 1e-5 * rng.standard_normal(place.shape)
+    rows = make_measurements(names, q, tcp=robot.tcp, position=place, sigma_position=1e-5)
+    found = calibration_verdict(calibrate(robot, rows, ["q2", "q3"], fixed=["base"]), rows)
+    assert found.headline.startswith("Position error from ")
+    assert "times the noise" in found.headline
+    assert found.data.endswith("40 rows at 40 postures")
