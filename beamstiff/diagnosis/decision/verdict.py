@@ -105,7 +105,8 @@ def doubt(residual_fraction: float, free: float, explained_fraction: float) -> f
     explained_fraction : float
         The share of the gap that it closes on held-out postures.
     """
-    return LEFT * float(np.log(residual_fraction + 0.01)) + FREE * free - WORTH * explained_fraction - REAL
+    left = min(residual_fraction, 1.0)  # of a gap that is rounding it can be anything
+    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * explained_fraction - REAL
 
 
 def share_of_subspaces(search: Search, log_weight: float) -> float:

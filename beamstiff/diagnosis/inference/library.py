@@ -124,7 +124,7 @@ def build_library(baseline: Baseline, white: Whitened, prior: Prior = DEFAULT) -
                 for shape in shapes
             ]
     if "link-bending" not in without:
-        stands = "it stands on the ground: what it gives is base-compliance here"
+        stands = "it stands on the ground: its compliance counts as base-compliance here"
         untestable += [Untestable("link-bending", name, stands) for name in standing]
     return seen_by(Library(tuple(hypotheses), tuple(untestable)), white)
 
