@@ -35,7 +35,7 @@ from beamstiff.exam.crowded.cases import (
     open_basis,
     positions,
 )
-from beamstiff.exam.forms.author1.target_slip import came_to_rest
+from beamstiff.exam.forms import came_to_rest
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.report.tables import table
 
@@ -71,7 +71,7 @@ def known_forms(case: CrowdedCase, read: Array) -> Array:
     """Return fresh positions (M, 3) as predicted by the fit that knows every form and lacks its size."""
 
     def seen(truths: tuple[Truth, ...]) -> Array:
-        resting = [came_to_rest(one) if one.effect == "target-slip" else one for one in truths]
+        resting = [came_to_rest(one, case.campaign) if one.effect == "target-slip" else one for one in truths]
         pairs = ((case.campaign, truths), (case.fresh, resting))
         return np.concatenate(
             [positions(case.machine, (*case.geometry, *some), rows).reshape(-1) for rows, some in pairs]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.exam.campaign import Truth
-from beamstiff.exam.forms import components
-from beamstiff.exam.forms.author1.target_slip import came_to_rest
+from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
+from beamstiff.exam.forms import EFFECTS, came_to_rest, components
 from beamstiff.se3 import Array
 from tests.exam.campaigns import LONG, arm, campaign_of, drawn, read
 
@@ -60,7 +60,44 @@ def test_a_slip_is_constant_in_the_tool_and_lasts() -> None:
     twice = Truth("target-slip", None, "twice", {**p, "again": 0.5})
     late = seen(twice) - seen()
     np.testing.assert_allclose(late[-1], 1.5 * own[-1], atol=1e-12)
-    np.testing.assert_allclose(seen(came_to_rest(twice)) - seen(), 1.5 * own, atol=1e-12)
+    rest = came_to_rest(twice, campaign_of(arm(), ANGLES, np.zeros((1, 6))))
+    np.testing.assert_allclose(seen(rest) - seen(), 1.5 * own, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", EFFECTS["target-slip"].forms)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slip_that_came_to_rest_is_everywhere_what_it_was_at_the_last_row(form: str, seed: int) -> None:
+    rng, robot = np.random.default_rng(seed), arm()
+    slip = drawn(robot, "target-slip", None, form, seed)
+
+    def campaign(rows: int) -> SimulatedCampaign:
+        time = 60.0 * rng.permutation(rows)
+        point = np.where((time == time.max()) | (rng.random(rows) < 0.7), robot.tcp, "b")
+        q = rng.uniform(-0.5, 0.5, (rows, 1))
+        return campaign_of(robot, q, np.zeros((1, 6)), kind="absolute", time=time, point=point)
+
+    def moved(rows: SimulatedCampaign, truth: Truth) -> Array:
+        """Return by how much the readings are off, in the tool's frame."""
+        x, y, z = (read(robot, rows, truth) - read(robot, rows))[:, :3].T
+        c, s = np.cos(rows.q[:, 0]), np.sin(rows.q[:, 0])
+        return np.stack([c * x + s * y, c * y - s * x, z], axis=1)
+
+    measured = campaign(12)
+    found = moved(measured, slip)
+    first, last = np.argmin(measured.time), np.argmax(measured.time)
+    assert not found[first].any()
+    assert np.linalg.norm(found[last]) > 1e-5
+    rest = came_to_rest(slip, measured)
+    for rows in (measured, campaign(5), campaign(40)):
+        own = (rows.point == robot.tcp)[:, None]
+        np.testing.assert_allclose(moved(rows, rest), own * found[last], atol=1e-12)
+    np.testing.assert_allclose(moved(measured, came_to_rest(rest, measured))[last], found[last], atol=1e-12)
+
+
+def test_what_is_no_slip_does_not_come_to_rest() -> None:
+    curve = drawn(arm(), "angle-curve", "q1", "order")
+    with pytest.raises(BeamstiffError, match="angle-curve"):
+        came_to_rest(curve, campaign_of(arm(), ANGLES, np.zeros((1, 6))))
 
 
 def test_displacements_do_not_show_them_nor_do_loops_have_them() -> None:

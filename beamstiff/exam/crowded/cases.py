@@ -16,8 +16,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
 from beamstiff.exam.designs import Data, draw_crowded, largest_force
-from beamstiff.exam.forms import LATER, OUTSIDE, author_of, draw_truth, resized
-from beamstiff.exam.forms.author1.target_slip import came_to_rest
+from beamstiff.exam.forms import LATER, OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.placing import place, skeleton_of
@@ -107,7 +106,9 @@ class CrowdedCase:
 
     def fresh_positions(self) -> Array:
         """Return what the fresh rows are, without noise, in the base frame, (M, 3), m."""
-        truths = [came_to_rest(one) if one.effect == "target-slip" else one for one in self.truths]
+        truths = [
+            came_to_rest(one, self.campaign) if one.effect == "target-slip" else one for one in self.truths
+        ]
         return positions(self.machine, (*self.geometry, *truths), self.fresh)
 
     def left_by(self, causes: Sequence[TrueCause]) -> float:

@@ -12,9 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.exam.campaign import Truth
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, joined
 from beamstiff.exam.forms import author1, author2, author3, author4
+from beamstiff.exam.forms.author1 import target_slip
+from beamstiff.exam.forms.author4 import joint_errors
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
@@ -87,6 +89,19 @@ def author_of(truth: Truth) -> int:
         if any(effect.name == truth.effect for effect in author.OUTSIDE):
             return number
     return _known(truth.effect).author_of(truth.form)
+
+
+def came_to_rest(truth: Truth, campaign: SimulatedCampaign) -> Truth:
+    """Return a target's slip as it is after a campaign, for one measured later: constant from its first row.
+
+    Raises BeamstiffError when the effect is no slip.
+    """
+    author = author_of(truth)
+    if truth.effect == "target-slip" and author == 1:
+        return target_slip.came_to_rest(truth)
+    if truth.effect == "target-slip" and author == 4:
+        return joint_errors.came_to_rest(truth, len(campaign))
+    raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -147,6 +148,17 @@ def _crawl(request: DrawRequest) -> dict[str, float]:
     }
 
 
+def _share(form: str, p: Mapping[str, float], turn_of: Array, rows: int) -> Array:
+    """Return which share of its whole way a reflector has slipped when it is a row's turn, of so many."""
+    since = turn_of - round(p["from"] * rows)
+    slipped = np.where(since >= 0.0, p["share"], 0.0)
+    if form == "two-slips":
+        slipped += np.where(turn_of >= round(p["again"] * rows), 1.0 - p["share"], 0.0)
+    else:  # a magnet that was knocked crawls on
+        slipped += np.where(since >= 0.0, -(1.0 - p["share"]) * np.expm1(-since / p["rows"]), 0.0)
+    return slipped
+
+
 def _slip(truth: Truth, reality: Reality) -> Reality:
     p, machine = truth.parameters, reality.machine
     node = machine.node(machine.tcp if truth.component is None else truth.component)
@@ -156,12 +168,7 @@ def _slip(truth: Truth, reality: Reality) -> Reality:
         order = np.argsort(times(campaign), kind="stable")
         turn_of = np.empty(rows)
         turn_of[order] = np.arange(rows)
-        since = turn_of - round(p["from"] * rows)
-        slipped = np.where(since >= 0.0, p["share"], 0.0)
-        if truth.form == "two-slips":
-            slipped += np.where(turn_of >= round(p["again"] * rows), 1.0 - p["share"], 0.0)
-        else:  # a magnet that was knocked crawls on
-            slipped += np.where(since >= 0.0, -(1.0 - p["share"]) * np.expm1(-since / p["rows"]), 0.0)
+        slipped = _share(truth.form, p, turn_of, rows)
         if campaign.kind == "displacement":  # from where it was before the pose, or the row
             before = np.empty(rows)
             for pose in np.unique(campaign.pose):
@@ -174,6 +181,16 @@ def _slip(truth: Truth, reality: Reality) -> Reality:
         return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
 
     return reality.with_reading(change)
+
+
+def came_to_rest(truth: Truth, rows: int) -> Truth:
+    """Return the slip as a later campaign finds it: where the last of so many rows left it."""
+    p = truth.parameters
+    reached = float(_share(truth.form, p, np.array([rows - 1.0]), rows)[0])
+    end = {**p, **{name: reached * p[name] for name in "xyz"}, "from": 0.0, "share": 1.0}
+    if truth.form == "two-slips":
+        end["again"] = 0.0
+    return dataclasses.replace(truth, parameters=end)
 
 
 EFFECTS = (
