@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError, listed
+from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import write_whole
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import Column, to_si
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
 from beamstiff.measure.text import METADATA
+from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
@@ -31,7 +33,7 @@ _UNITS = {
 }
 
 
-def write_measurements(measurements: Measurements, path: str | Path, robot: Robot) -> None:
+def write_measurements(measurements: Measurements, path: str | Path, robot: RobotLike) -> None:
     """Write a table to a CSV file, whole or not at all.
 
     Displacements are written in mm, joint variables in the units of the file that they come from, everything
@@ -44,7 +46,11 @@ def write_measurements(measurements: Measurements, path: str | Path, robot: Robo
     BeamstiffError
         When the table is not of this robot, or the file cannot be written.
     """
-    write_whole(path, measurements_to_csv(measurements, robot))
+    if not isinstance(measurements, Measurements):
+        raise BeamstiffError(f"measurements: found {shown(measurements)}, expected measurements")
+    if not isinstance(path, str | os.PathLike):
+        raise BeamstiffError(f"path: found {shown(path)}, expected the path of a CSV file")
+    write_whole(path, measurements_to_csv(measurements, as_robot(robot)))
 
 
 def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:

@@ -171,3 +171,13 @@ def test_a_short_decimal_stays_one(arm: Robot) -> None:
     read = parse_measurements("q1 [deg],d2 [mm],dx\n-14.9,0.3,0\n87.7,1234.5,0\n", arm)
     rows = measurements_to_csv(read, arm).splitlines()[1:]
     assert [row.split(",")[:2] for row in rows] == [["-14.9", "0.3"], ["87.7", "1234.5"]]
+
+
+@pytest.mark.parametrize("swapped", ["path first", "no path"])
+def test_arguments_of_other_types_say_what_was_expected(tmp_path: Path, arm: Robot, swapped: str) -> None:
+    table = make_measurements(["q1", "d2"], [[0, 0]], tcp="tip", displacement=np.ones((1, 6)))
+    file = tmp_path / "out.csv"
+    arguments = (str(file), table, arm) if swapped == "path first" else (table, 3, arm)
+    with pytest.raises(BeamstiffError, match=r"expected (measurements|the path of a CSV file)"):
+        write_measurements(*arguments)  # type: ignore[arg-type]
+    assert not file.exists()
