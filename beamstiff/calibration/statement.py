@@ -127,7 +127,10 @@ def _check_readings(robot: Robot, rows: Measurements) -> None:
             "others is not; expected it for all, or for none"
         )
     if robot.effects:
-        raise BeamstiffError(f"robot {robot.name!r} has effects, which a calibration does not count in")
+        raise BeamstiffError(
+            f"robot {robot.name!r} has effects, beside which no geometry can be left open: expected "
+            "readings in its base frame (calibrate --readings), or a robot without them"
+        )
 
 
 def opening_parameters(geometry: Geometry) -> dict[str, str]:

@@ -25,7 +25,7 @@ def demo(
     is not enough, finds the fault, and writes the table and a report that opens in a browser. It
     takes about a quarter of a minute.
 
-    \\b
+    \b
     Example:
       beamstiff demo
     """  # noqa: D301

@@ -42,13 +42,10 @@ def beside_calibration(
 
     Needless is a calibration where causes, a few errors of the geometry among them, leave hardly more without
     one: then the geometry is what the robot's description says.
+
+    Raises BeamstiffError where there are too few readings to calibrate by, or the robot has effects.
     """
-    try:
-        found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
-    except BeamstiffError:  # too few readings to calibrate by
-        if stations:
-            raise
-        return None
+    found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
     if stations or robot.calibrated or found.behind:

@@ -112,11 +112,20 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
 def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations: bool) -> Diagnosis:
     rows = replace(rows, wrench=np.where(np.abs(rows.wrench) > LEAST_LOAD, rows.wrench, 0.0))
     absolute = rows.kind == "absolute"
-    beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
+    beside, why = None, None
+    try:
+        beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
+    except BeamstiffError as error:
+        if stations:
+            raise
+        why = error
     if beside is not None:
         return beside
-    baseline, library, screened = _screened(robot, rows, prior)
-    found = _weighed_one_by_one(library, screened, prior, seed)
+    try:  # the geometry as described
+        baseline, library, screened = _screened(robot, rows, prior)
+        found = _weighed_one_by_one(library, screened, prior, seed)
+    except BeamstiffError as error:  # of readings in another frame that no calibration took up, say why
+        raise why or error from None
     if absolute or found.features["misfit"] <= NOISE or np.unique(rows.pose).size < FOLDS:
         return found  # of fewer postures than folds those that are held out tell too little
     # neither one cause nor two, weighed in all their forms, leave but noise: more causes at once.

@@ -155,7 +155,7 @@ def _vector(what: str, values: ArrayLike | None, size: int) -> Array:
 
 def robot_digest(robot: Robot) -> str:
     """Return the SHA-256 of a robot's description."""
-    return sha256(repr(robot).encode()).hexdigest()
+    return sha256(robot.model_dump_json().encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:

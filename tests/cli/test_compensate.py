@@ -367,8 +367,12 @@ def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) 
     assert "Process, from the measured runs" in result.stdout
     # the process of the file is the one that was learned: with it the same program comes out
     succeed("compensate", "kr500", "cell.src", "--process", "q.yaml", "--out", "by_file.src")
-    assert (cell / "by_file.src").read_bytes() == (cell / "new.src").read_bytes()
-    assert "# process stiffness: 1.5" in (cell / "q.yaml").read_text()
+    programs = [(cell / name).read_bytes().decode("latin-1") for name in ("by_file.src", "new.src")]
+    texts = [re.sub(r"-?\d+\.\d+", "", text) for text in programs]
+    numbers = [np.array(re.findall(r"-?\d+\.\d+", text), dtype=float) for text in programs]
+    assert texts[0] == texts[1]
+    np.testing.assert_allclose(*numbers, atol=2e-3)  # mm and deg: the file rounds to its standard deviation
+    assert re.search(r"# process stiffness: 1\.(49|5)", (cell / "q.yaml").read_text())
     nothing = run("compensate", "kr500", "cell.src", "--learned", "q.yaml")
     assert nothing.exit_code == 2
     assert "--learned: found no measured run" in nothing.stderr

@@ -13,7 +13,17 @@ from beamstiff import __version__
 from beamstiff.cli.main import app
 from tests.cli.conftest import Run
 
-WITHOUT_FRAMES = ("check", "compare", "compare-runs", "convert", "diagnose", "doctor", "exam", "schema")
+WITHOUT_FRAMES = (
+    "check",
+    "compare",
+    "compare-runs",
+    "convert",
+    "demo",
+    "diagnose",
+    "doctor",
+    "exam",
+    "schema",
+)
 COMMAND = [sys.executable, "-m", "beamstiff"]
 
 

@@ -170,6 +170,8 @@ def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -
     for k in range(len(truths)):
         parts[:, k] = every - rows([*truths[:k], *truths[k + 1 :]])
     gap = every - nothing
+    if not (np.isfinite(gap).all() and np.isfinite(parts).all()):
+        raise BeamstiffError("without one of its effects the machine does not come to rest")
     order, closes = in_order(gap, parts)
     parts, truths = parts[:, order], [truths[k] for k in order]
     noise = np.sqrt(3.0) * campaign.sigma_position
