@@ -87,7 +87,10 @@ def rival_of(
         best[key] = min(found.bic, best.get(key, np.inf))
         form.setdefault(key, number)
     least = min(best.values())
-    weight = {key: float(np.exp(-(value - least) / (2.0 * tempering))) for key, value in best.items()}
+    weight = {
+        key: 1.0 if value == least else float(np.exp(-(value - least) / (2.0 * tempering)))
+        for key, value in best.items()
+    }
     alike = [
         key
         for key in sorted(weight, key=lambda key: -weight[key])
@@ -97,7 +100,7 @@ def rival_of(
     alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
-    nothing = float(np.exp(-max(without.bic - min(least, step.bic), 0.0) / (2.0 * TEMPERING)))
+    nothing = float(np.exp(-max(without.bic - least, 0.0) / (2.0 * TEMPERING))) if np.isfinite(least) else 1.0
     return Rival(
         named / total,
         1.0 / (1.0 + nothing),
@@ -108,7 +111,8 @@ def rival_of(
 
 def tempering_of(step: Step, without: Step) -> float:
     """Return by what log odds are divided where a cause is held against another; see the module."""
-    return TEMPERING + max(without.bic - step.bic, 0.0) / 2.0 / RELATIVE
+    fall = without.bic - step.bic  # infinite where without the cause another has a size that no machine has
+    return TEMPERING + (max(fall, 0.0) / 2.0 / RELATIVE if np.isfinite(fall) else 0.0)
 
 
 def instead(

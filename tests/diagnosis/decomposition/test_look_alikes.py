@@ -64,3 +64,12 @@ def test_the_more_a_cause_explains_the_less_a_difference_says(made: Choice) -> N
         expected = TEMPERING + (without.bic - step.bic) / 2.0 / RELATIVE
         assert tempering_of(step, without) == pytest.approx(expected)
         assert number in step.chosen
+
+
+def test_a_fit_that_no_machine_allows_without_the_cause_leaves_a_probability(made: Choice) -> None:
+    """Beside the cause the other is small; without it, it would have to be larger than any machine's."""
+    bounded = replace(made, largest=np.where(made.units > 0, 1e-9, np.inf))
+    step = fit_step(made, (0, 3))
+    rival = rival_of(bounded, step, (0,), held_out)
+    assert 0.0 <= rival.probability <= 1.0
+    assert 0.0 <= rival.present <= 1.0
