@@ -30,6 +30,7 @@ TOOL = ("tool", "tool point")  # places at the tool
 POSES = 5  # that are shown, the worst
 LABELLED = 3
 SEEN = 0.005  # share that is worth a label
+CHARACTERS = 16  # characters of a name in a label: a phone's figure is some 40 wide
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
 FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
@@ -220,7 +221,7 @@ class _View:
         first = sorted(shares.items(), key=lambda item: -item[1])[:LABELLED]
         return [
             {
-                "text": f"{label(name)} {100 * value:.0f} %",
+                "text": f"{label(shortened(name))} {100 * value:.0f} %",
                 "at": numbers(places[name][0]),
                 "by": numbers(places[name][1]),
             }
@@ -357,3 +358,14 @@ def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -
         )
     columns = ("posture", "force, N", "moment, N m", "tool moves, mm", "softest direction", "stiffest")
     return Table("The postures shown", columns, rows, left=1, open=False)
+
+
+def shortened(name: str) -> str:
+    """Return a name as a label has room for; the part under the pointer tells it whole.
+
+    Examples
+    --------
+    >>> shortened("link2"), shortened("the column that carries the arm")
+    ('link2', 'the column that…')
+    """
+    return name if len(name) <= CHARACTERS else name[: CHARACTERS - 1].rstrip() + "…"
