@@ -183,15 +183,24 @@ def positions_without_effects(robot: Robot, rows: Measurements, bases: Array) ->
 
     `bases` (S, 4, 4): where the robot's base stands in the measuring frame, or in that of each table.
     """
-    moved = effects_displacement(robot, rows)
-    turn = bases[rows.run.astype(np.intp) if len(bases) > 1 else np.zeros(len(rows), dtype=np.intp), :3, :3]
-    shift, turned = ((turn @ part[:, :, None])[:, :, 0] for part in (moved[:, :3], moved[:, 3:]))
+    table = rows.run.astype(np.intp) if len(bases) > 1 else np.zeros(len(rows), dtype=np.intp)
+    return without_displacement(rows, turned(effects_displacement(robot, rows), bases[table, :3, :3]))
+
+
+def turned(displacement: Array, turn: Array) -> Array:
+    """Return displacements ``[d, r]`` (N, 6) in another frame; `turn` (N, 3, 3): how it is turned."""
+    parts = [np.einsum("nij,nj->ni", turn, displacement[:, part]) for part in (slice(0, 3), slice(3, 6))]
+    return np.concatenate(parts, axis=1)
+
+
+def without_displacement(rows: Measurements, moved: Array) -> Measurements:
+    """Return absolute rows without a displacement ``[d, r]`` (N, 6), in their measuring frame."""
     rotation = rows.rotation.copy()
     known = ~np.isnan(rotation).any(axis=1)
     if known.any():
-        read = rotation_from_vector(-turned[known]) @ rotation_from_vector(rotation[known])
+        read = rotation_from_vector(-moved[known, 3:]) @ rotation_from_vector(rotation[known])
         rotation[known] = vector_from_rotation(read)
-    return replace(rows, position=rows.position - shift, rotation=rotation)
+    return replace(rows, position=rows.position - moved[:, :3], rotation=rotation)
 
 
 def extended(diagnosis: Diagnosis) -> Robot:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from beamstiff.diagnosis.apply import effects_displacement
+from beamstiff.diagnosis.apply import bare_baseline, effects_displacement
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.information import CHANCE, invert
 from beamstiff.measure.table import Measurements
@@ -200,8 +200,8 @@ def holm(p: Array) -> Array:
 def causes_displacement(robot: Robot, rows: Measurements) -> dict[str, Array]:
     """Return what each cause among a robot's effects adds to the rows, (N, 6), base frame, by its key."""
     keys = [f"{one.effect}:{one.component or 'null'}" for one in robot.effects]
-    found = {}
+    found, bare = {}, bare_baseline(robot, rows) if keys else None
     for key in dict.fromkeys(keys):  # all shapes of a cause at once: only their sum is meant
         own = tuple(one for one, of in zip(robot.effects, keys, strict=True) if of == key)
-        found[key] = effects_displacement(robot.model_copy(update={"effects": own}), rows)
+        found[key] = effects_displacement(robot.model_copy(update={"effects": own}), rows, bare)
     return found

@@ -36,6 +36,5 @@ def closes_unselected(baseline: Baseline, prior: Prior, seed: int) -> float:
             predicted = predict_with_effects(extended(diagnosis_of(causes)), subset(rows, out))
         except BeamstiffError:
             continue
-        left[out] = np.where(used, rows.displacement[:, :3], 0.0)[out]
-        left[out] -= np.where(used[out], predicted[:, :3], 0.0)
+        left[out] = np.where(used[out], rows.displacement[out, :3] - predicted[:, :3], 0.0)
     return 1.0 - float((left**2).sum()) / before if before > 0.0 else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.statement import build_calibration, registered
+from beamstiff.diagnosis.apply import turned, without_displacement
 from beamstiff.diagnosis.changes import (
     CampaignFit,
     RunComparison,
@@ -31,7 +32,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
-from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.se3 import Array
 
 OF_SIZE = "of the size in the robot"  # unit of a cause's size
 
@@ -215,7 +216,7 @@ def _of_positions(
         residual, columns = problem.linearised(theta)
         at = {item.name: number for number, item in enumerate(problem.parameters)}
         turn = problem.geometry.turn(problem.split(theta)[0])
-        moved = [_turned(one, turn) / problem.sigma for one in own.values()]
+        moved = [turned(one, turn) / problem.sigma for one in own.values()]
         order = [at[item.name] for item in tested if item.name in at]
         if len(order) < len(tested):
             lost = [item.name for item in tested if item.name not in at]
@@ -242,20 +243,8 @@ def _without(bare: Robot, table: Measurements, causes: dict[str, Array]) -> Meas
         return table
     problem = build_calibration(bare, table, ["base"]).problem
     begin = registered(problem, problem.expected)
-    moved = _turned(np.sum(list(causes.values()), axis=0), problem.geometry.turn(problem.split(begin)[0]))
-    position = table.position - moved[:, :3]
-    rotation = table.rotation.copy()
-    read = ~np.isnan(rotation).any(axis=1)
-    if read.any():
-        back = rotation_from_vector(-moved[read, 3:])
-        rotation[read] = vector_from_rotation(back @ rotation_from_vector(rotation[read]))
-    return replace(table, position=position, rotation=rotation)
-
-
-def _turned(displacement: Array, turn: Array) -> Array:
-    """Return displacements ``[d, r]`` (N, 6) in the measuring frame; `turn` (N, 3, 3)."""
-    parts = [np.einsum("nij,nj->ni", turn, displacement[:, part]) for part in (slice(0, 3), slice(3, 6))]
-    return np.concatenate(parts, axis=1)
+    turn = problem.geometry.turn(problem.split(begin)[0])
+    return without_displacement(table, turned(np.sum(list(causes.values()), axis=0), turn))
 
 
 def _widened(tables: Sequence[Measurements], fits: Sequence[CampaignFit]) -> list[str]:
