@@ -15,7 +15,7 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
-from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.fields import stiffness_text
@@ -275,7 +275,7 @@ def as_measured(baseline: Baseline, deviation: Array) -> Array:
     """Return deviations (N, 6) as the rows measure: for absolute ones, position and rotation vector."""
     if not baseline.absolute:
         return deviation
-    positions, rotations = nominal_pose(baseline.nominal, baseline.rows)
+    positions, rotations = baseline.described
     turned = vector_from_rotation(rotation_from_vector(deviation[:, 3:]) @ rotations)
     return np.concatenate([positions + deviation[:, :3], turned], axis=1)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.load_error import rising
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.se3 import Array
 
@@ -57,7 +57,7 @@ def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str
         for k, name in enumerate(baseline.rows.variables)
         if np.ptp(baseline.rows.q[:, k]) > 0
     }
-    position, _ = nominal_pose(baseline.nominal, baseline.rows)
+    position, _ = baseline.described
     result["regions"] = {
         axis: _by_level(position[:, k], size, seen, "m")
         for k, axis in enumerate("xyz")

@@ -90,6 +90,18 @@ class Choice:
         """Products (C,) of the columns with the residual."""
         return np.asarray(self.residual @ self.columns)
 
+    @cached_property
+    def log_priors(self) -> tuple[Array, Array]:
+        """Log prior (f,) of each form among those of its cause, and of its cause."""
+        of_forms = np.array([(form.log_prior, form.cause_log_prior) for form in self.forms]).reshape(-1, 2)
+        return of_forms[:, 0], of_forms[:, 1]
+
+    @cached_property
+    def of_cause(self) -> dict[str, Integers]:
+        """Numbers of the forms of each cause."""
+        keys = np.array([form.key for form in self.forms], dtype=object)
+        return {key: np.flatnonzero(keys == key) for key in dict.fromkeys(keys.tolist())}
+
     def products_of(self, number: int) -> Array:
         """Return the products (c, C) of a form's columns, or the drives', with all columns; they are kept."""
         if number not in self.products:

@@ -56,22 +56,22 @@ class Form:
     likely: float
     compliance_scale: float = 1.0
 
-    @property
+    @cached_property
     def key(self) -> str:
         """``effect:component``."""
         return key_of(self.effect, self.component)
 
-    @property
+    @cached_property
     def cause_log_prior(self) -> float:
         """Return what its cause adds to the log likelihood; evidence is tempered, what is known is not."""
         return TEMPERING * float(np.log(self.likely))
 
-    @property
+    @cached_property
     def sizes(self) -> Array:
         """Realistic sizes of the parameters, (c,)."""
         return np.array([quantity.size for quantity in self.shape.parameters])
 
-    @property
+    @cached_property
     def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])

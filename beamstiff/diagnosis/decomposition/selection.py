@@ -31,10 +31,12 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
     """
     result = np.full(len(choice.forms), np.inf)
     known = prior_of(choice, step.chosen)
-    there = {choice.forms[number].key for number in step.chosen}
-    log_prior = np.array(
-        [form.log_prior + (0.0 if form.key in there else form.cause_log_prior) for form in choice.forms]
-    )
+    forms = [choice.forms[number] for number in step.chosen]
+    of_form, of_cause = choice.log_priors
+    log_prior = of_form + of_cause
+    for form in forms:  # a cause counts once
+        there = choice.of_cause[form.key]
+        log_prior[there] = of_form[there]
     inside: Array = np.zeros((0, len(choice.precision)))
     pull = choice.pull
     if len(step.theta):
@@ -43,7 +45,6 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
         products = np.concatenate(parts)
         inside = np.asarray(solve_triangular(step.triangle, products, trans="T"))
         pull = pull - step.theta @ products
-    forms = [choice.forms[number] for number in step.chosen]
     taken = {form.key for form in forms if form.effect not in REPEATED}
     taken |= {key for form in forms for key in choice.alike.get(form.key, ())} | set(forbidden)
     for numbers, at, own in choice.groups:
@@ -58,7 +59,8 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.count, known + log_prior[numbers])
         result[numbers] = np.where(wrong, np.inf, values)
-    result[[form.key in taken for form in choice.forms]] = np.inf
+    for key in taken & choice.of_cause.keys():
+        result[choice.of_cause[key]] = np.inf
     result[list(step.chosen)] = np.inf
     return result
 

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.external import tool_axes
 from beamstiff.diagnosis.effects.geometry_error import fixed, pose_change
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
@@ -29,7 +29,7 @@ def along(course: Array) -> Array:
 def turning(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 3) of turning about the base axes."""
     axes = np.broadcast_to(np.eye(3), (len(course), 3, 3))
-    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    position = baseline.described[0]
     result: Array = course[:, None, None] * np.concatenate(
         [np.cross(axes, position[:, :, None], axis=1), axes], axis=1
     )
@@ -38,14 +38,14 @@ def turning(baseline: Baseline, course: Array) -> Array:
 
 def growing(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 1) of growing away from the base."""
-    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    position = baseline.described[0]
     result: Array = course[:, None, None] * np.concatenate([position, 0.0 * position], axis=1)[..., None]
     return result
 
 
 def lengthening(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 1) of links that lengthen, along the way from the base to the point."""
-    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    position = baseline.described[0]
     reach = np.maximum(np.linalg.norm(position, axis=1, keepdims=True), 1e-9)
     result: Array = growing(baseline, course) / reach[:, None]
     return result

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Quantity, Shape, stated_scale
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
 from beamstiff.measure.table import Measurements
@@ -33,7 +33,7 @@ def each_by_each(frame: Array, vector: Array) -> Array:
 
 def tool_axes(baseline: Baseline) -> Array:
     """Return the axes of the TCP's frame in the base frame as columns, (N, 3, 3)."""
-    return nominal_pose(baseline.nominal, baseline.rows)[1]
+    return baseline.described[1]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.effects.data_selected import best_of, left_by
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.external import anew, clock, clock_of
 from beamstiff.diagnosis.effects.misread import SCALE, misread
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
 TURN = 0.02  # rad, of displacements
@@ -51,7 +51,7 @@ def _of_displacements(baseline: Baseline) -> list[Shape]:
 def _of_positions(baseline: Baseline) -> list[Shape]:
     placed, entries = _turned(baseline)
     turn, turns = placed[..., :3], entries[:3]
-    stretched = _stretched(nominal_pose(baseline.nominal, baseline.rows)[0])
+    stretched = _stretched(baseline.described[0])
     growth = Quantity("scale", "1", PLACED_SCALE)
     return [
         Shape("turned", turn, turns),
@@ -76,7 +76,7 @@ def _turned(baseline: Baseline) -> tuple[Array, tuple[Quantity, ...]]:
         seen = baseline.predicted
         parts = [np.cross(axes, seen[:, some, None], axis=1) for some in (slice(3), slice(3, 6))]
         return np.concatenate(parts, 1), turns
-    position = nominal_pose(baseline.nominal, baseline.rows)[0]
+    position = baseline.described[0]
     turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
     shift = np.concatenate([axes, np.zeros_like(axes)], 1)
     shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")

@@ -133,11 +133,11 @@ def _deflection_change(baseline: Baseline, name: str) -> Array:
 
 def pose_change(baseline: Baseline, name: str) -> Array:
     """Return how the nominal pose (N, 6) changes with a parameter, or an encoder's zero, per unit."""
-    if name in baseline.joint_motion:
-        return baseline.joint_motion[name]
-    (low, below), (high, above) = (nominal_pose(*_changed(baseline, name, by)) for by in (-STEP, STEP))
-    turned = vector_from_rotation(above @ below.swapaxes(-1, -2))
-    return np.concatenate([high - low, turned], axis=1) / (2 * STEP)
+    if name not in baseline.pose_changes:
+        (low, below), (high, above) = (nominal_pose(*_changed(baseline, name, by)) for by in (-STEP, STEP))
+        turned = vector_from_rotation(above @ below.swapaxes(-1, -2))
+        baseline.pose_changes[name] = np.concatenate([high - low, turned], axis=1) / (2 * STEP)
+    return baseline.pose_changes[name]
 
 
 EFFECT = Effect(

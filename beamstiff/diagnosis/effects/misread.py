@@ -16,7 +16,7 @@ import numpy as np
 from beamstiff.diagnosis.effects.drifts import along
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.external import each_by_each
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
 SCALE = 0.01
@@ -38,7 +38,7 @@ def misread(baseline: Baseline, turn: Array, turns: tuple[Quantity, ...]) -> Ite
     turns : tuple of Quantity
         Its angles.
     """
-    moved, place = baseline.predicted[:, :3], nominal_pose(baseline.nominal, baseline.rows)[0]
+    moved, place = baseline.predicted[:, :3], baseline.described[0]
     turned = np.concatenate([0.0 * turn[:, :3], turn[:, 3:]], 1)
     of_place, bent = _of_each_place(moved, place), _bent(moved, place, max(DEGREES))
     ways = {

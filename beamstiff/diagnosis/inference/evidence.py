@@ -27,6 +27,7 @@ COARSE = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # the same where many second cau
 MAGNITUDES = np.linspace(-1.0, 1.0, 9)  # log u over log spread
 EXACT = 0.3  # prior that a shape is exactly right
 SWEEPS = 8  # of the search for a bound
+SURELY = 6.0  # standard deviations above nothing: less than 1e-9 is lost
 AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; within this factor
 
 
@@ -265,51 +266,56 @@ def _log_upper(
     ratio = sizes[:, :, None] ** 2
     factor = ratio / (1.0 + ratio * eigenvalues[:, None])  # (h, U, c), variance along the vectors, / scale^2
     mean = vectors[:, None] @ (factor[..., None] * projected[:, None]) / scale  # (h, U, c, d)
-    alone = projected.shape[2] > 1
-    if alone:
-        variance = (vectors[:, None] ** 2 @ factor[..., None])[..., 0]
-    else:
-        covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
     result = np.zeros((*sizes.shape, projected.shape[2]))
-    if not alone:
-        pull = -(vectors @ projected)[:, None, :, 0] / scale  # -V^-1 m
-        bound = _farthest(mean[..., 0], covariance, pull, positive)[..., None]
-    for k in np.flatnonzero(positive.any(axis=0)).tolist():
-        own = variance[..., k] if alone else covariance[..., k, k]
-        spread = np.sqrt(np.maximum(own, 1e-300))[..., None]
-        above = mean[:, :, k] / spread
-        part = log_ndtr(above)
-        result += np.where(positive[:, None, None, k], np.log(2.0) + part, 0.0)
-        if alone:
-            continue
-        hazard = np.exp(-0.5 * above**2 - 0.5 * np.log(2.0 * np.pi) - part)  # (h, U, 1)
-        hazard = np.where(positive[:, None, None, k], hazard, 0.0)
-        toward = covariance[..., k] / spread  # (h, U, c)
-        mean = mean + (toward * hazard)[..., None]
-        lost = np.clip(hazard * (hazard + above), 0.0, 1.0)[..., None]
-        covariance = covariance - lost * toward[..., None] * toward[..., None, :]
-    if alone:
+    result += np.log(2.0) * positive.sum(axis=1)[:, None, None]
+    if projected.shape[2] > 1:
+        variance = (vectors[:, None] ** 2 @ factor[..., None])[..., 0]
+        for k in np.flatnonzero(positive.any(axis=0)).tolist():
+            above = mean[:, :, k] / np.sqrt(np.maximum(variance[..., k], 1e-300))[..., None]
+            result += np.where(positive[:, None, None, k], log_ndtr(above), 0.0)
         return result
-    bounded: Array = np.minimum(result, np.log(2.0) * positive.sum(axis=1)[:, None, None] + bound)
-    return bounded
+    covariance = (vectors[:, None] * factor[:, :, None]) @ vectors[:, None].swapaxes(-1, -2)
+    spread = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
+    # where all are positive for sure, as most are, nothing is lost
+    doubtful = (positive[:, None] & (mean[..., 0] < SURELY * spread)).any(axis=-1)  # (h, U)
+    which = np.nonzero(doubtful)[0]
+    pull = -(vectors @ projected)[which, :, 0] / scale  # -V^-1 m
+    result[doubtful, 0] += _log_not_negative(mean[doubtful, :, 0], covariance[doubtful], pull, positive[which])
+    return result
+
+
+def _log_not_negative(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.bool_]) -> Array:
+    """Return the log probability that none of the positive parameters of normal ones (r, c) is negative."""
+    bound = _farthest(mean, covariance, pull, positive)
+    result = np.zeros(len(mean))
+    for k in np.flatnonzero(positive.any(axis=0)).tolist():
+        spread = np.sqrt(np.maximum(covariance[:, k, k], 1e-300))
+        above = mean[:, k] / spread
+        part = log_ndtr(above)
+        result += np.where(positive[:, k], part, 0.0)
+        hazard = np.exp(-0.5 * above**2 - 0.5 * np.log(2.0 * np.pi) - part)
+        hazard = np.where(positive[:, k], hazard, 0.0)
+        toward = covariance[..., k] / spread[:, None]
+        mean = mean + toward * hazard[:, None]
+        lost = np.clip(hazard * (hazard + above), 0.0, 1.0)[:, None, None]
+        covariance = covariance - lost * toward[:, :, None] * toward[:, None, :]
+    return np.minimum(result, bound)
 
 
 def _farthest(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.bool_]) -> Array:
-    """Return a bound of the log probability that no positive parameter is negative, (h, U).
+    """Return a bound of the log probability that no positive parameter is negative, (r,).
 
     It is at most that of any sum of them with weights a >= 0 being positive, least where a is the pull of the
     bounds on the likeliest point within them: ``V a + m >= 0``, found by Gauss and Seidel's method from the
-    `pull` (h, 1, c) that would bring all to nothing.
+    `pull` (r, c) that would bring all to nothing.
     """
-    weight = np.where(positive[:, None], np.maximum(pull, 0.0), 0.0) + np.zeros_like(mean)
+    weight = np.where(positive, np.maximum(pull, 0.0), 0.0)
     places = np.flatnonzero(positive.any(axis=0)).tolist()
     for _ in range(SWEEPS):
         for k in places:
-            own = np.maximum(covariance[..., k, k], 1e-300)
-            others = (covariance[..., k, :] * weight).sum(axis=-1) - own * weight[..., k]
-            weight[..., k] = np.where(
-                positive[:, None, k], np.maximum(-(mean[..., k] + others) / own, 0.0), 0.0
-            )
+            own = np.maximum(covariance[:, k, k], 1e-300)
+            others = (covariance[:, k] * weight).sum(axis=-1) - own * weight[:, k]
+            weight[:, k] = np.where(positive[:, k], np.maximum(-(mean[:, k] + others) / own, 0.0), 0.0)
     middle = (weight * mean).sum(axis=-1)
     spread = np.sqrt(np.maximum(((covariance @ weight[..., None])[..., 0] * weight).sum(axis=-1), 1e-300))
     result: Array = np.where(middle < 0, log_ndtr(middle / spread), 0.0)

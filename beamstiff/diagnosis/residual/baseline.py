@@ -98,6 +98,16 @@ class Baseline:
         return self.rows.kind == "absolute"
 
     @cached_property
+    def described(self) -> tuple[Array, Array]:
+        """Where the robot as it was given has the rows' points, (N, 3), and the TCP's rotation, (N, 3, 3)."""
+        return nominal_pose(self.nominal, self.rows)
+
+    @cached_property
+    def pose_changes(self) -> dict[str, Array]:
+        """How the nominal pose changes with parameters of the geometry, (N, 6) each, as far as known yet."""
+        return dict(self.joint_motion)
+
+    @cached_property
     def joint_motion(self) -> dict[str, Array]:
         """How the nominal pose moves with each actuated variable, (N, 6) each, m and rad per unit."""
         found = {}
