@@ -23,6 +23,7 @@ from rich.console import Console
 from beamstiff import Robot, load_robot
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure import Measurements, make_measurements
@@ -221,14 +222,19 @@ def study(name: str, console: Console) -> None:
     lines.add_row("nominal", f"{1e3 * verify(robot, held, refit_frame=True).after:.3f}")
     lines.add_row("calibrated", f"{1e3 * verify(geometry, held, refit_frame=True).after:.3f}")
     checked = verify(extended(found), held, refit_frame=True)
-    after = {effect: value for effect, value, _ in checked.causes}
-    report = found.to_dict()
-    for cause in report["causes"]:
-        key = f"{cause['effect']}:{cause['component'] or 'null'}"
-        shown = f"{1e3 * after[key]:.3f}" if key in after else "-"
-        alike = ", ".join(cause["indistinguishable"][:3])
+    report, several = found.to_dict(), found.decomposition
+    every = (*several.causes, *several.unclear) if several else ()
+    for count, cause in enumerate(every, start=1):  # the geometry is fitted anew beside each
+        robot_so_far = applied(replace(several, causes=every[:count], unclear=()))
+        after = verify(robot_so_far, held, refit_frame=True).after
+        what = cause.key if cause.named else f"{cause.key}, undecided"
+        alike = ", ".join(cause.indistinguishable[:3])
         lines.add_row(
-            f"and {key}", shown, f"closes {cause['closes']:.0%}", f"{cause['probability']:.2f}", alike
+            f"and {what}",
+            f"{1e3 * after:.3f}",
+            f"closes {cause.closes:.0%}",
+            f"{cause.probability:.2f}",
+            alike,
         )
     promised = f"{checked.promised or 0.0:.0%}"
     lines.add_row("with all", f"{1e3 * checked.after:.3f}", f"{promised}, true {checked.true:.0%}")
