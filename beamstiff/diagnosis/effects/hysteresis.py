@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
@@ -51,15 +50,15 @@ def held_torque(
     start: Array,
     fresh: NDArray[np.bool_],
     order: NDArray[np.intp],
-    limit: float,
+    limit: ArrayLike,
     *,
-    grows: float = 0.0,
+    grows: ArrayLike = 0.0,
     wound: bool = False,
-    arrived: float = 0.0,
+    arrived: ArrayLike = 0.0,
     whole: bool = False,
     kept: Array | None = None,
 ) -> Array:
-    """Return S_r (N,): the torque that friction holds, stepping through the rows in their order.
+    """Return S_r (N, ...): the torque that friction holds, stepping through the rows in their order.
 
     Parameters
     ----------
@@ -69,13 +68,13 @@ def held_torque(
     fresh : (N,) bool array
         Whether a row is the first of its history.
     order : (N,) int array
-    limit : float
-        Friction r, that without torque if it grows.
-    grows : float
+    limit : float or array
+        Friction r, that without torque if it grows; of several at once, as `grows` and `arrived`, broadcast.
+    grows : float or array
         By which share of the torque it grows.
     wound : bool
         Whether the dead weight winds the drive up against its friction when a history begins.
-    arrived : float
+    arrived : float or array
         Share of the friction, -1 to 1, that is left from the way to the pose.
     whole : bool
         Whether what is held when a history begins counts too, as where positions are absolute; displacements
@@ -89,24 +88,25 @@ def held_torque(
     >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
     array([ 0.5,  0.5, -0.5, -0.5])
     """
-    result = [0.0] * len(torque)
-    # plain numbers are faster in a loop
-    loads, unloaded, new = torque.tolist(), start.tolist(), fresh.tolist()
-    still = [1.0] * len(torque) if kept is None else kept.tolist()
-    held = before = first = 0.0
+    limit, grows, arrived = np.broadcast_arrays(*(np.asarray(each, float) for each in (limit, grows, arrived)))
+    each = (-1, *(1,) * limit.ndim)
+    most = limit + grows * np.abs(torque).reshape(each)
+    unwound = limit + grows * np.abs(start).reshape(each)
+    begun = arrived * (limit if wound else unwound)
+    if wound:
+        begun = np.clip(begun + start.reshape(each), -unwound, unwound)
+    begun = np.broadcast_to(begun, most.shape)
+    result = np.zeros(most.shape)
+    still = np.ones(len(torque)) if kept is None else kept
+    held, before, first = np.zeros(limit.shape), 0.0, np.zeros(limit.shape)
     for row in order.tolist():
-        if new[row]:
-            before = unloaded[row]
-            most = limit + grows * abs(before)
-            held = arrived * (limit if wound else most)
-            if wound:
-                held = max(-most, min(most, held + before))
-            first = 0.0 if whole else held
-        most = limit + grows * abs(loads[row])
-        held = max(-most, min(most, still[row] * held + loads[row] - before))
-        before = loads[row]
+        if fresh[row]:
+            held, before = begun[row], start[row]
+            first = np.zeros(limit.shape) if whole else held
+        held = np.minimum(np.maximum(still[row] * held + (torque[row] - before), -most[row]), most[row])
+        before = torque[row]
         result[row] = held - first
-    return np.array(result)
+    return result
 
 
 def held_shares(
@@ -126,14 +126,20 @@ def held_shares(
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
         return np.zeros((len(baseline.rows), len(limits), len(ways)))
     order, fresh = history(baseline)
-
-    def held(limit: float, grows: float, way: float) -> Array:
-        torque, least = axis.load + axis.dead, limit * axis.typical
-        begun: dict[str, Any] = {"wound": wound, "arrived": way, "whole": baseline.absolute}
-        return held_torque(torque, axis.dead, fresh, order, least, grows=grows, kept=kept, **begun)
-
-    every = [np.stack([held(*limit, way) for way in ways], -1) for limit in limits]
-    result: Array = np.stack(every, 1) / axis.typical
+    least, by = np.array(limits).T[:, :, None]  # (limits, 1) each
+    held = held_torque(
+        axis.load + axis.dead,
+        axis.dead,
+        fresh,
+        order,
+        least * axis.typical,
+        grows=by,
+        wound=wound,
+        arrived=np.array(ways),
+        whole=baseline.absolute,
+        kept=kept,
+    )
+    result: Array = held / axis.typical
     return result
 
 
