@@ -19,6 +19,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baselin
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.fields import stiffness_text
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
@@ -112,6 +113,9 @@ class Diagnosis(Shown):
         What the verdict rests on.
     decomposition : Decomposition or None
         Causes and remainder, where several causes were weighed with all that a calibration fits.
+    known : tuple of AddedEffect
+        Effects that the robot has and that were taken off the readings: neither `baseline` nor `rows` hold
+        them.
     """
 
     baseline: Baseline
@@ -132,6 +136,7 @@ class Diagnosis(Shown):
     next: Sequence[Mapping[str, Any]] = ()
     features: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    known: tuple[AddedEffect, ...] = ()
 
     @property
     def explainable(self) -> float:
@@ -152,7 +157,8 @@ class Diagnosis(Shown):
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
-        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame.
+        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame,
+        without the effects that the robot had before (`known`).
         """
         if self.decomposition is not None:
             found = self.decomposition

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from beamstiff.diagnosis.apply import without_effects
+from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import OptionError, optional
