@@ -19,9 +19,8 @@ from beamstiff.cli.options import (
     robot_file,
     side_of,
 )
-from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.output import Outputs, working, write
 from beamstiff.errors import BeamstiffError
-from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +121,7 @@ def compare(
         what = f"model {best.name}, best on held-out rows ({error:.4f} mm RMS)"
         sources = ", ".join(Path(path).name for path in data)
         head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
-        write_output(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
+        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
         outputs.console.print(f"{out}: {what}.")
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))

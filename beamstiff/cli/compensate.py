@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, parse_quantities, robot_file
-from beamstiff.cli.output import Outputs, note, working
+from beamstiff.cli.output import Outputs, note, working, write
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.outputs import check_replaceable, write_output
+from beamstiff.outputs import check_replaceable
 
 if TYPE_CHECKING:
     from beamstiff.compensation.rewrite import Compensated
@@ -193,13 +193,13 @@ def compensate(
         shown.insert(0, learned_table(result.learned))
     outputs.result(result.notes, [*lost, *shown], result.to_dict())
     if learned is not None and result.learned is not None:
-        write_output(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
+        write(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
     if refused:
         raise _refusal(result)
     if out is not None:
-        write_output(out, result.content, as_it_is=steps is None)
+        write(out, result.content, as_it_is=steps is None)
         if points_out is not None and result.points is not None:
-            write_output(points_out, result.points, as_it_is=True)
+            write(points_out, result.points, as_it_is=True)
     else:
         note("--out FILE writes the corrected path")
     outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))

@@ -47,7 +47,8 @@ def verify(
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
-    from beamstiff.report.diagnosis import in_words
+    from beamstiff.report.diagnosis_text import SQUARES
+    from beamstiff.report.diagnosis_words import in_words
     from beamstiff.report.tables import add_rows, table
     from beamstiff.report.verdict import Level, Verdict, level_of, rounded
     from beamstiff.units import in_unit
@@ -87,6 +88,7 @@ def verify(
     said = []
     if found.causes and found.promised is not None and found.other_frame is None:
         said = [f"Promised: {100 * found.promised:.0f} % of the gap closes. True: {100 * found.true:.0f} %."]
+    said += [SQUARES] if found.causes else []
     outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.added_effect import added_effect, needed_scales, rounded
-from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
@@ -183,7 +182,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
 def _found(diagnosis: Diagnosis) -> Robot:
     """Return the robot that was diagnosed with what was found."""
     if diagnosis.decomposition is not None:
-        return applied(diagnosis.decomposition)
+        return diagnosis.applied
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, float, Array, Array]] = {}
     for one in diagnosis.fits:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,11 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
+from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline, nominal_pose
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
@@ -143,6 +146,17 @@ class Diagnosis(Shown):
         """Share of the gap's square that is more than noise."""
         return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
 
+    @cached_property
+    def recalibration(self) -> Recalibration | None:
+        """What changed in the geometry beside the causes; None where it is as described."""
+        return None if self.decomposition is None else recalibration_of(self.decomposition, self.applied)
+
+    @cached_property
+    def applied(self) -> Robot:
+        """The robot calibrated beside the causes of its decomposition, with these as effects."""
+        assert self.decomposition is not None
+        return applied(self.decomposition)
+
     @property
     def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
         """Stiffness values that were fitted beside or before the causes: as given, and as fitted, SI."""
@@ -162,7 +176,7 @@ class Diagnosis(Shown):
         """
         if self.decomposition is not None:
             found = self.decomposition
-            robots = found.model.robot(np.zeros_like(found.change)), applied(found)
+            robots = found.model.robot(np.zeros_like(found.change)), self.applied
             views = [fit_baseline(robot, rows, keep=()) for robot in robots]
             return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)
@@ -204,6 +218,7 @@ class Diagnosis(Shown):
                 ),
             },
             **self._causes(),
+            "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
                 name: {"given": given, "value": stiffness_text(value)}
                 for name, (given, value) in self.fitted_stiffness.items()

@@ -1,4 +1,4 @@
-"""Readings without what a robot's effects add, so that all else can be fitted or diagnosed as of a robot without."""
+"""Readings without what a robot's effects add: all else is fitted, or diagnosed, as if it had none."""
 
 from __future__ import annotations
 

@@ -18,7 +18,11 @@ from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
 
 TURN, SHIFT = rotation_from_vector(np.array([0.4, -1.1, 2.0])), np.array([3.0, -1.5, 0.7])
 COMPLIANCE = AddedEffect(
-    effect="joint-compliance", component="q3", shape="linear", parameters={"compliance": 1e-6}, scales={"torque": 1e3}
+    effect="joint-compliance",
+    component="q3",
+    shape="linear",
+    parameters={"compliance": 1e-6},
+    scales={"torque": 1e3},
 )
 
 

@@ -6,10 +6,12 @@ from beamstiff.report.diagnosis import (
     CAUSES,
     causes_table,
     diagnosis_tables,
+    sizes_table,
+)
+from beamstiff.report.diagnosis_text import (
     headline,
     remainder_text,
     separations,
-    sizes_table,
     summary,
 )
 from beamstiff.report.html.diagnosis import diagnosis_html

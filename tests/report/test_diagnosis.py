@@ -8,7 +8,9 @@ import pytest
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
-from beamstiff.report.diagnosis import causes_of, headline, proposed, separations, sized, summary, told
+from beamstiff.report.diagnosis import causes_of, sized
+from beamstiff.report.diagnosis_text import headline, proposed, separations, summary
+from beamstiff.report.diagnosis_words import told
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
 from tests.diagnosis.planted import diagnosed
 

@@ -8,7 +8,7 @@ import pytest
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
-from beamstiff.report.diagnosis import verdict
+from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
