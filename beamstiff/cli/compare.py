@@ -80,7 +80,7 @@ def compare(
     from beamstiff.functions.fitted import best_of, judged_notes, robot_with
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text
+    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text, models_verdict
     from beamstiff.robot.yaml_edit import robot_yaml
 
     names = parse_names(models, "--models")
@@ -112,7 +112,9 @@ def compare(
     judged = judged_notes(found)
     worse = [text for text in judged if "worse" in text]
     outputs.result(
-        [*found.notes, *worse], [tables[0], "", tables[1], "", *models_text(found)], found.to_dict()
+        [*found.notes, *worse],
+        [*models_verdict(found).lines(), tables[0], "", tables[1], "", *models_text(found)],
+        found.to_dict(),
     )
     if out is not None:
         best = best_of(found)
