@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
@@ -107,7 +108,7 @@ def stiffness_text(result: Diagnosis) -> str:
     finite = {
         name: (given, value)
         for name, (given, value) in result.fitted_stiffness.items()
-        if 0.0 < given < np.inf
+        if 0.0 < given < np.inf and name not in _undetermined(result)
     }
     if not finite:
         return ""
@@ -120,6 +121,22 @@ def stiffness_text(result: Diagnosis) -> str:
         f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
         f"{stiffness_in_words(given)} {unit}."
     )
+
+
+def _undetermined(result: Diagnosis) -> set[str]:
+    """Return fitted stiffness values whose compliance is known to no better than half of it."""
+    found, baseline = result.decomposition, result.baseline
+    if found is None:
+        names, sigma = baseline.fitted, baseline.sigma[baseline.used][:, None]
+        columns = baseline.tangent[baseline.used] / sigma
+    else:
+        names = found.model.given.identify if found.model.problem is not None else baseline.fitted
+        columns = found.model.tangent
+    if not names or columns.shape[1] < len(names):
+        return set()
+    std = np.linalg.norm(inverse_of(columns), axis=1)[-len(names) :]
+    fitted = result.fitted_stiffness
+    return {name for name, one in zip(names, std.tolist(), strict=True) if one * fitted[name][1] > 0.5}
 
 
 def remainder_text(found: Decomposition) -> str:
