@@ -41,6 +41,10 @@ KEYS_OF = {  # JSON that is shown: a command that takes moments, for its keys
     "identify": f"identify ir663 {DATA}",
     "diagnose": f"diagnose ir663 {DATA}",
     "deflect": f"deflect ir663 {DATA}",
+    "verify": f"verify ir663 {DATA}",
+    "compare-runs": f"compare-runs ir663 {DATA} {DATA}",
+    "show": "show ir663",
+    "plan": "plan ir663 --tests 4 --force 900N --directions x,z",
 }
 NAMED = {  # types that have no quantity
     fields.Name: "name",

@@ -36,7 +36,8 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.identification.result import Identification
 from beamstiff.measure import Measurements
-from beamstiff.report.diagnosis import named, separations, summary
+from beamstiff.report.diagnosis_text import separations, summary
+from beamstiff.report.diagnosis_words import named
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.identification import identification_table, identification_text
 from beamstiff.report.tables import Column, Table, table

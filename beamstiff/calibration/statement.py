@@ -128,8 +128,8 @@ def _check_readings(robot: Robot, rows: Measurements) -> None:
         )
     if robot.effects:
         raise BeamstiffError(
-            f"robot {robot.name!r} has effects, beside which no geometry can be left open: expected "
-            "readings in its base frame (calibrate --readings), or a robot without them"
+            f"robot {robot.name!r} has effects, which are not part of this fit; take them off the readings "
+            "first: robot, rows = beamstiff.diagnosis.without_effects.without_effects(robot, rows)"
         )
 
 

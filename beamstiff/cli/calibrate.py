@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, robot_file
-from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.output import Outputs, working, write
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -55,7 +55,9 @@ def calibrate(
     folds: int = option("N", "Folds of the errors held out; 0 for none.", 5, min=0),
     test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
     out: str | None = option("FILE", "Write the calibrated robot as YAML."),
-    readings: str | None = option("CSV", "Write the readings in the base frame found, for diagnose."),
+    readings: str | None = option(
+        "CSV", "Write the readings, as they are, in the base frame found, for verify."
+    ),
     apply_to: list[str] | None = option(
         "CSV=CSV",
         "Write another table, which is not fitted, in the base frame found: fresh.csv=moved.csv; repeatable.",
@@ -83,8 +85,8 @@ def calibrate(
     from beamstiff.functions.calibrate import calibrate as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables, refuse_fitted
+    from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
-    from beamstiff.outputs import write_output
     from beamstiff.report.geometry import (
         calibration_text,
         calibration_verdict,
@@ -130,13 +132,11 @@ def calibrate(
         shown += [dependent, ""]
     outputs.result(found.notes, [*shown, errors_table(found), "", *calibration_text(found)], found.to_dict())
     if out is not None:
-        write_output(
-            out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
-        )
+        write(out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n"))
     if readings is not None:
-        write_output(readings, measurements_to_csv(in_base_frame(found, found.rows), machine))
+        write(readings, measurements_to_csv(in_base_frame(found, concatenate(tables)), machine))
     for (_, path), table in zip(moved, others, strict=True):
-        write_output(path, measurements_to_csv(in_base_frame(found, table), machine))
+        write(path, measurements_to_csv(in_base_frame(found, table), machine))
     statement = found.statement
     outputs.draw("sensitivity", lambda: draw_sensitivity(statement, machine.name))
     outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))

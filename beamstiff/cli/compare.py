@@ -19,9 +19,8 @@ from beamstiff.cli.options import (
     robot_file,
     side_of,
 )
-from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.output import Outputs, working, write
 from beamstiff.errors import BeamstiffError
-from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +80,7 @@ def compare(
     from beamstiff.functions.fitted import best_of, judged_notes, robot_with
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text
+    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text, models_verdict
     from beamstiff.robot.yaml_edit import robot_yaml
 
     names = parse_names(models, "--models")
@@ -113,7 +112,9 @@ def compare(
     judged = judged_notes(found)
     worse = [text for text in judged if "worse" in text]
     outputs.result(
-        [*found.notes, *worse], [tables[0], "", tables[1], "", *models_text(found)], found.to_dict()
+        [*found.notes, *worse],
+        [*models_verdict(found).lines(), tables[0], "", tables[1], "", *models_text(found)],
+        found.to_dict(),
     )
     if out is not None:
         best = best_of(found)
@@ -122,7 +123,7 @@ def compare(
         what = f"model {best.name}, best on held-out rows ({error:.4f} mm RMS)"
         sources = ", ".join(Path(path).name for path in data)
         head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
-        write_output(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
+        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
         outputs.console.print(f"{out}: {what}.")
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))

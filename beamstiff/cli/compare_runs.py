@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -41,6 +42,7 @@ def compare_runs(
     """  # noqa: D301
     from beamstiff.functions.compare_runs import compare_runs as run
     from beamstiff.functions.robots import as_robot
+    from beamstiff.report.changes import changes_verdict
 
     outputs = Outputs([robot_file(robot), a, b])
     with working("comparing"):
@@ -65,12 +67,10 @@ def compare_runs(
         for one in sorted(found.changes, key=lambda one: one.p)
     ]
     add_rows(rows, lines)
-    what = "Something changed" if found.changed else "No change beyond the uncertainty"
-    said = [
-        f"{what}: p = {found.p:.2g} for all {len(found.changes)} parameters together, level {found.level:g}."
-    ]
+    verdict = changes_verdict(found, [Path(a).name, Path(b).name])
+    said = []
     if found.changed and not any(one.changed for one in found.changes):
         said.append("Which parameter, these data do not say: each by itself might be as before.")
     if found.not_compared:
         said.append(f"Not determined by both campaigns: {listed(found.not_compared)}.")
-    outputs.result(found.notes, [rows, *said], found.to_dict())
+    outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())

@@ -8,10 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, parse_quantities, robot_file
-from beamstiff.cli.output import Outputs, note, working
+from beamstiff.cli.options import (
+    Assembly,
+    Html,
+    option,
+    parse_names,
+    parse_quantities,
+    robot_file,
+    robots_beginning,
+)
+from beamstiff.cli.output import Outputs, note, working, write
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.outputs import check_replaceable, write_output
+from beamstiff.outputs import check_replaceable
 
 if TYPE_CHECKING:
     from beamstiff.compensation.rewrite import Compensated
@@ -20,7 +28,15 @@ REFUSE, KEEP = "refuse", "keep"
 
 
 def compensate(
-    robot: RobotFile,
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="The robot that the controller believes in, as a rule the nominal one: YAML, URDF or SDF "
+            "file, or the name of a bundled robot.",
+            autocompletion=robots_beginning,
+        ),
+    ],
     path: Annotated[
         str,
         typer.Argument(
@@ -31,8 +47,8 @@ def compensate(
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
     actual: str | None = option(
         "ROBOT",
-        "The real robot (calibrated geometry, stiffness, effects), where it differs from ROBOT, "
-        "which the controller takes for true.",
+        "The real robot: what calibrate --out or diagnose --apply wrote. Without it ROBOT is both, so that "
+        "its weight, load and effects are corrected, and its geometry counts as the controller's.",
     ),
     wrench: list[str] | None = option(
         "NAME=VALUE,...", "Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others."
@@ -131,6 +147,7 @@ def compensate(
         compensation_figure,
         compensation_table,
         compensation_text,
+        compensation_verdict,
         learned_head,
         learned_table,
         uncorrected_table,
@@ -191,15 +208,16 @@ def compensate(
     shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
     if result.learned is not None:
         shown.insert(0, learned_table(result.learned))
-    outputs.result(result.notes, [*lost, *shown], result.to_dict())
+    head = compensation_verdict(result).lines()
+    outputs.result(result.notes, [*head, *lost, *shown], result.to_dict())
     if learned is not None and result.learned is not None:
-        write_output(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
+        write(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
     if refused:
         raise _refusal(result)
     if out is not None:
-        write_output(out, result.content, as_it_is=steps is None)
+        write(out, result.content, as_it_is=steps is None)
         if points_out is not None and result.points is not None:
-            write_output(points_out, result.points, as_it_is=True)
+            write(points_out, result.points, as_it_is=True)
     else:
         note("--out FILE writes the corrected path")
     outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))

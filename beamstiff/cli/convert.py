@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import option, robot_file
-from beamstiff.cli.output import Outputs, note
+from beamstiff.cli.output import Outputs, note, write
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
-from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
@@ -94,7 +93,7 @@ def convert(
         from beamstiff.measure.profiles import read_profile
 
         points = convert_points(source, read_profile(profile), joints)
-        write_output(out, points.text)
+        write(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
         outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
         return
@@ -154,7 +153,7 @@ def convert(
         text = robot_yaml(robot, robot_file(source))
     if like is not None and ending not in (".urdf", ".xml"):
         raise BeamstiffError("--like: goes with an --out that ends in .urdf or .xml")
-    write_output(out, text, as_it_is=ending in (".urdf", ".xml"))
+    write(out, text, as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "

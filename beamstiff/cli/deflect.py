@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option, robot_file
-from beamstiff.cli.output import Outputs, optional_file, working
+from beamstiff.cli.output import Outputs, optional_file, working, write
 from beamstiff.errors import BeamstiffError
-from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from beamstiff.measure.table import Measurements
     from beamstiff.robot.description import Robot
 
@@ -57,7 +58,7 @@ def deflect(
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure import measurements_to_csv
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.deflection import deflection_table, deflection_text
+    from beamstiff.report.deflection import deflection_table, deflection_text, deflection_verdict
     from beamstiff.robot.stiffness import check_stiffness
 
     machine = as_robot(robot, assembly=assembly)
@@ -73,9 +74,11 @@ def deflect(
     with working(f"deflecting {len(loads)} rows"):
         found = predict(machine, loads, preload=preload)
         said = deflection_text(found)  # of numbers that may overflow
-    outputs.result(found.notes, [deflection_table(found), "\n".join(said)], found.to_dict())
+        verdict = deflection_verdict(found)
+    shown: list[RenderableType] = [*verdict.lines(), deflection_table(found), "\n".join(said)]
+    outputs.result(found.notes, shown, found.to_dict())
     if out is not None:
-        write_output(out, measurements_to_csv(found.to_measurements(), machine))
+        write(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
         with optional_file(vtu):
@@ -97,6 +100,6 @@ def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> str:
     """Write the structure as the load of a row deforms it, and return what was written."""
     from beamstiff.report.vtk import vtu_text
 
-    write_output(path, vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row])))
+    write(path, vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row])))
     where = f"the structure under the load of line {loads.rows[row]}"
     return f"{path}: {where}, linear, without gravity; warp by `displacement`."

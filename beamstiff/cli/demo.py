@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import option
-from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.output import Outputs, working, write
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -33,8 +33,7 @@ def demo(
     from beamstiff.functions.identify import identify
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.outputs import write_output
-    from beamstiff.report.diagnosis import summary, verdict
+    from beamstiff.report.diagnosis_text import summary, verdict
     from beamstiff.report.identification import identification_verdict
     from beamstiff.robot.library import example_path, robot_path
 
@@ -46,7 +45,7 @@ def demo(
     table, report = folder / "measurements.csv", folder / "report.html"
     outputs = Outputs([robot_path(ROBOT), example_path(DATA)], table=str(table), html=str(report))
     robot = as_robot(ROBOT)
-    write_output(table, example_path(DATA).read_text(encoding="utf-8"))
+    write(str(table), example_path(DATA).read_text(encoding="utf-8"))
     rows = as_tables([str(table)], robot)
     with working("identifying"):
         found = identify(robot, rows)

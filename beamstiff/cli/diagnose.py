@@ -19,7 +19,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import Outputs, note, optional_file, working
+from beamstiff.cli.output import Outputs, note, optional_file, working, write
 from beamstiff.errors import BeamstiffError
 
 
@@ -78,8 +78,8 @@ def diagnose(
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.outputs import write_output
-    from beamstiff.report.diagnosis import LIKELY, diagnosis_figure, diagnosis_tables
+    from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
+    from beamstiff.report.diagnosis_text import LIKELY, undecided_text
 
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
@@ -98,7 +98,7 @@ def diagnose(
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
         with optional_file(next_to):
-            write_output(next_to, proposed_csv(result))
+            write(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
@@ -110,16 +110,20 @@ def diagnose(
             larger = readable(extended(result), machine.effects)
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
+            doubt = "" if result.decomposition is None else undecided_text(result.decomposition)
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
+            below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
             if simulator:
                 text, lost = as_written(larger, apply, file)
                 for item in lost:
                     note(item)
             else:  # the error's text is one line
-                text = robot_yaml(larger, file, written_std(larger), f"# {head}\n")
-            write_output(apply, text, as_it_is=simulator)
+                text = robot_yaml(larger, file, written_std(larger), f"# {head}\n{below}")
+            write(apply, text, as_it_is=simulator)
             outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
+            if doubt:
+                note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 note(f"{apply} holds what is no more than the likeliest cause ({share})")

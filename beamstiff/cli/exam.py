@@ -69,9 +69,16 @@ def exam(
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     from beamstiff.errors import OptionError
-    from beamstiff.exam.table import by_design
+    from beamstiff.exam.table import by_design, headline
     from beamstiff.functions.examine import check_kept, examine, reports_of
-    from beamstiff.report.exam import crowded_tables, exam_tables, plan_tables, reliability_figure
+    from beamstiff.report.exam import (
+        crowded_tables,
+        exam_tables,
+        exam_verdict,
+        plan_tables,
+        plan_verdict,
+        reliability_figure,
+    )
     from beamstiff.report.tables import spaced
 
     if crowded and (figure or html):
@@ -105,7 +112,9 @@ def exam(
         outputs.result(found.notes, spaced(crowded_tables(records)), found.to_dict())
         return
     tables = plan_tables(records) if plan else exam_tables(records)
-    outputs.result(found.notes, spaced(tables), found.to_dict())
-    outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))
+    told = by_design(records)[0]
+    head = plan_verdict(records) if plan else exam_verdict(headline(told), records)
+    outputs.result(found.notes, [*head.lines(), *spaced(tables)], found.to_dict())
+    outputs.draw("figure", lambda: reliability_figure(told))
     examined = robot or sets or "Robots of the exam"
     outputs.page("exam", records, examined, facts=found.to_dict(), plan=plan is not None)

@@ -22,9 +22,8 @@ from beamstiff.cli.options import (
     robot_file,
     side_of,
 )
-from beamstiff.cli.output import Outputs, progress, working
+from beamstiff.cli.output import Outputs, progress, working, write
 from beamstiff.errors import BeamstiffError
-from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
     from beamstiff.identification.objective import Loss
@@ -195,10 +194,10 @@ def identify(
     verdict = identification_verdict(found, fitted)
     outputs.result(found.notes, [*verdict.lines(), table, "", *texts], found.to_dict())
     if out is not None:
-        write_output(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
+        write(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
-        write_output(reduce, robot_yaml(found.reduced.robot, file, head=head))
+        write(reduce, robot_yaml(found.reduced.robot, file, head=head))
     outputs.draw("figure", lambda: parity_figure(fitted, found.predicted, machine.name))
     if points is not None:
         outputs.draw("front", lambda: front_figure(points, machine.name))

@@ -50,6 +50,12 @@ def note(message: str) -> None:
     say(f"note: {message}", QUIET.get())
 
 
+def write(path: str, content: str | bytes, *, as_it_is: bool = False) -> None:
+    """Write an output, and say so; as `write_output`."""
+    write_output(path, content, as_it_is=as_it_is)
+    people().print(f"written: {path}", soft_wrap=True)
+
+
 def optional_file(path: str) -> AbstractContextManager[None]:
     """Return the context in which a file beside the result is made: where that fails, a note says why.
 
@@ -173,7 +179,7 @@ class Outputs:
             sys.stdout.write(f"{json_text(told)}\n")
             sys.stdout.flush()
         elif path is not None:
-            write_output(path, f"{json_text(told)}\n")
+            write(path, f"{json_text(told)}\n")
 
     def draw(self, option: str, figure: Callable[[], Figure]) -> None:
         """Write a picture, if the option asks for it."""
@@ -181,7 +187,7 @@ class Outputs:
             from beamstiff.report.figures import figure_bytes
 
             with optional_file(path if option != "rules" else f"--rules {path}"):
-                write_output(path, figure_bytes(figure(), path))
+                write(path, figure_bytes(figure(), path))
 
     def page(self, name: str, *given: Any, **more: Any) -> None:
         """Write the report that `report.html` makes under this name, if one was asked for."""
@@ -189,7 +195,7 @@ class Outputs:
         if path is not None and self._source is not None:
             make = getattr(import_module(f"beamstiff.report.html.{name}"), f"{name}_html")  # takes its time
             with optional_file(path):
-                write_output(path, make(*given, provenance=self._source, **more))
+                write(path, make(*given, provenance=self._source, **more))
 
 
 def json_text(value: Any, indent: int = 0) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from beamstiff.cli.options import Assembly, Region, RobotFile, option, parse_names, parse_region, robot_file
-from beamstiff.cli.output import Outputs, working
-from beamstiff.outputs import write_output
+from beamstiff.cli.output import Outputs, working, write
 
 TESTS = 20  # as of the function, which is not loaded for --help
 
@@ -79,7 +78,7 @@ def plan(
             seed=seed,
         )
     if out is not None:
-        write_output(out, found.to_csv())
+        write(out, found.to_csv())
     notes = [
         *robot_doubts(machine),
         *(["--out FILE writes the tests as a table to fill in"] if out is None else []),

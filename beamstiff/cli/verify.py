@@ -47,7 +47,8 @@ def verify(
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
-    from beamstiff.report.diagnosis import in_words
+    from beamstiff.report.diagnosis_text import SQUARES
+    from beamstiff.report.diagnosis_words import in_words
     from beamstiff.report.tables import add_rows, table
     from beamstiff.report.verdict import Level, Verdict, level_of, rounded
     from beamstiff.units import in_unit
@@ -77,10 +78,17 @@ def verify(
     action = "Use the robot within these postures and loads."
     if level in ("doubtful", "differs"):
         action = "Run beamstiff diagnose on these rows: something is still missing."
+    if found.other_frame is not None:
+        head = (
+            f"These readings are hardly in the robot's base frame: {rounded(1e3 * found.after)} mm as they "
+            f"are, {rounded(1e3 * found.other_frame)} mm with the measuring frame fitted"
+        )
+        level, action = "differs", "Run it again with --refit-frame."
     verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)
     said = []
-    if found.causes and found.promised is not None and found.true is not None:
+    if found.causes and found.promised is not None and found.other_frame is None:
         said = [f"Promised: {100 * found.promised:.0f} % of the gap closes. True: {100 * found.true:.0f} %."]
+    said += [SQUARES] if found.causes else []
     outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -32,7 +33,9 @@ def added_effect(
     Of a single shape, 0 stands where noise made negative what cannot be; of several only the sum is meant.
     """
     parts = tuple(_added_shape(baseline, effect, component, *one, bounded=len(shapes) == 1) for one in shapes)
-    return AddedEffect.model_construct(effect=effect, component=component, closes=closes).with_shapes(parts)
+    source: Literal["positions", "displacements"] = "positions" if baseline.absolute else "displacements"
+    entry = AddedEffect.model_construct(effect=effect, component=component, closes=closes, found_from=source)
+    return entry.with_shapes(parts)
 
 
 def _added_shape(

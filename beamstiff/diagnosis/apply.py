@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from beamstiff.diagnosis.added_effect import added_effect, needed_scales, rounded
-from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
@@ -26,7 +25,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.robot.stiffness import stiffness_parameters
-from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.se3 import Array
 from beamstiff.units import in_unit
 
 if TYPE_CHECKING:
@@ -97,14 +96,14 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
         return total
     bare = bare or bare_baseline(robot, rows)
     keys = [(one.effect, one.component) for one in robot.effects for _ in one.each]
-    seen = set[tuple[str, str | None, str]]()
+    seen = list[tuple[str, str | None, AddedShape]]()
     for at, effect in enumerate(robot.effects):
         try:
             for part in effect.each:
-                entry = (effect.effect, effect.component, part.shape)
-                if entry in seen:
+                entry = (effect.effect, effect.component, part)
+                if entry in seen:  # of another size it adds up: what a second diagnosis found beside it
                     raise BeamstiffError(f"shape {part.shape!r}: stands there before, once is enough")
-                seen.add(entry)
+                seen.append(entry)
                 total += part.weight * _displacement(effect, part, bare, keys.count(entry[:2]) == 1)
         except BeamstiffError as error:
             raise EffectError(robot.name, at, f"effects[{at}] ({effect.effect}): {error}") from None
@@ -160,55 +159,14 @@ def _some_rows(robot: Robot, absolute: bool) -> Measurements:
     )
 
 
-def without_effects(robot: Robot, rows: Measurements) -> tuple[Robot, Measurements]:
-    """Return a robot without its effects, and the displacements without what these add, to fit the rest.
-
-    Effects that depend on the stiffness (in closed loops, or of the load) count with the robot's present one.
-
-    Raises
-    ------
-    BeamstiffError
-        See `effects_displacement`; and for absolute positions.
-    """
-    if not robot.effects:
-        return robot, rows
-    if rows.kind == "absolute":
-        raise BeamstiffError(f"{rows.source}: found absolute positions, expected displacements (dx dy dz)")
-    left = rows.displacement - effects_displacement(robot, rows)
-    return robot.model_copy(update={"effects": ()}), replace(rows, displacement=left)
-
-
-def positions_without_effects(robot: Robot, rows: Measurements, bases: Array) -> Measurements:
-    """Return absolute rows without what a robot's effects add, for a calibration of the rest.
-
-    `bases` (S, 4, 4): where the robot's base stands in the measuring frame, or in that of each table.
-    """
-    table = rows.run.astype(np.intp) if len(bases) > 1 else np.zeros(len(rows), dtype=np.intp)
-    return without_displacement(rows, turned(effects_displacement(robot, rows), bases[table, :3, :3]))
-
-
-def turned(displacement: Array, turn: Array) -> Array:
-    """Return displacements ``[d, r]`` (N, 6) in another frame; `turn` (N, 3, 3): how it is turned."""
-    parts = [np.einsum("nij,nj->ni", turn, displacement[:, part]) for part in (slice(0, 3), slice(3, 6))]
-    return np.concatenate(parts, axis=1)
-
-
-def without_displacement(rows: Measurements, moved: Array) -> Measurements:
-    """Return absolute rows without a displacement ``[d, r]`` (N, 6), in their measuring frame."""
-    rotation = rows.rotation.copy()
-    known = ~np.isnan(rotation).any(axis=1)
-    if known.any():
-        read = rotation_from_vector(-moved[known, 3:]) @ rotation_from_vector(rotation[known])
-        rotation[known] = vector_from_rotation(read)
-    return replace(rows, position=rows.position - moved[:, :3], rotation=rotation)
-
-
 def extended(diagnosis: Diagnosis) -> Robot:
     """Return the robot with what a diagnosis found: its stiffness, and the effects of the verdict.
 
     The stiffness is that of the fit with the effects: ``1/k`` of the baseline and what the effects' fit adds
     to it. A candidate makes one entry; where the data did not choose between its shapes it holds them all,
     each with its weight. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
+
+    Effects that the robot had before and that were taken off the readings come first.
 
     Returns
     -------
@@ -217,8 +175,14 @@ def extended(diagnosis: Diagnosis) -> Robot:
         for what was of the measured postures alone and for compliances that the noise made negative, which
         are 0.
     """
+    found = _found(diagnosis)
+    return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
+
+
+def _found(diagnosis: Diagnosis) -> Robot:
+    """Return the robot that was diagnosed with what was found."""
     if diagnosis.decomposition is not None:
-        return applied(diagnosis.decomposition)
+        return diagnosis.applied
     fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
     found: dict[tuple[str, str | None, str], tuple[Shape, float, Array, Array]] = {}
     for one in diagnosis.fits:

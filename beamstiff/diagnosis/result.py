@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,13 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
+from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
@@ -112,6 +116,9 @@ class Diagnosis(Shown):
         What the verdict rests on.
     decomposition : Decomposition or None
         Causes and remainder, where several causes were weighed with all that a calibration fits.
+    known : tuple of AddedEffect
+        Effects that the robot has and that were taken off the readings: neither `baseline` nor `rows` hold
+        them.
     """
 
     baseline: Baseline
@@ -132,11 +139,23 @@ class Diagnosis(Shown):
     next: Sequence[Mapping[str, Any]] = ()
     features: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
+    known: tuple[AddedEffect, ...] = ()
 
     @property
     def explainable(self) -> float:
         """Share of the gap's square that is more than noise."""
         return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
+
+    @cached_property
+    def recalibration(self) -> Recalibration | None:
+        """What changed in the geometry beside the causes; None where it is as described."""
+        return None if self.decomposition is None else recalibration_of(self.decomposition, self.applied)
+
+    @cached_property
+    def applied(self) -> Robot:
+        """The robot calibrated beside the causes of its decomposition, with these as effects."""
+        assert self.decomposition is not None
+        return applied(self.decomposition)
 
     @property
     def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
@@ -152,11 +171,12 @@ class Diagnosis(Shown):
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
-        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame.
+        Displacements ``[d, r]``, or absolute positions and rotation vectors, as the rows are; base frame,
+        without the effects that the robot had before (`known`).
         """
         if self.decomposition is not None:
             found = self.decomposition
-            robots = found.model.robot(np.zeros_like(found.change)), applied(found)
+            robots = found.model.robot(np.zeros_like(found.change)), self.applied
             views = [fit_baseline(robot, rows, keep=()) for robot in robots]
             return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)
@@ -198,6 +218,7 @@ class Diagnosis(Shown):
                 ),
             },
             **self._causes(),
+            "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
                 name: {"given": given, "value": stiffness_text(value)}
                 for name, (given, value) in self.fitted_stiffness.items()

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.baseline import deviation, predict
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.registration import fit_rigid_motion
+from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 MODEL = "model:"  # before its kind, among the causes
+FRAME = 6  # parameters of a measuring frame
+MOST = 0.75  # share of the gap's square that a rigid motion closes where the measuring frame is another one
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class Verification:
         share that it closes.
     notes : tuple of str
         What in the robot and the rows is hardly meant.
+    other_frame : float or None
+        What would be left were the measuring frame fitted, where that closes most of the gap: the readings
+        hardly are in the robot's base frame.
     """
 
     before: float
@@ -48,6 +53,7 @@ class Verification:
     rows: int
     causes: tuple[tuple[str, float, float], ...]
     notes: tuple[str, ...] = ()
+    other_frame: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -58,6 +64,7 @@ class Verification:
             "promised": self.promised,
             "true": self.true,
             "rows": self.rows,
+            "other_frame_mm": None if self.other_frame is None else 1e3 * self.other_frame,
             "causes": [
                 {"cause": name, "rms_after_mm": 1e3 * after, "closes": closes}
                 for name, after, closes in self.causes
@@ -121,6 +128,9 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     def share(before: float, after: float) -> float:
         return float((before**2 - after**2) / explainable) if explainable > 0 else 0.0
 
+    other_frame = None
+    if absolute and not refit_frame and errors[-1] > noise:
+        other_frame = _in_another_frame(bare, stages[-1], measurements, errors[-1])
     stated = [effect.closes for effect in robot.effects if effect.closes is not None]
     return Verification(
         before=errors[0],
@@ -133,7 +143,21 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
             (key, after, share(before, after))
             for key, before, after in zip(causes, errors[:-1], errors[1:], strict=True)
         ),
+        other_frame=other_frame,
     )
+
+
+def _in_another_frame(bare: Robot, robot: Robot, rows: Measurements, after: float) -> float | None:
+    """Return what a fitted frame would leave of `after` where it closes most of it, m; else None."""
+    used = rows.measured_mask[:, :3]
+    whole = rows.position[used.all(axis=1)]
+    try:
+        check_spread(whole, rows.source)
+    except BeamstiffError:
+        return None
+    left = _rms(_errors(bare, robot, rows, refit=True), used)
+    free = int(used.sum()) - FRAME  # values of which six are taken up by any frame
+    return left if free > 0 and left**2 * used.sum() / free < (1.0 - MOST) * after**2 else None
 
 
 def _errors(bare: Robot, robot: Robot, rows: Measurements, refit: bool) -> Array:

@@ -13,7 +13,7 @@ from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
-from beamstiff.diagnosis.apply import positions_without_effects
+from beamstiff.diagnosis.without_effects import positions_without_effects
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
 from beamstiff.functions.checks import effects_text, names_of, whole, without_model
 from beamstiff.functions.robots import as_robot

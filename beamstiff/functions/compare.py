@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from beamstiff.diagnosis.apply import without_effects
 from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole, without_model
 from beamstiff.functions.robots import as_robot

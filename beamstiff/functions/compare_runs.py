@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.calibration.estimate import estimate
-from beamstiff.calibration.statement import build_calibration, registered
-from beamstiff.diagnosis.apply import turned, without_displacement
+from beamstiff.calibration.statement import build_calibration
 from beamstiff.diagnosis.changes import (
     CampaignFit,
     RunComparison,
@@ -17,6 +16,7 @@ from beamstiff.diagnosis.changes import (
     causes_displacement,
     compare_fits,
 )
+from beamstiff.diagnosis.without_effects import turned, without_effects
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.functions.calibrate import calibrate
 from beamstiff.functions.checks import names_of
@@ -198,7 +198,7 @@ def _of_positions(
     """Return both campaigns in what a calibration of both, each with a base of its own, identifies."""
     bare = machine.model_copy(update={"effects": ()})
     causes = [causes_displacement(machine, table) for table in tables]
-    rows = [_without(bare, table, own) for table, own in zip(tables, causes, strict=True)]
+    rows = [without_effects(machine, table)[1] for table in tables]
     pooled = calibrate(bare, rows, names, fixed=fixed, compliances=compliances, stations=True, folds=0)
     told = [item.parameter for item in pooled.parameters if item.identified]
     tested = [item for item in told if item.group != "base"]
@@ -235,16 +235,6 @@ def _of_positions(
         # what the fit of both leaves is no matter here: where something changed it cannot fit both
         (*doubts_of(machine, tables), *(pooled.statement.notes if pooled.statement else ())),
     )
-
-
-def _without(bare: Robot, table: Measurements, causes: dict[str, Array]) -> Measurements:
-    """Return absolute readings without what causes (N, 6), base frame, add: turned as the base roughly is."""
-    if not causes:
-        return table
-    problem = build_calibration(bare, table, ["base"]).problem
-    begin = registered(problem, problem.expected)
-    turn = problem.geometry.turn(problem.split(begin)[0])
-    return without_displacement(table, turned(np.sum(list(causes.values()), axis=0), turn))
 
 
 def _widened(tables: Sequence[Measurements], fits: Sequence[CampaignFit]) -> list[str]:

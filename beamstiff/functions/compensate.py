@@ -292,6 +292,12 @@ def _notes(
     machine = result.machine
     unproven = [] if taught else _unproven(result, machine)
     found, said = result.correction, [*robot_doubts(machine.controller), *unproven, *program.notes]
+    if machine.actual is None and machine.controller.calibrated:
+        said.append(
+            f"robot {machine.controller.name!r} is calibrated and stands for the controller's robot too: its "
+            "geometry errors stay uncorrected unless the controller has this geometry; else name the nominal "
+            "robot first and this one with --actual"
+        )
     if missing_stiffness(machine.real) and not machine.real.effects:
         what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
         said.append(
@@ -358,10 +364,15 @@ def _unproven(result: Compensated, machine: Machine) -> list[str]:
     """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
     said = []
     for effect, parts in machine.unproven(result.correction.q[result.known]).items():
+        source = {one.found_from for one in machine.real.effects if effects_text([one]) == effect}
+        if source == {"positions"}:  # which show the unloaded tool itself
+            continue
+        why = "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can"
+        if None in source:
+            why = f"its file does not say from which readings it was found; {why}"
         shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
         said.append(
-            f"part of the correction assumes that {effect} moves the unloaded tool too ({shown}): "
-            "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can; check a "
-            "target, or teach the targets and correct only what the load does (--taught)"
+            f"part of the correction assumes that {effect} moves the unloaded tool too ({shown}): {why}; "
+            "check a target, or teach the targets and correct only what the load does (--taught)"
         )
     return said

@@ -10,6 +10,7 @@ from typing import Any
 from beamstiff.diagnosis.diagnose import diagnose as run
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole
 from beamstiff.functions.robots import as_robot
@@ -37,7 +38,7 @@ def diagnose(
     Parameters
     ----------
     robot : Robot, path, or name of a bundled robot
-        Its `identify` parameters are fitted first.
+        Its `identify` parameters are fitted first. Its effects stay as they are: the gap is what they leave.
     data : Measurements or path, or several
         Displacements or absolute positions.
     without : sequence of str
@@ -73,7 +74,11 @@ def diagnose(
     if region is not None:
         rows = replace(rows, region=tuple(region))
     with doubted(doubts):
-        result = run(machine, rows, without=excluded, prior=expected, seed=seed, stations=stations)
+        bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
+        if known:  # so that geometry and measuring frame can be left open beside them
+            bare, left = without_effects(machine, rows, stations=stations)
+        found = run(bare, left, without=excluded, prior=expected, seed=seed, stations=stations)
+        result = replace(found, known=known)
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from beamstiff.diagnosis.apply import without_effects
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, optional
 from beamstiff.functions.checks import names_of, one_of, whole, without_model
 from beamstiff.functions.fitted import fitted_robot, model_kind

@@ -115,7 +115,7 @@ def build_problem(
         names = listed(effect.effect for effect in robot.effects)
         raise BeamstiffError(
             f"robot {robot.name!r}: its effects ({names}) are not part of this fit; take them off the "
-            "readings first: robot, rows = beamstiff.diagnosis.apply.without_effects(robot, rows)"
+            "readings first: robot, rows = beamstiff.diagnosis.without_effects.without_effects(robot, rows)"
         )
     if measurements.kind != "displacement":
         raise BeamstiffError(

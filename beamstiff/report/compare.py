@@ -15,7 +15,8 @@ from beamstiff.functions.checks import effects_text
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.report.figures import new_figure, plain
-from beamstiff.report.tables import Table, table
+from beamstiff.report.tables import Table, counted, table
+from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
 AXES = ("x", "y", "z")
@@ -51,6 +52,41 @@ def loads_table(models: Models, title: str) -> Table:
         cells = [_both(one, ~split.fitted & (split.level == at)) for at in levels]
         result.add_row(one.name, *cells, *([_both(one, ~split.fitted)] if len(levels) > 1 else []))
     return result
+
+
+def ranked(models: Models) -> list[Judged]:
+    """Return the models that answer for rows that were not fitted, the best first.
+
+    Those that have no answer for some of these rows come last: their error is of fewer rows.
+    """
+    unseen = ~models.split.fitted
+    answered = [one for one in models.judged if one.rms(unseen) is not None]
+    return sorted(answered, key=lambda one: (not whole(models, one), one.rms(unseen) or 0.0))
+
+
+def whole(models: Models, one: Judged) -> bool:
+    """Return whether a model answers for every row that was not fitted."""
+    seen = np.isfinite(models.table.displacement[:, :3]).any(axis=1)
+    return bool(np.isfinite(one.error[~models.split.fitted & seen]).all())
+
+
+def models_verdict(models: Models) -> Verdict:
+    """Return the headline: which model predicts held-out rows best, and its error over the noise."""
+    best, data = ranked(models), data_of(models.table)
+    if not best or models.split.fitted.all():
+        said, action = "No model could be tested on held-out rows", "Measure more postures."
+        return Verdict(said, data=data, action=action)
+    first, unseen = best[0], ~models.split.fitted
+    rms = first.rms(unseen) or 0.0
+    held = counted(int(unseen.sum()), "held-out row")
+    said = f"{first.name} predicts best: {rounded(1e3 * rms)} mm RMS on {held}"
+    if not models.noise:
+        return Verdict(said, data=data, action="--out FILE writes the robot with this model.")
+    level = level_of(rms / models.noise)
+    action = "--out FILE writes the robot with this model."
+    if level != "agrees":
+        action = "All of them leave more than noise: beamstiff diagnose says what is missing."
+    return Verdict(f"{said}, {rms / models.noise:.1f} times the noise", level, data, action)
 
 
 def models_text(models: Models) -> list[str]:

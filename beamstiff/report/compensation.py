@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,10 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamstiff.compensation.learn import Fitted, Learned
+from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
+from beamstiff.report.verdict import Verdict, rounded
 
 NOTHING = 1e-6  # mm
 UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
@@ -98,6 +101,31 @@ def _shown(one: Fitted) -> tuple[str, str, str, str]:
     factor, unit = UNITS.get(one.unit, (1.0, ""))
     value, std, before = (number(factor * size) for size in (one.value, one.std, one.expected))
     return f"{one.name}{unit}", value, std, before
+
+
+def compensation_verdict(result: Compensated) -> Verdict:
+    """Return the headline: the predicted error along the path, and which robot stands for what."""
+    found, machine, known = result.correction, result.machine, result.known
+    targets = counted(len(known), "target")
+    data = f"{Path(found.path.source).name}, {targets}; {robots_text(machine)}"
+    if found.reasons:
+        said = f"{len(found.reasons)} of {targets} cannot be corrected"
+        action = "Move these targets, or keep them as they are (--unreachable keep)."
+        return Verdict(said, data=data, action=action)
+    before, after = size_of(found.before[known]), size_of(result.after[known])
+    said = f"Predicted error along the path: {_mm(before.rms_mm)} mm, corrected {_mm(after.rms_mm)} mm"
+    return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
+
+
+def _mm(size: float) -> str:
+    return rounded(size) if size > NOTHING else "0"
+
+
+def robots_text(machine: Machine) -> str:
+    """Return, in words, which robot the controller believes in and which one is meant to be real."""
+    if machine.actual is None:
+        return f"{machine.controller.name} is both the controller's robot and the real one"
+    return f"the controller takes {machine.controller.name} for true, the real robot is {machine.actual.name}"
 
 
 def compensation_text(result: Compensated) -> str:

@@ -8,6 +8,7 @@ from beamstiff.functions.checks import effects_text
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT
 from beamstiff.report.tables import Table, add_rows, number, table
+from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
 ROUNDING = 1e-12
@@ -64,6 +65,26 @@ def _positions_table(found: Prediction, pose: Array) -> Table:
         ),
     )
     return result
+
+
+def deflection_verdict(found: Prediction) -> Verdict:
+    """Return the headline: the gap to what was measured, against the noise, or how far the tool moves."""
+    moved = 1e3 * np.linalg.norm(found.displacement[:, :3], axis=1).max()
+    most = f"The tool moves {number(moved)} mm at most"
+    known, data = np.isfinite(found.gap), data_of(found.rows)
+    if not known.any() or found.pose is not None:
+        action = "Compare it with what the task allows, or with a measured table."
+        return Verdict(most, data=data, action=action)
+    gap = float(np.sqrt((found.gap[known] ** 2).mean()))
+    sigma = np.nan_to_num(found.rows.sigma[known][:, :3])
+    noise = float(np.sqrt((sigma**2).sum(axis=1).mean()))
+    level: Level = level_of(gap / noise) if noise > 0.0 else "plain"
+    times = f", {gap / noise:.1f} times the noise" if noise > 0.0 else ""
+    action = "Use the model within these postures and loads."
+    if level != "agrees":
+        action = "Fit the stiffness (beamstiff identify), or ask for the cause (beamstiff diagnose)."
+    said = f"{most}; measured and predicted differ by {rounded(1e3 * gap)} mm{times}"
+    return Verdict(said, level, data, action)
 
 
 def deflection_text(found: Prediction) -> list[str]:

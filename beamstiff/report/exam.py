@@ -19,6 +19,7 @@ from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Table, counted, table
+from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]
 
@@ -51,6 +52,30 @@ def exam_tables(records: Records) -> Iterator[Table]:
     yield control_table(controls(told))
     if any(record.error is not None for record in records):
         yield failures_table(records)
+
+
+def exam_verdict(rows: Iterable[Row], records: Sequence[Any]) -> Verdict:
+    """Return the headline: how many of the targets are met."""
+    asked = [row for row in rows if row.met is not None and row.figure.count >= FEW]
+    cases = counted(len(records), "case")
+    if not asked:
+        return Verdict(f"{cases}: too few to judge the targets", action="Ask for more of them (--cases).")
+    missed = [row.name for row in asked if row.met == "missed"]
+    met = len(asked) - len(missed)
+    action = f"Look at what is missed first: {missed[0]}." if missed else ""
+    return Verdict(f"{met} of {len(asked)} targets met, in {cases}", action=action)
+
+
+def plan_verdict(records: Records) -> Verdict:
+    """Return the headline: how often a plan would find an effect exactly."""
+    singles = score.of_kind(records, "single")
+    exact = score.exact(singles)
+    right = 0 if exact.value is None else round(exact.value * len(singles))
+    cases = counted(len(singles), "case")
+    return Verdict(
+        f"In {right} of {cases} the effect would be found exactly, at realistic sizes as drawn",
+        action="Effects that are seldom found want other postures or loads (beamstiff plan).",
+    )
 
 
 def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:

@@ -302,6 +302,8 @@ class AddedEffect(Described):
         What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
     closes : float or None
         Share of the gap that it closed on held-out postures when it was found: what `verify` holds it to.
+    found_from : "positions", "displacements" or None
+        Readings that it was found from; displacements do not show what it does to the unloaded tool.
     shapes : tuple of AddedShape
         In place of `shape`, `parameters`, `std` and `scales`.
     """
@@ -313,6 +315,7 @@ class AddedEffect(Described):
     std: Mapping[Name, ParameterValue] = {}
     scales: Mapping[Name, Scale] = {}
     closes: float | None = None
+    found_from: Literal["positions", "displacements"] | None = None
     shapes: tuple[AddedShape, ...] = ()
 
     @model_validator(mode="after")

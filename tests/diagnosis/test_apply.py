@@ -13,7 +13,6 @@ from beamstiff.diagnosis.apply import (
     effects_displacement,
     extended,
     predict_with_effects,
-    without_effects,
 )
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
@@ -23,6 +22,7 @@ from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.identification.identify import identify
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements

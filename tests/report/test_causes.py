@@ -1,17 +1,30 @@
 """The causes of a gap that has several, and its remainder, as people read them."""
 
+from dataclasses import replace
+
 import pytest
 
+from beamstiff.diagnosis.decomposition.causes import Cause
 from beamstiff.report.diagnosis import (
     CAUSES,
+    by_causes,
     causes_table,
+    diagnosis_figure,
     diagnosis_tables,
+    probability_text,
+    sizes_table,
+    steps,
+)
+from beamstiff.report.diagnosis_text import (
     headline,
+    recalibration_text,
     remainder_text,
     separations,
-    sizes_table,
     summary,
+    undecided_text,
+    verdict,
 )
+from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from tests.diagnosis.decomposition.test_decompose import SLIP, found
@@ -62,3 +75,60 @@ def test_each_of_several_causes_is_told_with_its_size_and_its_check() -> None:
     assert float(rows["target-slip", "slip_x"][2]) == pytest.approx(1e3 * SLIP[0], rel=0.02)
     checked = [line.removeprefix("To check ").partition(":")[0] for line in separations(result)]
     assert sorted(checked) == ["angle-curve", "approach-direction", "target-slip"]
+
+
+def test_table_page_and_figure_draw_the_same_causes_and_steps() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = by_causes(result)
+    assert several is not None
+    which, _, how_far, *_ = diagnosis_figure(result).axes
+    assert len(which.patches) == len(several.causes)
+    assert sorted(bar.get_width() for bar in which.patches) == sorted(one.closes for one in several.causes)
+    drawn = [bar.get_width() for bar in how_far.patches]
+    assert drawn == [1e3 * value for value in steps(result).values()]
+    assert 1e3 * several.causes[-1].rms_after in drawn  # what is left in the end
+
+
+def test_what_cannot_be_distinguished_stands_in_the_headline_and_beside_the_probability() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    assert "leave open" not in probability_text(replace(several, causes=_with(several.causes, ())))
+    alike = replace(several, causes=_with(several.causes, ("backlash:q2", "hardening:q2")))
+    assert "leave open" in probability_text(alike)
+    assert "(or backlash at q2 or 1 more)" in verdict(replace(result, decomposition=alike)).headline
+
+
+def test_few_postures_weaken_the_headline() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    wide = tuple(replace(one, closes_interval=(0.0, 1.0)) for one in several.causes)
+    doubtful = replace(result, decomposition=replace(several, causes=wide))
+    assert hardly_checked(doubtful)
+    said = verdict(doubtful).headline
+    assert "perhaps" in said
+    assert said.endswith("too few postures to check it")
+    assert "are too few to check these shares" in summary(doubtful)
+
+
+def test_undecided_effects_of_the_written_robot_are_named() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    assert undecided_text(replace(several, unclear=())) == ""
+    assert "undecided" in undecided_text(replace(several, unclear=several.causes[:1]))
+
+
+def test_what_the_calibration_changed_is_told() -> None:
+    result, _ = found("approach", "gear", "slip")
+    changed = result.recalibration
+    assert changed is not None
+    assert changed.after == result.rms
+    gap, *_ = recalibration_text(changed)
+    assert f"off by {1e3 * changed.before:.3f} mm" in gap
+    assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
+
+
+def _with(causes: tuple[Cause, ...], alike: tuple[str, ...]) -> tuple[Cause, ...]:
+    return tuple(replace(one, indistinguishable=alike) for one in causes)

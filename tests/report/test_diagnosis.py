@@ -8,7 +8,9 @@ import pytest
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
-from beamstiff.report.diagnosis import causes_of, headline, proposed, separations, sized, summary, told
+from beamstiff.report.diagnosis import causes_of, sized
+from beamstiff.report.diagnosis_text import headline, proposed, separations, summary
+from beamstiff.report.diagnosis_words import quoted, told
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
 from tests.diagnosis.planted import diagnosed
 
@@ -141,4 +143,11 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
     assert proposed(result) == (
         "1 state to discriminate best between the causes; also read a reflector on n1a (J1), which "
         "discriminates 15 times as well"
+    )
+
+
+def test_names_with_spaces_stand_in_quotation_marks() -> None:
+    assert quoted("link2") == "link2"
+    assert summary(replace(diagnosed("backlash"), indistinguishable=("link-bending:upper arm",))).count(
+        'link-bending at "upper arm"'
     )

@@ -8,7 +8,8 @@ import pytest
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
-from beamstiff.report.diagnosis import verdict
+from beamstiff.report.diagnosis_text import verdict
+from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
@@ -57,7 +58,11 @@ def test_a_cause_is_named_with_the_gap_and_what_it_explains() -> None:
     assert result.verdict.shrink is not None
     share = f"{100 * result.verdict.shrink.shrink:.0f} %"
     gap = rounded(1e3 * result.rms)
-    assert found.headline == f"Gap of {gap} mm, {share} explained by backlash at q3"
+    count = len(np.unique(result.baseline.rows.q, axis=0))
+    perhaps, few = ("perhaps ", "; too few postures to check it") if hardly_checked(result) else ("", "")
+    assert found.headline.startswith(f"Gap of {gap} mm on {count} postures, {perhaps}{share} explained by ")
+    assert "backlash at q3" in found.headline
+    assert found.headline.endswith(few)
     assert found.level in ("doubtful", "differs")
     assert data_of(result.baseline.rows) == found.data
 

@@ -9,7 +9,15 @@ import numpy as np
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
-from beamstiff.report.compare import loads_table, models_table, models_text, widest_plane
+from beamstiff.report.compare import (
+    loads_table,
+    models_table,
+    models_text,
+    models_verdict,
+    ranked,
+    whole,
+    widest_plane,
+)
 from beamstiff.report.html.bars import intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
@@ -17,7 +25,6 @@ from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
 from beamstiff.report.tables import Table, counted
-from beamstiff.report.verdict import Verdict, data_of
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -50,7 +57,7 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
         Page(
             title="Comparison of models",
             robot=robot.name,
-            verdict=Verdict(_verdict(models), data=data_of(models.table)),
+            verdict=models_verdict(models),
             summary=list(_summary(models)),
             facts=list(_facts(models)),
             view=_view(models),
@@ -67,31 +74,6 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
             shared=rows.shared,
         )
     )
-
-
-def ranked(models: Models) -> list[Judged]:
-    """Return the models that answer for rows that were not fitted, the best first.
-
-    Those that have no answer for some of these rows come last: their error is of fewer rows.
-    """
-    unseen = ~models.split.fitted
-    answered = [one for one in models.judged if one.rms(unseen) is not None]
-    return sorted(answered, key=lambda one: (not _whole(models, one), one.rms(unseen) or 0.0))
-
-
-def _whole(models: Models, one: Judged) -> bool:
-    seen = np.isfinite(models.table.displacement[:, :3]).any(axis=1)
-    return bool(np.isfinite(one.error[~models.split.fitted & seen]).all())
-
-
-def _verdict(models: Models) -> str:
-    best = ranked(models)
-    if not best or models.split.fitted.all():
-        return "No model could be tested on held-out rows"
-    rms = best[0].rms(~models.split.fitted)
-    assert rms is not None
-    held = counted(int((~models.split.fitted).sum()), "held-out row")
-    return f"{best[0].name} predicts best: {1e3 * rms:.4f} mm RMS on {held}"
 
 
 def _summary(models: Models) -> Iterator[str]:
@@ -144,7 +126,7 @@ def _side_by_side(models: Models) -> Section:
         ends_of_line, looks = [-0.6, len(best) - 0.4], {"color": css("orange"), "dash": "dash"}
         hover = "noise floor: %{x:.4g} mm<extra></extra>"
         traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise floor", hover, line=looks))
-    partly = [one.name for one in best if not _whole(models, one)]
+    partly = [one.name for one in best if not whole(models, one)]
     caption = "Root mean square position error over the rows that were not fitted, the best first" + (
         "; dashed: noise floor." if models.noise is not None else "."
     )

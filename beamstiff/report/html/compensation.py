@@ -10,15 +10,19 @@ import numpy as np
 
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
-from beamstiff.report.compensation import compensation_table, compensation_text, uncorrected_table
+from beamstiff.report.compensation import (
+    compensation_table,
+    compensation_text,
+    compensation_verdict,
+    uncorrected_table,
+)
 from beamstiff.report.html.curves import along
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, label, numbers
 from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.still_view import Deviations, StillView, still_view
-from beamstiff.report.tables import Table, counted, number
-from beamstiff.report.verdict import Verdict
+from beamstiff.report.tables import Table, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -49,7 +53,7 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
         Page(
             title="Compensation",
             robot=robot.name,
-            verdict=Verdict(_verdict(result)),
+            verdict=compensation_verdict(result),
             summary=[compensation_text(result) if result.known.any() else NOWHERE, *([said] if said else [])],
             facts=list(_facts(result)),
             view=None if seen is None else seen.view,
@@ -69,15 +73,6 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
 def shown(count: int) -> Array:
     """Return which of so many targets are shown, at most `MOST`, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))
-
-
-def _verdict(result: Compensated) -> str:
-    reasons = result.correction.reasons
-    if reasons:
-        return f"{len(reasons)} of {counted(len(result.known), 'target')} cannot be corrected"
-    known = result.known
-    before, after = size_of(result.correction.before[known]), size_of(result.after[known])
-    return f"From {short(before.rms_mm)} to {short(after.rms_mm)} mm along the path, as predicted"
 
 
 def _facts(result: Compensated) -> Iterator[Fact]:

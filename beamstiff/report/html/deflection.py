@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT, Measurements
-from beamstiff.report.deflection import UNITS, deflection_text
+from beamstiff.report.deflection import UNITS, deflection_text, deflection_verdict
 from beamstiff.report.html.curves import along
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
@@ -17,7 +17,6 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import robot_view, worst_postures
 from beamstiff.report.html.rows import Compared, row_figures
 from beamstiff.report.tables import counted, number
-from beamstiff.report.verdict import Verdict, data_of
 from beamstiff.se3 import Array
 
 
@@ -43,7 +42,7 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
         Page(
             title="Deflection",
             robot=robot.name,
-            verdict=Verdict(f"The tool moves {number(moved[worst])} mm at most", data=data_of(loads)),
+            verdict=deflection_verdict(found),
             summary=[
                 f"{counted(len(loads), 'row')}; the largest displacement is that of {line_of(loads, worst)}.",
                 *texts,

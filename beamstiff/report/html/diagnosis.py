@@ -12,29 +12,31 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
     CAUSES,
     SHOWN,
+    by_causes,
     candidates_table,
-    causes,
     causes_table,
-    closed,
     gap_table,
     gap_tables,
-    in_words,
     likely,
-    named,
     notable,
+    places_table,
+    probability_text,
+    sizes_table,
+    steps,
+    untestable_table,
+)
+from beamstiff.report.diagnosis_text import proposed, recalibration_text, separations, summary, verdict
+from beamstiff.report.diagnosis_words import (
+    causes,
+    closed,
+    in_words,
+    named,
     one_posture,
     percent,
-    places_table,
-    proposed,
     second,
-    separations,
     several,
-    sizes_table,
     stiffness_in_words,
-    summary,
     tested,
-    untestable_table,
-    verdict,
 )
 from beamstiff.report.html.bars import bars
 from beamstiff.report.html.page import Page, render
@@ -62,13 +64,14 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         baseline.used,
         _with_cause(result),
     )
+    changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
     rows = row_figures(compared, ("fitted model", f"with {causes(result)}"))
     return render(
         Page(
             title="Diagnosis",
             robot=baseline.nominal.name,
             verdict=verdict(result),
-            summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines()],
+            summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
             facts=list(_facts(result)),
             view=_view(result),
             sections=[
@@ -129,23 +132,23 @@ def _view(result: Diagnosis) -> RobotView | None:
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, "How large: its parameters")
     tables = [large] if large.rows else []
-    if result.decomposition is not None and result.decomposition.causes:
-        tables.insert(0, causes_table(result.decomposition, CAUSES))
-    if found := several(result):
+    if (found := by_causes(result)) is not None:
         traces, layout = bars(
-            [in_words([one.key]) for one in found],
-            [one.closes for one in found],
+            [in_words([one.key]) for one in found.causes],
+            [one.closes for one in found.causes],
             "blue",
-            "share of the explainable gap",
-            [one.closes_interval for one in found],
+            "share of the gap that each closes",
+            [one.closes_interval for one in found.causes],
             range=[0, 1.02],
             tickformat=".0%",
         )
         caption = (
-            "What each cause closes when added to those above it, on held-out data, with its 90 % interval."
+            "What each cause closes when added to those above it, on held-out data, with its 90 % interval. "
+            f"{probability_text(found)}"
         )
-        figure = Figure("which", "Causes", caption, traces, layout, tables[0])
-        return Section("which", "Which causes", figures=[figure], tables=tables[1:])
+        figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
+        plural = "s" * (len(found.causes) > 1)
+        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables)
     first = likely(result, SHOWN)
     traces, layout = bars(
         [named(one) for one in first],
@@ -211,33 +214,24 @@ def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
 
 
 def _how_far(result: Diagnosis) -> Section:
-    left = {"fitted model": result.rms}
     if one_posture(result):
         return Section(
             "how-far",
             "How far the gap closes",
             ["All rows are of one posture: none can be held out to test the reduction."],
         )
-    if found := several(result):
-        names = [in_words([one.key]) for one in found]
-        left |= {
-            f"{'and' if at else 'with'} {name}": one.rms_after
-            for at, (name, one) in enumerate(zip(names, found, strict=True))
-        }
-    elif result.verdict.shrink is not None:
-        left[f"with {causes(result)}"] = result.verdict.shrink.after
-    left |= {"any elastic model": result.ceiling, "noise floor": result.noise}
+    left = steps(result)
     traces, layout = bars(
         list(left), [1e3 * value for value in left.values()], "green", "RMS gap, mm", rangemode="tozero"
     )
-    figure = Figure(
-        "how-far",
-        "What is left",
-        "Position gap on held-out data. No cause can be expected to leave less than any elastic model.",
-        traces,
-        layout,
-        Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()]),
-    )
+    caption = "Position gap on held-out data."
+    if result.decomposition is None:
+        caption += (
+            " Any elastic model: compliance of every kind at every place at once, less than which no cause "
+            "can be expected to leave."
+        )
+    table = Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()])
+    figure = Figure("how-far", "What is left", caption, traces, layout, table)
     return Section("how-far", "How far the gap closes", figures=[figure])
 
 

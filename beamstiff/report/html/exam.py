@@ -20,7 +20,6 @@ from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
-from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"
@@ -53,7 +52,7 @@ def exam_html(
         Page(
             title="Exam of a plan" if plan else "Exam of the diagnosis",
             robot=examined,
-            verdict=Verdict(_found(records) if plan else _verdict(rows, records)),
+            verdict=told.plan_verdict(records) if plan else told.exam_verdict(rows, records),
             summary=list(_summary(main, lean if rich else [], rows)),
             facts=list(_facts(main)),
             view=None,
@@ -72,22 +71,6 @@ def exam_html(
             data=facts,
         )
     )
-
-
-def _verdict(rows: Sequence[Row], records: Records) -> str:
-    asked = [row for row in rows if row.met is not None and row.figure.count >= told.FEW]
-    if not asked:
-        return f"{counted(len(records), 'case')}: too few to judge the targets"
-    met = sum(row.met != "missed" for row in asked)
-    return f"{met} of {len(asked)} targets met, in {counted(len(records), 'case')}"
-
-
-def _found(records: Records) -> str:
-    singles = score.of_kind(records, "single")
-    exact = score.exact(singles)
-    right = 0 if exact.value is None else round(exact.value * len(singles))
-    cases = counted(len(singles), "case")
-    return f"In {right} of {cases} the effect would be found exactly, at realistic sizes as drawn"
 
 
 def _plan(records: Records) -> Section:

@@ -227,14 +227,14 @@ def _onto_axis(
     point: Array = np.asarray(np.linalg.lstsq(np.eye(3) - motion[:3, :3], motion[:3, 3])[0], dtype=np.float64)
     if np.abs(point).max() <= 10 * SAME:
         return rest
-    between = f"{joint.child} on axis"
+    between = f"{joint.child}_on_axis"
     while between in {link.name for link in tree.links}:
         between += "_"
     edits.attribute(element.need("child"), "link", between)
     edits.child(edits.root, f"<link name={quoteattr(between)}/>")
     edits.child(
         edits.root,
-        f'<joint name={quoteattr(f"{between} to {joint.child}")} type="fixed"><parent '
+        f'<joint name={quoteattr(f"{between}_to_{joint.child}")} type="fixed"><parent '
         f"link={quoteattr(between)}/><child link={quoteattr(joint.child)}/>"
         f'<origin xyz="{numbers_text(-point)}"/></joint>',
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.identification.result import Identification
 from beamstiff.measure import Measurements
-from beamstiff.report.diagnosis import summary
+from beamstiff.report.diagnosis_text import summary
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.identification import identification_html
 from beamstiff.report.html.provenance import Provenance

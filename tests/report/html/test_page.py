@@ -19,7 +19,7 @@ from beamstiff.functions.predict import Prediction
 from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.report.diagnosis import summary
+from beamstiff.report.diagnosis_text import summary
 from beamstiff.report.html.deflection import deflection_html
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.exam import exam_html

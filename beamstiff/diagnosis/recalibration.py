@@ -1,0 +1,81 @@
+"""What a diagnosis changed in the geometry while it sought causes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from beamstiff.calibration.corrected import nominal_value
+from beamstiff.calibration.parameters import Parameter
+from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.verify import verify
+from beamstiff.robot.coupling import frame_expressions
+from beamstiff.robot.description import Robot
+
+UNSEEN = 1e-3  # of a realistic deviation (1 mm, 1 mrad): less is not told
+
+
+@dataclass(frozen=True)
+class Recalibration:
+    """The geometry beside the causes, against the one that the robot's file describes.
+
+    Attributes
+    ----------
+    before : float, m
+        RMS position gap of the robot as described, the measuring frame fitted alone.
+    after : float, m
+        The same with the geometry fitted and no cause, on held-out postures.
+    changes : tuple of (Parameter, float)
+        Encoders' zeros, frames and reflectors that moved, and by how much (SI); the largest first, by
+        realistic deviations (1 mm, 1 mrad).
+    """
+
+    before: float
+    after: float
+    changes: tuple[tuple[Parameter, float], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data: gaps in mm, changes in SI."""
+        return {
+            "before_mm": 1e3 * self.before,
+            "after_mm": 1e3 * self.after,
+            "changes": {item.name: {"change": by, "unit": item.unit} for item, by in self.changes},
+        }
+
+
+def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None:
+    """Return what changed in the geometry of the `robot` that was found; None where it stays as described."""
+    model = found.model
+    if model.problem is None:
+        return None
+    changes = list(_changes(model.given, robot, model.problem.parameters))
+    changes.sort(key=lambda one: -abs(one[1]) / one[0].size)
+    return Recalibration(
+        before=verify(model.given, model.baseline.rows, refit_frame=True).after,
+        after=found.rms,
+        changes=tuple(changes),
+    )
+
+
+def _changes(
+    given: Robot, found: Robot, parameters: tuple[Parameter, ...]
+) -> Iterator[tuple[Parameter, float]]:
+    for item in parameters:
+        if item.group == "offset":
+            by = _zero(found, item.name) - _zero(given, item.name)
+        elif item.group == "frame" or (item.group == "target" and not item.name.startswith("target.")):
+            by = nominal_value(found, item) - nominal_value(given, item)
+        else:  # the measuring frame and the target's turn are no part of the robot; drives are told elsewhere
+            continue
+        if abs(by) > UNSEEN * item.size:
+            yield item, by
+
+
+def _zero(robot: Robot, name: str) -> float:
+    """Return by how much a joint's zero is off in the first frame that the joint moves alone, SI."""
+    for of_frame in frame_expressions(robot).values():
+        for expression in of_frame.values():
+            if set(expression.coefficients) == {name}:
+                return float(expression.constant / expression.coefficients[name])
+    return 0.0

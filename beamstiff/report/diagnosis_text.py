@@ -1,0 +1,343 @@
+"""A diagnosis in words: headline, summary, what the calibration changed, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.notes import FEW_VALUES, OFF
+from beamstiff.diagnosis.recalibration import Recalibration
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.report.diagnosis_words import (
+    causes,
+    closed,
+    hardly_checked,
+    in_words,
+    named,
+    one_posture,
+    percent,
+    percents,
+    postures,
+    second,
+    several,
+    stiffness_in_words,
+    tested,
+    told,
+)
+from beamstiff.report.tables import counted, scale_of
+from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
+from beamstiff.robot.stiffness import parameter_unit
+
+if TYPE_CHECKING:
+    from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
+
+LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
+NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
+UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
+SQUARES = "Percentages are of the mean square above noise: 75 % closed halves the gap."
+ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
+
+
+def verdict(result: Diagnosis) -> Verdict:
+    """Return the headline with the gap and its cause, the data, and the one thing to do next."""
+    head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
+    found, close, level = several(result), result.verdict.shrink, level_of(ratio)
+    gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
+    perhaps = "perhaps " if hardly_checked(result) else ""
+    if head == TOO_FEW:
+        said, level = head, "plain"
+    elif head == NOTHING.capitalize():
+        noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
+        said, level = f"Model and machine agree: {noise}", "agrees"
+    else:
+        level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
+        if found:
+            each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in found]
+            said = f"{gap}, {perhaps}{closed(found)} explained by {_shortly(each)}"
+        elif head == UNDECIDED:
+            said = f"{gap}, cause undecided"
+        elif result.verdict.effect == "unknown":
+            said = f"{gap}, cause unknown"
+        elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
+            share = "" if one_posture(result) else f"{percent(close.shrink)} "
+            alike = [key for key in result.indistinguishable if key != UNKNOWN]
+            said = f"{gap}, {perhaps}{share}explained by {_or_alike(causes(result), alike)}"
+        else:
+            said = f"{gap}, {head[0].lower()}{head[1:]}"
+        if perhaps and "explained" in said:
+            said += "; too few postures to check it"
+    return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+
+
+def _shortly(names: Sequence[str]) -> str:
+    """Return the first names, and how many there are beside them."""
+    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + rest
+
+
+def _or_alike(name: str, alike: Sequence[str]) -> str:
+    """Return a cause in words with what these data cannot distinguish from it."""
+    if not alike:
+        return name
+    more = f" or {len(alike) - 1} more" if len(alike) > 1 else ""
+    return f"{name} (or {in_words(alike[:1])}{more})"
+
+
+def _action(result: Diagnosis, head: str) -> str:
+    """Return the one thing to do next, as a sentence."""
+    if head == TOO_FEW:
+        return "Measure more rows; beamstiff plan chooses postures and loads."
+    if head == NOTHING.capitalize():
+        return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
+    to_check = [one for one in told(result) if one.effect in EFFECTS]
+    if not to_check:
+        states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
+        return states or "Measure other postures and load directions; beamstiff plan chooses them."
+    first = to_check[0]
+    said = f"To check {named(first)}, measure {EFFECTS[first.effect].separation}."
+    return f"{said} The states that --next FILE writes discriminate best." if result.next else said
+
+
+def stiffness_text(result: Diagnosis) -> str:
+    """Return, in words, which fitted stiffness is farthest from the file's; empty where none was fitted."""
+    finite = {
+        name: (given, value)
+        for name, (given, value) in result.fitted_stiffness.items()
+        if 0.0 < given < np.inf and name not in _undetermined(result)
+    }
+    if not finite:
+        return ""
+    name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
+    robot = result.baseline.nominal
+    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
+    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), None)
+    of = f"{name} (of {variable})" if variable else name
+    return (
+        f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
+        f"{stiffness_in_words(given)} {unit}."
+    )
+
+
+def _undetermined(result: Diagnosis) -> set[str]:
+    """Return fitted stiffness values whose compliance is known to no better than half of it."""
+    found, baseline = result.decomposition, result.baseline
+    if found is None:
+        names, sigma = baseline.fitted, baseline.sigma[baseline.used][:, None]
+        columns = baseline.tangent[baseline.used] / sigma
+    else:
+        names = found.model.given.identify if found.model.problem is not None else baseline.fitted
+        columns = found.model.tangent
+    if not names or columns.shape[1] < len(names):
+        return set()
+    std = np.linalg.norm(inverse_of(columns), axis=1)[-len(names) :]
+    fitted = result.fitted_stiffness
+    return {name for name, one in zip(names, std.tolist(), strict=True) if one * fitted[name][1] > 0.5}
+
+
+def remainder_text(found: Decomposition) -> str:
+    """Return, in words, what the causes leave of a gap, and what that follows."""
+    rest = found.remainder
+    said = f"Remainder: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)"
+    if rest.follows:
+        said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
+    if found.unclear:
+        share = percent(sum(one.closes for one in found.unclear))
+        said += f". Minor or undecided causes are a part of it ({share} of the gap): "
+        said += in_words([one.key for one in found.unclear])
+    return f"{said}."
+
+
+def summary(result: Diagnosis) -> str:
+    """Return the verdict in plain words."""
+    rms, noise = 1e3 * result.rms, 1e3 * result.noise
+    first = f"Gap {tested(result)}: {rms:.3f} mm RMS; noise floor {noise:.3f} mm{_scaled(result)}"
+    if not one_posture(result) and result.decomposition is None:
+        first += f"; {ELASTIC} {1e3 * result.ceiling:.3f} mm"
+    first += "."
+    verdict, head = result.verdict, headline(result)
+    if found := several(result):
+        return f"{first}\n{head}. {_of_several(found)}{_weak(result)}"
+    sure = percent(verdict.probability)
+    if head == UNDECIDED:
+        likely = ", ".join(
+            f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
+            for one in result.candidates[:NAMED]
+        )
+        structure = " The gap is systematic, not noise." if verdict.effect == "unknown" else ""
+        others = [key for key in result.indistinguishable if key != UNKNOWN]
+        alike = (
+            f"\nIndistinguishable from {named(verdict)} with these data: {in_words(others)}."
+            if others and verdict.effect != "unknown"
+            else ""
+        )
+        return f"{first}\n{head}: {likely}.{structure}{alike}"
+    if head == TOO_FEW:
+        return (
+            f"{first}\n{head}: they show nothing beyond noise, but so few rows could hardly show an effect."
+        )
+    if verdict.effect == "none":
+        far = " The rows scatter far more than the stated noise." if _factor(result) > OFF else ""
+        return f"{first}\n{head} ({sure}).{far}"
+    if verdict.effect == "unknown":
+        text = f"{first}\nUnknown ({sure}): the gap is systematic, and no effect in the library explains it."
+        if result.indistinguishable:
+            text += f"\nStill possible: {in_words(result.indistinguishable)}."
+        return text
+    also = second(result)
+    meaning = EFFECTS[verdict.effect].meaning
+    if also is not None:
+        sure += f" and {100 * also.probability:.0f} %"
+        meaning += f" {EFFECTS[also.effect].meaning}" if also.effect != verdict.effect else ""
+    text = f"{first}\n{head} ({sure}). {meaning}"
+    if verdict.shrink is not None and one_posture(result):
+        text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
+    elif verdict.shrink is not None:
+        share, interval = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        both = "it" if also is None else "both"
+        text += (
+            f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
+            f"gap above noise; 90 % interval {interval}), within the postures and load directions measured. "
+            f"{SQUARES}{_weak(result)}"
+        )
+    others = [key for key in result.indistinguishable if key != UNKNOWN]
+    if others and also is None:
+        text += f"\nIndistinguishable with these data: {in_words(others)}."
+    elif others:
+        text += f"\nPossible in place of one of the two: {in_words(others)}."
+    if UNKNOWN in result.indistinguishable:
+        open_to = sum(one.probability for one in result.candidates if one.key == UNKNOWN)
+        text += f"\nA cause outside the library remains possible ({percent(open_to)})."
+    if result.also is not None and also is None:
+        text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
+    if result.outliers:
+        text += f"\nOutliers, excluded from the fit: {', '.join(_by_line(result.outliers))}."
+    return text
+
+
+def _weak(result: Diagnosis) -> str:
+    """Return, in words, that the share is hardly checked; empty where it is."""
+    if not hardly_checked(result):
+        return ""
+    return (
+        f" {counted(postures(result), 'posture')} are too few to check these shares on held-out data: "
+        "measure fresh postures, and try the written robot on them (beamstiff verify)."
+    )
+
+
+def headline(result: Diagnosis) -> str:
+    """Return the verdict in a few words: as sure as its probability and its rows allow."""
+    verdict = result.verdict
+    if found := several(result):
+        names = _shortly([in_words([one.key]) for one in found])
+        return f"Cause{'s' * (len(found) > 1)} of {closed(found)} of the gap: {names}"
+    if verdict.effect == "none":
+        left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
+        if left < FEW_VALUES:
+            return TOO_FEW
+        return UNDECIDED if verdict.probability < LIKELY else NOTHING.capitalize()
+    if verdict.effect == "unknown":
+        if verdict.probability < LIKELY:
+            return UNDECIDED
+        return "A gap that no effect in the library explains"
+    plural = "" if second(result) is None else "s"
+    if verdict.probability >= LIKELY:
+        return f"Cause{plural}: {causes(result)}"
+    no_cause = (one.probability for one in result.candidates if one.effect in ("none", "unknown"))
+    if max(no_cause, default=0.0) > verdict.probability:
+        return UNDECIDED
+    return f"Likeliest cause{plural}: {causes(result)}"
+
+
+def _of_several(found: Sequence[Cause]) -> str:
+    """Return, in words, what several causes mean and what each closes."""
+    effects = dict.fromkeys(one.forms[0].effect for one in found)
+    meaning = " ".join(EFFECTS[effect].meaning for effect in effects)
+    each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
+    them = "all of them" if len(found) > 1 else "it"
+    left = f"{1e3 * found[-1].rms_after:.3f} mm"
+    return (
+        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}. Adding "
+        f"{them} reduces the residual to {left}. {SQUARES}"
+    )
+
+
+def _factor(result: Diagnosis) -> float:
+    """Return the noise that is counted with over the one that the table states, 1 where it states none."""
+    factor = result.features.get("noise_position", 1.0) * result.features.get("scale", 1.0)
+    return factor if result.baseline.claimed else 1.0
+
+
+def _scaled(result: Diagnosis) -> str:
+    """Return what the noise that is counted with is to the one that the table states."""
+    factor = _factor(result)
+    if 1.0 / OFF < factor < OFF:
+        return ""
+    return f" ({factor:.2g} times the stated noise)"
+
+
+def _by_line(rows: Sequence[str]) -> list[str]:
+    """Return rows, ``file:line`` each, in the order of the files."""
+    places = [row.rpartition(":") for row in rows]
+    order = sorted(places, key=lambda place: (place[0], int(place[2]) if place[2].isdigit() else 0))
+    return ["".join(place) for place in order]
+
+
+def proposed(result: Diagnosis) -> str:
+    """Return, in words, how many states the test plan proposes, and where else to read them."""
+    told: dict[str, float] = {}
+    for item in result.next:
+        told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
+    rivals = any(item["separates"] for item in result.next)
+    what = "discriminate best between the causes" if rivals else "bound the sizes best"
+    states = f"{counted(len(result.next) // len(told), 'state')} to {what}"
+    tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
+    for node, there in told.items():
+        times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"
+        near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]
+        place = f"{node} ({', '.join(near)})" if near else node
+        states += f"; also read a reflector on {place}, which discriminates{times}"
+    return states
+
+
+def separations(result: Diagnosis) -> list[str]:
+    """Return, in words, the measurements that separate the verdict from its look-alikes."""
+    keys = [one.key for one in told(result)]
+    effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
+    return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
+
+
+def recalibration_text(changed: Recalibration) -> list[str]:
+    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
+    gap = (
+        f"Geometry: the robot as described is off by {1e3 * changed.before:.3f} mm (measuring frame fitted), "
+        f"with its geometry calibrated and no cause by {1e3 * changed.after:.3f} mm on held-out data."
+    )
+    if not changed.changes:
+        return [gap]
+    each = ", ".join(
+        _change(item.name, item.group == "offset", by, item.unit) for item, by in changed.changes[:NAMED]
+    )
+    rest = len(changed.changes) - NAMED
+    more = f"; {rest} more in the JSON and in the robot that --apply writes" if rest > 0 else ""
+    return [gap, f"Largest changes of the geometry beside the causes: {each}{more}."]
+
+
+def _change(name: str, is_zero: bool, by: float, unit: str) -> str:
+    factor, shown = scale_of([by], unit)
+    return f"{'zero of ' if is_zero else ''}{name} {factor * by:+.3g} {shown}"
+
+
+def undecided_text(found: Decomposition) -> str:
+    """Return, in words, which effects of the written robot are undecided, and why they stand there."""
+    if not found.unclear:
+        return ""
+    each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
+    return (
+        f"undecided among the effects: {each}; the robot predicts best with them, but do not take them for "
+        "the cause"
+    )

@@ -1,0 +1,124 @@
+"""Names, shares and conditions that the texts, tables and pages of a diagnosis have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposed import cause_candidate
+from beamstiff.diagnosis.decomposition.held_out import FOLDS
+from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.report.tables import number
+
+if TYPE_CHECKING:
+    from beamstiff.diagnosis.decomposition.causes import Cause
+
+
+def postures(result: Diagnosis) -> int:
+    """Return how many postures were measured."""
+    return len(np.unique(result.baseline.rows.q, axis=0))
+
+
+def hardly_checked(result: Diagnosis) -> bool:
+    """Return whether too little was held out to believe what the causes close.
+
+    So are fewer postures than folds, a 90 % interval that begins below half of the share, and postures that,
+    with a fold left out, have fewer readings than the open parameters and the causes have values.
+    """
+    close, found = result.verdict.shrink, result.decomposition
+    if one_posture(result):
+        return False  # then no share is promised
+    count = postures(result)
+    if count < FOLDS:
+        return True
+    if found is not None and found.causes:
+        fitted = found.model.determined + sum(part.size for one in found.causes for part in one.theta)
+        # a posture tells of the geometry once, however often it is loaded
+        read = sum(
+            int(found.model.used[found.model.baseline.rows.pose == pose].any(axis=0).sum())
+            for pose in np.unique(found.model.baseline.rows.pose)
+        )
+        first = found.causes[0]
+        few = found.model.problem is not None and read * (FOLDS - 1) / FOLDS < fitted
+        return few or first.closes_interval[0] < 0.5 * first.closes
+    return close is not None and close.interval[0] < 0.5 * close.shrink
+
+
+def stiffness_in_words(value: float) -> str:
+    """Return a stiffness as it is read: a number, ``rigid`` or ``free``."""
+    return "rigid" if value == np.inf else number(value)
+
+
+def percent(share: float) -> str:
+    """Return a share in whole percent."""
+    return f"{100 * share:.0f} %"
+
+
+def percents(ends: Sequence[float]) -> str:
+    """Return the ends of an interval in whole percent."""
+    return f"{100 * ends[0]:.0f} to {100 * ends[1]:.0f} %"
+
+
+def several(result: Diagnosis) -> tuple[Cause, ...]:
+    """Return the causes of a gap that has more than one, or none that makes most of it; else none."""
+    found = result.decomposition
+    return () if found is None or (found.verdict and len(found.causes) == 1) else found.causes
+
+
+def closed(found: Sequence[Cause]) -> str:
+    """Return what several causes close together, in whole percent."""
+    return percent(min(sum(one.closes for one in found), 1.0))
+
+
+def causes(result: Diagnosis) -> str:
+    """Return the verdict, and the second cause that it closes with, in words."""
+    also = second(result)
+    return named(result.verdict) + ("" if also is None else f" and {named(also)}")
+
+
+def second(result: Diagnosis) -> Candidate | None:
+    """Return the second cause, fitted together with the first; wrong rows are none."""
+    return None if result.also is None or result.also.effect == "outliers" else result.also
+
+
+def one_posture(result: Diagnosis) -> bool:
+    """Return whether all rows are of one posture, so that none can be held out."""
+    return postures(result) < 2
+
+
+def tested(result: Diagnosis) -> str:
+    """Return, in words, what the gap is of."""
+    return "in one posture" if one_posture(result) else "on held-out data"
+
+
+def named(one: Candidate) -> str:
+    """Return a candidate in words."""
+    return in_words([one.key])
+
+
+def in_words(keys: Sequence[str]) -> str:
+    """Return effects, ``effect:component`` each, in words; names with spaces in quotation marks."""
+    parts = [key.partition(":") for key in keys]
+    return ", ".join(
+        effect if name in ("", "null") else f"{effect} at {quoted(name)}" for effect, _, name in parts
+    )
+
+
+def quoted(name: str) -> str:
+    """Return a name as a sentence holds it.
+
+    >>> quoted("link2"), quoted("upper arm")
+    ('link2', '"upper arm"')
+    """
+    return f'"{name}"' if any(sign.isspace() or sign == "," for sign in name) else name
+
+
+def told(result: Diagnosis) -> list[Candidate]:
+    """Return the verdict, its look-alikes and the second cause; of several causes all."""
+    if listed := several(result):
+        return [cause_candidate(one) for one in listed]
+    keys = {result.verdict.key, *result.indistinguishable}
+    found = [one for one in result.candidates if one.key in keys]
+    return [*found, *([result.also] if result.also is not None else [])]
