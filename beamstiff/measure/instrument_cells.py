@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NoReturn
@@ -34,7 +34,7 @@ def read_instruments(
     measured: Array,
     sigma: Array,
     absolute: bool,
-    reserved: Sequence[str],
+    reserved: Collection[str],
     raw: RawTable,
 ) -> Read:
     """Return rows with the readings of instruments among those of a tracker.
@@ -72,6 +72,8 @@ def read_instruments(
             wrong(
                 "target", f"found {shown(name)}, expected a name that the robot does not use, without a dot"
             )
+        if length[row] <= 0:
+            wrong("length", f"found {length[row]:g} m, expected a positive length")
         at = None if np.isnan(places[row]).all() else places[row]
         if at is not None and np.isnan(at).any():
             wrong("target_x", "found some of target_x target_y target_z empty, expected all or none")
@@ -85,8 +87,6 @@ def read_instruments(
                 wrong(column, f"found {reading[row]:g} m at a socket, expected nothing: it reads no number")
             measured[row, :3], sigma[row, :3] = 0.0, own[row]
         else:
-            if np.isnan(reading[row]):
-                wrong(column, f"found none, expected what the {kind} reads")
             measured[row, 0], sigma[row, 0] = reading[row], own[row]
         needed = kind == "gauge" or not absolute
         if needed and along is None:
@@ -101,7 +101,7 @@ def read_instruments(
         names[row] = name
         said = target(
             name,
-            kind,  # type: ignore[arg-type]
+            kind,
             place=at if absolute else None,
             normal=along if absolute else None,
             length=None if np.isnan(length[row]) else float(length[row]),
@@ -125,7 +125,7 @@ def _direction(cell: str, wrong: Wrong) -> Array | None:
         return None
     sign, axis = (-1.0 if text[0] == "-" else 1.0), text.lstrip("+-")
     if axis in ("x", "y", "z"):
-        return sign * np.eye(3)["xyz".index(axis)]
+        return np.asarray(sign * np.eye(3)["xyz".index(axis)])
     try:
         numbers = np.array([float(part) for part in text.split()])
         if numbers.shape != (3,):

@@ -53,8 +53,8 @@ def target(
     name: str,
     instrument: Instrument,
     *,
-    place: Sequence[float] | None = None,
-    normal: Sequence[float] | None = None,
+    place: Sequence[float] | Array | None = None,
+    normal: Sequence[float] | Array | None = None,
     length: float | None = None,
 ) -> Target:
     """Return a target with what is known of it; the rest is sought.
@@ -63,6 +63,7 @@ def target(
     (('x', 'y', 'z'), (1.0, 0.0, 0.0))
     """
     along = None if normal is None else unit_vector(normal, name)
+    sought: tuple[str, ...]
     if instrument in ("socket", "ball-bar"):
         sought = ("x", "y", "z") if place is None else ()
         sought += ("length",) if instrument == "ball-bar" and length is None else ()

@@ -122,7 +122,8 @@ def parse_measurements(
         columns = [values.get(name, np.full(len(raw.cells), default)) for name in names]
         return np.stack(columns, axis=1) if columns else np.zeros((len(raw.cells), 0))
 
-    reserved = [*RESERVED, "base", *(one.name for one in (*robot.nodes, *robot.frames, *robot.variables))]
+    reserved = {*RESERVED, "base", *(one.name for one in robot.nodes), *(one.name for one in robot.frames)}
+    reserved |= {one.name for one in robot.variables}
     read = read_instruments(
         cells,
         values,
