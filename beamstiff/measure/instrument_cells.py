@@ -67,7 +67,7 @@ def read_instruments(
         if not np.isnan(measured[row]).all():
             wrong("instrument", f"found a {kind} beside measured coordinates, expected empty cells there")
         name = cells["target"][row].strip() if "target" in cells else ""
-        name = name or kind
+        name = name or f"{kind} {cells['direction'][row].strip() if along is not None else ''}".strip()
         if name in reserved or "." in name or not name.isprintable():
             wrong(
                 "target", f"found {shown(name)}, expected a name that the robot does not use, without a dot"
@@ -103,7 +103,7 @@ def read_instruments(
             name,
             kind,
             place=at if absolute else None,
-            normal=along if absolute else None,
+            normal=along if absolute or kind != "ball-bar" else None,
             length=None if np.isnan(length[row]) else float(length[row]),
         )
         if not absolute:

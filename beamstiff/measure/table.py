@@ -177,8 +177,8 @@ class Measurements:
         """The number of the unloaded reading of each row, (N,): one a pose and reflector; -1 its own."""
         if not self.shared_unloaded:
             return np.full(len(self), -1)
-        reflector = np.unique(self.point, return_inverse=True)[1]
-        return equal_rows(np.stack([self.pose, reflector], axis=1).astype(np.float64))
+        reflector, set_up = (np.unique(names, return_inverse=True)[1] for names in (self.point, self.target))
+        return equal_rows(np.stack([self.pose, reflector, set_up], axis=1).astype(np.float64))
 
     def place(self, row: int) -> str:
         """Return where a row stands, as ``file:line``."""
