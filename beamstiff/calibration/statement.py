@@ -83,7 +83,9 @@ def build_calibration(
         raise BeamstiffError(
             f"{rows.source}: found a {rows.targets[0].instrument} beside stations, which only trackers have"
         )
-    chosen = (*choose_parameters(robot, known, parameters, fixed, last), *instrument_parameters(rows))
+    set_ups = instrument_parameters(rows)
+    alone = set_ups and parameters is not None and not parameters
+    chosen = set_ups if alone else (*choose_parameters(robot, known, parameters, fixed, last), *set_ups)
     opening = opening_parameters(build_geometry(robot, rows, chosen, places))
     refuse_opening(opening, [*(parameters or ()), *(priors or ())])
     chosen = tuple(item for item in chosen if item.name not in opening)
