@@ -116,10 +116,11 @@ class Problem:
         there = replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1))
         geometry, compliance = self.split(self.expected)
         elastic = build_elastic(robot, rows, self.elastic.names)
-        columns = there.jacobian(geometry, elastic.displacement(compliance))[1]
-        if not compliance.size:
-            return columns
-        return np.concatenate([columns, _turned(elastic.columns(compliance), there.turn(geometry))], axis=2)
+        placed, columns = there.jacobian(geometry, elastic.displacement(compliance))
+        if compliance.size:
+            turned = _turned(elastic.columns(compliance), there.turn(geometry))
+            columns = np.concatenate([columns, turned], axis=2)
+        return linearised_rows(rows, self.parameters, self.values(self.expected), placed.position, columns)
 
     def some(self, chosen: ArrayLike) -> Problem:
         """Return the problem of some rows: a mask, or indices."""
