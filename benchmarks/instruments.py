@@ -118,10 +118,12 @@ def seated(
         for _ in range(3):  # the machine itself brings its point there, not its model
             off, toward = reached(one, readings(reality, still(robot, states))[:, :3])
             slopes = toward @ twist_jacobian(kinematics, posture(kinematics, states), robot.tcp)[:, :3]
-            states = states - np.clip((np.linalg.pinv(slopes, rcond=1e-3) @ off[..., None])[..., 0], -0.05, 0.05)
+            states = states - np.clip(
+                (np.linalg.pinv(slopes, rcond=1e-3) @ off[..., None])[..., 0], -0.05, 0.05
+            )
         off, _ = reached(one, readings(reality, still(robot, states))[:, :3])
-        off = off[np.abs(off).max(axis=1) < 1e-3]
-        states = states[: len(off)] if len(off) == len(states) else states[np.abs(reached(one, readings(reality, still(robot, states))[:, :3])[0]).max(axis=1) < 1e-3]
+        there = np.abs(off).max(axis=1) < 1e-3
+        off, states = off[there], states[there]
         values = np.full((len(states), 3), np.nan)
         values[:, : off.shape[1]] = off + NOISE * rng.standard_normal(off.shape)
         q.append(states)
@@ -164,30 +166,40 @@ def every_instrument(
 def calibration() -> None:
     """Print how many parameters of the robot each instrument finds, and the error on fresh postures."""
     robot = load_robot("kr500")
-    robot = robot.with_parameters({name: np.inf for name in robot.identify})
+    robot = robot.with_parameters(dict.fromkeys(robot.identify, np.inf))
     usual = [f"{frame.name}.{part}" for frame in robot.frames for part in ("alpha", "d", "r", "beta")]
     usual += [variable.name for variable in robot.actuated]
     low, high = np.array([variable.limits for variable in robot.actuated]).T
     found: dict[str, list[tuple[float, ...]]] = {}
     for number in range(MACHINES):
         rng = np.random.default_rng([31, number])
-        real = corrected(robot, {name: 1e-3 * rng.standard_normal() for name in usual}, 0.5 * (low + high)[None])
+        real = corrected(
+            robot, {name: 1e-3 * rng.standard_normal() for name in usual}, 0.5 * (low + high)[None]
+        )
         fresh = rng.uniform(low, high, (200, len(low)))
         truth = tcp_at(real, fresh)
         try:
-            tables = list(every_instrument(robot, Reality_of(real), rng))
+            tables = list(every_instrument(robot, reality_of(real, ()), rng))
         except BeamstiffError:
             continue
         for name, rows in tables:
             fit = calibrate(robot, rows, folds=0)
-            own = sum(p.identified and p.parameter.group in ("offset", "frame", "target") for p in fit.parameters)
-            places = tcp_at(fit.robot, fresh)
-            rigid = fit_rigid_motion(places, truth).rms
-            scaled = fit_rigid_motion(places, truth, with_scale=True).rms
+            own = sum(
+                p.identified and p.parameter.group in ("offset", "frame", "target") for p in fit.parameters
+            )
+            there = tcp_at(fit.robot, fresh)
+            rigid = fit_rigid_motion(there, truth).rms
+            scaled = fit_rigid_motion(there, truth, with_scale=True).rms
             before = fit_rigid_motion(tcp_at(robot, fresh), truth).rms
-            found.setdefault(name, []).append((len(rows), rows.measured_mask.sum(), own, before, rigid, scaled))
-    print(f"{len(found['tracker'])} machines (kr500, 1 mm and 1 mrad of every usual parameter), noise 0.02 mm; mm")
-    print(f"{'instrument':12}{'rows':>6}{'values':>8}{'identified':>12}{'before':>9}{'fresh':>9}{'but for scale':>15}")
+            found.setdefault(name, []).append(
+                (len(rows), rows.measured_mask.sum(), own, before, rigid, scaled)
+            )
+    print(
+        f"{len(found['tracker'])} machines (kr500, 1 mm and 1 mrad of every usual parameter), noise 0.02 mm; mm"
+    )
+    print(
+        f"{'instrument':12}{'rows':>6}{'values':>8}{'identified':>12}{'before':>9}{'fresh':>9}{'but for scale':>15}"
+    )
     for name, values in found.items():
         rows, count, own, before, rigid, scaled = np.median(np.array(values), axis=0)
         print(
@@ -199,11 +211,6 @@ def tcp_at(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Return where the TCP of an undeformed robot is, (P, 3)."""
     kinematics = compile_kinematics(robot)
     return posture(kinematics, q).node_positions[:, kinematics.node_index[robot.tcp]]
-
-
-def Reality_of(robot: Robot) -> Reality:
-    """Return a machine without effects."""
-    return reality_of(robot, ())
 
 
 def drawn(effect: str, kind: str, count: int) -> Iterator[Case]:
@@ -243,7 +250,6 @@ def along(rows: Measurements, direction: np.ndarray, name: str) -> Measurements:
     """Return displacements as read along one direction in each row, (N, 3)."""
     moved = np.full((len(rows), 6), np.nan)
     moved[:, 0] = (direction * rows.displacement[:, :3]).sum(axis=1)
-    # `replace` keeps a cached property of no other rows: axes are computed anew of the new object
     return replace(
         rows,
         displacement=moved,
@@ -262,9 +268,15 @@ def by_displacement(case: Case, rng: np.random.Generator) -> Iterator[tuple[str,
     yield "gauge, z", along(every, np.broadcast_to([0.0, 0.0, 1.0], point.shape).copy(), "z")
     load = every.wrench[:, :3]
     size = np.linalg.norm(load, axis=1, keepdims=True)
-    yield "gauge, along load", along(every, np.where(size > 0, load / np.where(size > 0, size, 1), [0, 0, 1.0]), "l")
+    yield (
+        "gauge, along load",
+        along(every, np.where(size > 0, load / np.where(size > 0, size, 1), [0, 0, 1.0]), "l"),
+    )
     base = point.mean(axis=0) + [0.0, 0.0, -0.3]
-    yield "ball-bar", along(every, (point - base) / np.linalg.norm(point - base, axis=1, keepdims=True), "bar")
+    yield (
+        "ball-bar",
+        along(every, (point - base) / np.linalg.norm(point - base, axis=1, keepdims=True), "bar"),
+    )
 
 
 def table_of(kind: str, count: int) -> None:
@@ -273,7 +285,10 @@ def table_of(kind: str, count: int) -> None:
     said: dict[tuple[str, str], Counter[str]] = {}
     names: dict[str, None] = {}
     for effect in effects:
-        for number, case in enumerate(drawn(effect, kind, count)):
+        told = 0
+        for number, case in enumerate(drawn(effect, kind, 3 * count)):
+            if told == count:
+                break
             rng = np.random.default_rng([31, number])
             try:
                 if kind == "absolute":
@@ -283,6 +298,7 @@ def table_of(kind: str, count: int) -> None:
             except BeamstiffError as error:
                 print(f"    {effect} {number}: no states: {error}", file=sys.stderr)
                 continue
+            told += 1
             for name, rows in tables:
                 names[name] = None
                 found = judged(case, rows)
@@ -292,7 +308,9 @@ def table_of(kind: str, count: int) -> None:
     print(f"{'effect':22}" + "".join(f"{name:>20}" for name in names))
     for effect in effects:
         cells = [said.get((effect, name), Counter()) for name in names]
-        texts = [f"{c['named']} / {c['in set']} / {c['unknown'] + c['refused']} / {c['other']}" for c in cells]
+        texts = [
+            f"{c['named']} / {c['in set']} / {c['unknown'] + c['refused']} / {c['other']}" for c in cells
+        ]
         print(f"{effect:22}" + "".join(f"{text:>20}" for text in texts))
 
 

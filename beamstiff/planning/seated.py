@@ -12,9 +12,9 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.instruments import Target
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.planning.poses import random_poses
+from beamstiff.planning.poses import closed_posture, random_poses
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
+from beamstiff.robot.kinematics import compile_kinematics, twist_jacobian
 from beamstiff.se3 import Array
 
 STEPS = 40
@@ -44,11 +44,13 @@ def seated_postures(robot: Robot, one: Target, count: int, seed: int, point: str
     low, high = np.array(limits).T
     q = random_poses(kinematics, DRAWN * count, np.random.default_rng(seed))
     for _ in range(STEPS):
-        where = posture(kinematics, q)
+        where, closed = closed_posture(kinematics, q)
+        q = q[closed]
         off, toward = reached(one, where.node_positions[:, kinematics.node_index[node]])
         slopes = toward @ twist_jacobian(kinematics, where, node)[:, :3]
         q = q - np.clip((np.linalg.pinv(slopes, rcond=1e-6) @ off[..., None])[..., 0], -0.3, 0.3)
-    where = posture(kinematics, q)
+    where, closed = closed_posture(kinematics, q)
+    q = q[closed]
     off, _ = reached(one, where.node_positions[:, kinematics.node_index[node]])
     good = (np.abs(off).max(axis=1) < THERE) & ((q >= low) & (q <= high)).all(axis=1)
     return np.asarray(q[good][:count])
