@@ -35,7 +35,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 
 NOISE = 2e-5  # m, of every reading
-MACHINES = 20  # calibrated
+MACHINES = 10  # calibrated
 CASES = 2  # of each effect
 ROBOTS = ("kr240-2",)  # of the exam's: closed loops take minutes to be brought to their seats
 OF_WEIGHT = (  # effects that unloaded states can show: geometry, and what the machine's own weight does

@@ -100,9 +100,10 @@ def build_calibration(
     if rows.targets:
         geometry = replace(geometry, rows=begun(rows, problem.placed(begin).position))
         problem = replace(problem, geometry=geometry)
-        begin = consistent(problem, begin)
-    _, jacobian = problem.linearised(begin, deformed=False)
+    near = consistent(problem, begin) if rows.targets else begin
+    _, jacobian = problem.linearised(near, deformed=False)
     seen = observability(jacobian, every, noticed)
+    begin = np.where(np.isin(seen.names, seen.identified), near, begin)
     if not seen.identified:
         raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
     told = problem.count + int(np.isfinite(problem.prior).sum())
