@@ -104,6 +104,16 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
     )
 
 
+def require_tracker(measurements: Measurements, what: str) -> None:
+    """Refuse rows of instruments that say no position, for what needs positions."""
+    alone = np.flatnonzero(~measurements.by_tracker)
+    if alone.size:
+        raise BeamstiffError(
+            f"{measurements.place(int(alone[0]))}: instrument: {what} needs positions or displacements (x y z, "
+            "dx dy dz) in every row; such readings are for calibrate, identify and diagnose"
+        )
+
+
 def history_order(measurements: Measurements) -> Integers:
     """Return the rows in the order in which the machine went through them, as indices (N,).
 
