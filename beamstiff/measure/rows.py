@@ -109,8 +109,8 @@ def require_tracker(measurements: Measurements, what: str) -> None:
     alone = np.flatnonzero(~measurements.by_tracker)
     if alone.size:
         raise BeamstiffError(
-            f"{measurements.place(int(alone[0]))}: instrument: {what} needs positions or displacements (x y z, "
-            "dx dy dz) in every row; such readings are for calibrate, identify and diagnose"
+            f"{measurements.place(int(alone[0]))}: instrument: {what} needs x y z or dx dy dz in every row; "
+            "such readings are for calibrate, identify and diagnose"
         )
 
 
