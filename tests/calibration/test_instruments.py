@@ -184,7 +184,7 @@ def test_three_gauges_at_a_point_are_a_tracker_in_the_base_frame() -> None:
     one, other = (calibrate(serial(), some, fixed=["base"], folds=0) for some in (rows, split))
     assert one.observability.identified == other.observability.identified
     for a, b in zip(one.parameters, other.parameters, strict=True):
-        assert b.value == pytest.approx(a.value, abs=1e-8)
+        assert b.value == pytest.approx(a.value, abs=1e-9)
         assert b.std == (None if a.std is None else pytest.approx(a.std, rel=1e-6))
 
 
