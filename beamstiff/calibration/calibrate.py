@@ -11,6 +11,7 @@ from scipy import stats
 from beamstiff.calibration.corrected import corrected, nominal_value
 from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
+from beamstiff.calibration.instruments import settled_rows, start_of
 from beamstiff.calibration.observability import NOTICED, observability
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
@@ -96,7 +97,7 @@ def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
     for item, value in zip(problem.parameters, theta.tolist(), strict=True):
         if item.group == "compliance":
             stiffness[item.name] = np.inf if is_rigid(item, value) else 1.0 / value
-        elif item.group != "base":
+        elif item.group not in ("base", "instrument"):
             changes[item.name] = value
     return corrected(robot, changes, problem.geometry.poses[:1]).with_parameters(stiffness)
 
@@ -116,7 +117,8 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     sought = set(statement.identified)
     parameters = []
     for item, value, start, spread in zip(problem.parameters, theta, problem.expected, std, strict=True):
-        nominal = nominal_value(statement.robot, item)
+        instrument = item.group == "instrument"
+        nominal = start_of(problem.rows, item.name) if instrument else nominal_value(statement.robot, item)
         found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.bases(problem.split(theta)[0])
@@ -148,6 +150,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         costs=found.costs,
         notes=(*statement.notes, *_notes(problem, found, factor, widened), *left_out),
         statement=statement,
+        targets=settled_rows(problem.rows, problem.values(theta)).targets,
     )
 
 

@@ -9,6 +9,7 @@ A parameter is a deviation from the robot as it is described:
 ``base.x``, ``base.rx`` where the robot's base stands in the measuring frame; ``base2.x`` in that of
                         the second table, where each has its own
 ``target.rx``           how the measured target is turned against the frame of the TCP
+``S1.x``                the place of a socket, and what else is sought of instruments without a tracker
 ``J2.torsional``        a compliance, 1 / stiffness, sought together with the geometry
 ======================  =======================================================================
 
@@ -27,7 +28,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS
 from beamstiff.robot.stiffness import stiffness_parameters
 
-Group = Literal["base", "target", "offset", "frame", "compliance"]
+Group = Literal["base", "target", "instrument", "offset", "frame", "compliance"]
 AXES = ("x", "y", "z")
 TURNS = ("rx", "ry", "rz")
 LENGTH, ANGLE = 1e-3, 1e-3  # m, rad: realistic deviations of parts that were machined
@@ -44,7 +45,7 @@ class Parameter:
     """A parameter of the geometry, or a compliance sought along with it."""
 
     name: str
-    group: Group  # ``"base"``, ``"target"``, ``"offset"``, ``"frame"`` or ``"compliance"``
+    group: Group  # ``"base"``, ``"target"``, ``"instrument"``, ``"offset"``, ``"frame"`` or ``"compliance"``
     unit: str  # ``"m"``, ``"rad"``, or of a compliance ``"m/N"`` or ``"rad/(N*m)"``
     size: float  # a realistic deviation, by which columns of different units compare
     rank: int  # from `SETUP` to `LAST`

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.calibration.elastic import Elastic, build_elastic
 from beamstiff.calibration.error_jacobian import Geometry, Indices, Placed
+from beamstiff.calibration.instruments import gap_of_rows, linearised_rows
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.measure.rows import subset
@@ -60,9 +61,13 @@ class Problem:
 
     def gap(self, theta: Array) -> Array:
         """Return measured less predicted, (N, 6), m and rad, measuring frame; 0 where not measured."""
-        return self.gap_from(self.placed(theta))
+        return self.gap_from(self.placed(theta), theta)
 
-    def gap_from(self, placed: Placed) -> Array:
+    def values(self, theta: Array) -> dict[str, float]:
+        """Return the geometry's parameters by name."""
+        return dict(zip((item.name for item in self.parameters), theta.tolist(), strict=True))
+
+    def gap_from(self, placed: Placed, theta: Array) -> Array:
         """Return measured less predicted, (N, 6), where the points are predicted; 0 where not measured."""
         result = np.zeros(self.used.shape)
         position, rotation = self.used[:, :3], self.used[:, 3:].all(axis=1)
@@ -70,7 +75,7 @@ class Problem:
         if rotation.any():
             seen = rotation_from_vector(self.rows.rotation[rotation])
             result[rotation, 3:] = vector_from_rotation(seen @ placed.rotation[rotation].swapaxes(-1, -2))
-        return result
+        return gap_of_rows(self.rows, self.values(theta), placed.position, result)
 
     def residuals(self, theta: Array) -> Array:
         """Return weighed residuals (n + p,), with one behind them for each prior."""
@@ -94,11 +99,12 @@ class Problem:
         if compliance.size:
             moved = _turned(self.elastic.columns(compliance), self.geometry.turn(geometry))
             jacobian = np.concatenate([jacobian, moved], axis=2)
+        jacobian = linearised_rows(self.rows, self.parameters, self.values(theta), placed.position, jacobian)
         weighed = (jacobian / self.sigma[:, :, None])[self.used]
         known = np.flatnonzero(np.isfinite(self.prior))
         priors = np.zeros((known.size, len(self.parameters)))
         priors[np.arange(known.size), known] = 1.0 / self.prior[known]
-        return self._weighed(self.gap_from(placed), theta), np.concatenate([weighed, priors])
+        return self._weighed(self.gap_from(placed, theta), theta), np.concatenate([weighed, priors])
 
     def ahead(self, robot: Robot, rows: Measurements) -> Array:
         """Return what a unit of each parameter adds to other rows, measured or not, (R, 6, t).
@@ -110,10 +116,11 @@ class Problem:
         there = replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1))
         geometry, compliance = self.split(self.expected)
         elastic = build_elastic(robot, rows, self.elastic.names)
-        columns = there.jacobian(geometry, elastic.displacement(compliance))[1]
-        if not compliance.size:
-            return columns
-        return np.concatenate([columns, _turned(elastic.columns(compliance), there.turn(geometry))], axis=2)
+        placed, columns = there.jacobian(geometry, elastic.displacement(compliance))
+        if compliance.size:
+            turned = _turned(elastic.columns(compliance), there.turn(geometry))
+            columns = np.concatenate([columns, turned], axis=2)
+        return linearised_rows(rows, self.parameters, self.values(self.expected), placed.position, columns)
 
     def some(self, chosen: ArrayLike) -> Problem:
         """Return the problem of some rows: a mask, or indices."""

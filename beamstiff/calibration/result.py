@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,8 +21,10 @@ from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
     from beamstiff.calibration.statement import Statement
+    from beamstiff.measure.instruments import Target
     from beamstiff.measure.table import Measurements
 
+NO_GEOMETRY = ("compliance", "instrument")
 CORRELATION_DIGITS = 3  # behind the point, as written
 
 
@@ -92,7 +94,11 @@ def calibrated_parameters(
 
     What an earlier calibration says `before` of parameters that this one held stays.
     """
-    at = [k for k, item in enumerate(found) if item.std and item.parameter.group != "compliance"]
+    at = [
+        k
+        for k, item in enumerate(found)
+        if item.std and item.parameter.group not in ("compliance", "instrument")
+    ]
     fitted = {found[k].name for k in at}
     stays = [k for k, item in enumerate(before) if item.name not in fitted]
     kept = [
@@ -143,6 +149,7 @@ class Calibration(Shown):
     costs: Array  # (iterations + 1,)
     notes: tuple[str, ...] = ()
     statement: Statement | None = None  # what was estimated
+    targets: tuple[Target, ...] = ()  # of instruments without a tracker, as found, in the measuring frame
     rows: Measurements | None = None  # what was fitted
     tests: Mapping[str, Errors] = field(default_factory=dict)  # on other readings, by name
 
@@ -216,6 +223,7 @@ class Calibration(Shown):
             "base": self.base.tolist(),
             "bases": self.bases.tolist(),
             "target": self.target.tolist(),
+            **({"instruments": [asdict(one) for one in self.targets]} if self.targets else {}),
             "nominal": self.before.to_dict(),
             "calibrated": self.after.to_dict(),
             "held_out": None if self.held_out is None else self.held_out.to_dict(),

@@ -16,6 +16,7 @@ from beamstiff.calibration.elastic import (
 )
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
+from beamstiff.calibration.instruments import begun, instrument_parameters, knows_a_frame
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
 from beamstiff.calibration.problem import Problem, build_problem
@@ -76,7 +77,15 @@ def build_calibration(
     turned = bool(rows.measured_mask[:, 3:].any())
     places = len(rows.sources) if stations else 1
     known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned, places)
-    chosen = choose_parameters(robot, known, parameters, fixed, last)
+    if not knows_a_frame(rows):  # every frame that the set-ups are in is as good as the robot's own
+        fixed = (*fixed, *base_names(places))
+    if rows.targets and stations:
+        raise BeamstiffError(
+            f"{rows.source}: found a {rows.targets[0].instrument} beside stations, which only trackers have"
+        )
+    set_ups = instrument_parameters(rows)
+    alone = set_ups and parameters is not None and not parameters
+    chosen = set_ups if alone else (*choose_parameters(robot, known, parameters, fixed, last), *set_ups)
     opening = opening_parameters(build_geometry(robot, rows, chosen, places))
     refuse_opening(opening, [*(parameters or ()), *(priors or ())])
     chosen = tuple(item for item in chosen if item.name not in opening)
@@ -88,8 +97,13 @@ def build_calibration(
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
     problem = build_problem(geometry, elastic, every, start, priors)
     begin = registered(problem, start)
-    _, jacobian = problem.linearised(begin, deformed=False)
+    if rows.targets:
+        geometry = replace(geometry, rows=begun(rows, problem.placed(begin).position))
+        problem = replace(problem, geometry=geometry)
+    near = consistent(problem, begin) if rows.targets else begin
+    _, jacobian = problem.linearised(near, deformed=False)
     seen = observability(jacobian, every, noticed)
+    begin = np.where(np.isin(seen.names, seen.identified), near, begin)
     if not seen.identified:
         raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
     told = problem.count + int(np.isfinite(problem.prior).sum())
@@ -108,6 +122,15 @@ def build_calibration(
             "is left to check the fit"
         )
     return Statement(robot, problem, begin, seen, tuple(notes))
+
+
+def consistent(problem: Problem, begin: Array) -> Array:
+    """Return parameters (t,) near what the robot says, at which points sit where the instruments have them.
+
+    Off them a turn of the whole robot, or its scale, would seem to show in readings that it leaves alone.
+    """
+    near = replace(problem, prior=np.minimum(problem.prior, problem.size))
+    return estimate(near, begin, [item.name for item in problem.parameters]).theta
 
 
 def _check_readings(robot: Robot, rows: Measurements) -> None:
@@ -185,7 +208,7 @@ def registered(problem: Problem, theta: Array) -> Array:
     turn = np.tile(np.eye(3), (len(problem.rows), 1, 1))
     for station, base in enumerate(base_names(problem.geometry.stations)):
         sought = [at[f"{base}.{name}"] for name in (*AXES, *TURNS) if f"{base}.{name}" in at]
-        own = problem.geometry.station == station
+        own = (problem.geometry.station == station) & problem.rows.by_tracker
         seen = own & problem.used[:, :3].all(axis=1)
         if len(sought) < 6:
             continue
@@ -211,7 +234,7 @@ def rigid_gap(problem: Problem) -> Array:
     Base and target are fitted where they are sought, so that what is left is the robot's.
     """
     start = registered(problem, problem.expected)
-    placing = [item.name for item in problem.parameters if item.group in ("base", "target")]
+    placing = [item.name for item in problem.parameters if item.group in ("base", "target", "instrument")]
     if not placing:
         return problem.gap(start)
     free = replace(problem, prior=np.full(len(start), np.inf))

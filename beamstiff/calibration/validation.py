@@ -9,6 +9,7 @@ import numpy as np
 from beamstiff.calibration.elastic import build_elastic
 from beamstiff.calibration.error_jacobian import build_geometry
 from beamstiff.calibration.estimate import Estimate, estimate
+from beamstiff.calibration.instruments import begun, turned_rows
 from beamstiff.calibration.problem import Problem, build_problem
 from beamstiff.calibration.result import Calibration, Errors, errors_of
 from beamstiff.calibration.statement import Statement
@@ -59,11 +60,15 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
     seen = placed.rotation if target is None else placed.rotation @ target
     position = (turn @ placed.position[:, :, None])[:, :, 0] + shift
     moved = replace(placed, position=position, rotation=turn @ seen)
-    return np.where(problem.used, problem.gap_from(moved), np.nan)
+    if rows.targets:  # set-ups that are not known are where they fit best
+        problem = replace(problem, geometry=replace(geometry, rows=begun(rows, position)))
+    return np.where(problem.used, problem.gap_from(moved, np.zeros(0)), np.nan)
 
 
 def errors_on(found: Calibration, rows: Measurements, station: int = 0) -> Errors:
     """Return the errors of a calibrated robot on other readings, in the measuring frame of a station."""
+    known = {one.name: one for one in found.targets}
+    rows = replace(rows, targets=tuple(known.get(one.name, one) for one in rows.targets))
     gap = gap_of(found.robot, rows, found.bases[station], found.target)
     return errors_of(np.nan_to_num(gap), rows.measured_mask)
 
@@ -81,4 +86,9 @@ def in_base_frame(found: Calibration, rows: Measurements) -> Measurements:
         seen = back[known] @ rotation_from_vector(rotation[known]) @ found.target.T
         rotation[known] = vector_from_rotation(seen)
     position = (back @ (rows.position - shift)[:, :, None])[:, :, 0]
-    return replace(rows, position=position, rotation=rotation)
+    there = replace(rows, position=position, rotation=rotation)
+    if not rows.targets:
+        return there
+    there = replace(there, position=np.where(rows.by_tracker[:, None], position, rows.position))
+    there = replace(there, targets=found.targets)
+    return turned_rows(there, stands[0, :3, :3], shift[0], found.predicted[:, :3])

@@ -23,6 +23,7 @@ def plan(
     criterion: str = option("D|A|E", "What to make small: volume, mean or worst of the errors.", "D"),
     sigma_position: str = option("LENGTH", "Noise of a measured displacement.", "0.03 mm"),
     sigma_rotation: str | None = option("ANGLE", "Noise of a measured rotation; default: none is measured."),
+    gauges: str | None = option("AXES", "What dial gauges read along, such as z; default: a tracker."),
     parameters: list[str] | None = option(
         "NAME,...", "Stiffness values to find; default: what the robot lists under `identify`."
     ),
@@ -73,6 +74,7 @@ def plan(
             criterion=criterion,
             sigma_position=sigma_position,
             sigma_rotation=sigma_rotation,
+            gauges=parse_names([gauges] if gauges else None) or (),
             region=where,
             candidates=candidates,
             seed=seed,

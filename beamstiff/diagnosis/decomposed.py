@@ -50,6 +50,8 @@ def beside_calibration(
     told = tuple(chosen_for(robot))
     if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
+    if rows.targets:
+        return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
@@ -63,6 +65,20 @@ def beside_calibration(
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
     needless = left < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
     return None if needless else diagnosis_of(found, told)
+
+
+def _simplest(
+    found: Decomposition, robot: Robot, rows: Measurements, prior: Prior, seed: int
+) -> Decomposition:
+    """Return the decomposition with the geometry as described, but for set-ups, if it leaves no more."""
+    try:
+        closed = decompose(robot, rows, prior=prior, seed=seed, opened=((),))
+    except BeamstiffError:  # nothing of the set-ups is open, or the machine may buckle
+        return found
+    forms = [form for cause in (*closed.causes, *closed.unclear) for form in cause.forms]
+    errors = sum(form.effect in OF_GEOMETRY for form in forms)
+    needless = closed.scatter < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
+    return closed if needless else found
 
 
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:

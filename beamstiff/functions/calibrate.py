@@ -19,7 +19,7 @@ from beamstiff.functions.checks import effects_text, names_of, whole, without_mo
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.doubts import stands_doubts
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity
 
@@ -97,6 +97,8 @@ def calibrate(
         raise OptionError("test", "beside stations it is not said where the robot stood; leave one out")
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
+    if machine.effects:
+        require_tracker(rows, "the calibration of a robot with effects")
     said: dict[str, Any] = {
         "parameters": names_of("parameters", parameters),
         "fixed": names_of("fixed", fixed) or (),

@@ -14,7 +14,7 @@ from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.robot.coerce import RobotLike
 
 
@@ -77,6 +77,7 @@ def compare(
     doubts = doubts_of(machine, tables)
     options = Options(None if chosen is None else tuple(chosen), cube, seed, separate)
     every = concatenate(tables)
+    require_tracker(every, "compare")
     doubts += displacement_doubts(machine, every, chosen or fitted_names(machine))
     with doubted(doubts):
         bare, rows = without_effects(machine, every)

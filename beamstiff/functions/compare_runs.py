@@ -28,6 +28,7 @@ from beamstiff.identification.relations import INVERSE_UNITS
 from beamstiff.identification.result import Identification
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import TableLike, as_tables, doubts_of
+from beamstiff.measure.rows import require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
@@ -95,6 +96,8 @@ def compare_runs(
         raise OptionError("level", f"found {shown(level)}, expected a number above 0 and below 1")
     names, fixed = names_of("parameters", parameters), names_of("fixed", fixed) or []
     tables = [as_tables(one, machine)[0] for one in (a, b)]
+    for table in tables:
+        require_tracker(table, "compare-runs")
     kinds = [one.kind for one in tables]
     if kinds[0] != kinds[1]:
         told = ["displacements" if kind == "displacement" else "absolute positions" for kind in kinds]

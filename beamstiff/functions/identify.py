@@ -30,7 +30,7 @@ from beamstiff.identification.separate import with_separations
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import counted_once
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.parallel import check_places
 from beamstiff.robot.coerce import RobotLike
@@ -159,6 +159,8 @@ def identify(
     tables = as_tables(data, machine)
     doubts = doubts_of(machine, tables)
     rows = counted_once(concatenate(tables))
+    if kind is not None:
+        require_tracker(rows, "a model of elasticity")
     if errors is None and rows.sigma_load is not None:
         errors = InputErrors(load=rows.sigma_load)
     names = names_of("parameters", parameters)

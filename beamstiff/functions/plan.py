@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -128,6 +128,7 @@ def plan(
     criterion: str = "D",
     sigma_position: float | str = 3e-5,
     sigma_rotation: float | str | None = None,
+    gauges: Sequence[str] = (),
     region: Sequence[tuple[float, float]] | None = None,
     candidates: int = 300,
     seed: int = 0,
@@ -154,6 +155,8 @@ def plan(
         What to make small: volume, mean or worst of the errors.
     sigma_position, sigma_rotation : float or str, m and rad
         Noise of a measured displacement and rotation; no rotation is measured by default.
+    gauges : sequence of str
+        Directions, base frame, along which dial gauges read, such as ``"z"``; default: a tracker reads all.
     region : three pairs, m, optional
         Least and largest x, y, z of the TCP.
     candidates : int
@@ -186,7 +189,7 @@ def plan(
     by = str(criterion).upper()
     if by not in CRITERIA:
         one_of("criterion", criterion, CRITERIA)
-    noise = _noise(sigma_position, sigma_rotation)
+    noise = replace(_noise(sigma_position, sigma_rotation), gauges=_gauges(gauges, sigma_rotation))
     wrenches = _loads(force, moment, directions) if loads is None else np.asarray(loads, dtype=np.float64)
     names = names_of("parameters", parameters)
     drawn = candidate_poses(compile_kinematics(machine), candidates, seed, region)
@@ -207,6 +210,19 @@ def plan(
         unit="test" if poses is None else "pose",
         seed=seed,
     )
+
+
+def _gauges(gauges: Sequence[str], sigma_rotation: float | str | None) -> tuple[str, ...]:
+    names = tuple(names_of("gauges", gauges) or ())
+    if names and sigma_rotation is not None:
+        raise OptionError("sigma_rotation", "found beside gauges, which read no rotation; leave it out")
+    try:
+        force_loads(1.0, names)
+    except BeamstiffError:
+        raise OptionError(
+            "gauges", f"found {shown(list(names))}, expected x, y or z, with a sign or not"
+        ) from None
+    return names
 
 
 def _size(name: str, value: float | str, kind: str) -> float:

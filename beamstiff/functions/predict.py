@@ -12,7 +12,7 @@ from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.residual.baseline import predict as predict_rows
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.correction import extrapolation_notes, model_correction, model_std
 from beamstiff.model.linear import predict_displacements, preload_notes
@@ -130,6 +130,7 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     tables = as_tables(data, machine, require_measured=False)
     doubts = doubts_of(machine, tables)
     rows = concatenate(tables)
+    require_tracker(rows, "deflect")
     if rows.kind == "absolute":
         with doubted(doubts):
             return _positions(machine, rows, (*doubts, *extrapolation_notes(machine, rows.q)))

@@ -14,7 +14,7 @@ from beamstiff.errors import OptionError
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.coerce import RobotLike
@@ -45,6 +45,7 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     machine = as_robot(robot)
     tables = as_tables(data, machine)
     rows = concatenate(tables)
+    require_tracker(rows, "verify")
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame)

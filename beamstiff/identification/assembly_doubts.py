@@ -69,7 +69,7 @@ def _left_by(robot: Robot, rows: Measurements, names: Sequence[str]) -> float:
     """Return the RMS position error, m, that a robot leaves with these values fitted; inf: it is open."""
     try:
         if not names:
-            gap = (rows.displacement - predict_displacements(robot, rows))[:, :3]
+            gap = (rows.displacement - rows.along(predict_displacements(robot, rows)))[:, :3]
             return float(np.sqrt(np.nansum(gap**2) / len(rows)))
         statement = build_identification(robot, rows, names)
         fit = minimise(statement.objective)

@@ -110,7 +110,7 @@ def build_response(
     for at, variable in enumerate(varied):
         steps[a + 2 * at, variable], steps[a + 2 * at + 1, variable] = STEP, -STEP
     rows = replace(rows, wrench=wrench.reshape(-1, 6), q=rows.q + np.tile(steps, (n, 1)))
-    model = reduce_to_ports(robot, rows, parameters, gravity=False)
+    model = reduce_to_ports(robot, rows, parameters, gravity=False).along(rows)
     held = rigid_motion(robot, measurements) * errors.of_hold(robot)
     return Response(model, a, b, spread[varied] / (2 * STEP), held)
 
@@ -124,7 +124,7 @@ def rigid_motion(robot: Robot, measurements: Measurements) -> Array:
     for point in np.unique(measurements.point):
         rows = measurements.point == point
         result[rows] = twist_jacobian(kinematics, where, str(point))[pose[rows]]
-    return result
+    return measurements.along(result)
 
 
 def _by_kind(robot: Robot, angle: float, length: float) -> Array:

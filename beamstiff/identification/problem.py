@@ -145,7 +145,7 @@ def build_problem(
             f"{measurements.place(row)}: the noise of this row is not stated (sigma_position, "
             "sigma_rotation), that of others is; expected it for all, or for none"
         )
-    model = reduce_to_ports(robot, measurements, parameters)
+    model = reduce_to_ports(robot, measurements, parameters).along(measurements)
     if used.sum() < len(model.parameters) + (
         not stated.any()
     ):  # noise that is not stated is one more unknown

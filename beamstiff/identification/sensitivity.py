@@ -152,7 +152,7 @@ def as_they_were(
         wrench = wrench + random.standard_normal(wrench.shape) * np.repeat([errors.force, errors.moment], 3)
         off = spread * random.standard_normal((times, pose.max() + 1, spread.size))
         shifted = replace(every, wrench=wrench, q=every.q + off[:, pose].reshape(len(every), -1))
-        model = reduce_to_ports(robot, shifted, parameters, gravity=False)
+        model = reduce_to_ports(robot, shifted, parameters, gravity=False).along(shifted)
         if hold.any():
             let_go = hold * random.standard_normal((len(every), hold.size))
             moved = np.einsum("nij,nj->ni", np.tile(motion, (times, 1, 1)), let_go)

@@ -11,6 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure import instruments
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Kind
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Variable
@@ -26,9 +27,17 @@ QUANTITIES: dict[str, str] = {
     "t": "time",
     "temperature": "temperature",
 }
+QUANTITIES |= instruments.QUANTITIES
 QUANTITIES |= {f"sigma_{name}": QUANTITIES[name] for name in (*DISPLACEMENT, *ABSOLUTE)}
 NODES = ("point", "load_point")
-LABELS = ("pose", "step", *NODES, "remark")  # a remark is for people: nothing is made of it
+READINGS: dict[Kind, str] = {"displacement": "dreading", "absolute": "reading"}
+LABELS = (
+    "pose",
+    "step",
+    *NODES,
+    *instruments.COLUMNS,
+    "remark",
+)  # a remark is for people: nothing is made of it
 RESERVED = (*QUANTITIES, *LABELS)
 
 # what other programs call our columns
@@ -165,7 +174,8 @@ def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
     wrong(
         shown(name),
         f"unknown column{hint}, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
-        "ry rz (or x y z a b c), point, load_point, pose, step, t, temperature, a joint's encoder behind "
+        "ry rz (or x y z a b c), reading (dreading) with instrument, target, direction, length, target_x, "
+        "point, load_point, pose, step, t, temperature, a joint's encoder behind "
         "the gear (q1_link), its torque (tau_q1), remark "
         "(for text of your own); delete the column if it is none of these",
     )
@@ -185,16 +195,19 @@ def kind_of(columns: Sequence[Column], source: str, line: int) -> Kind | None:
     """Return the kind of measurement that the columns hold, or None where they hold none."""
     names, wrong = [column.name for column in columns], partial(fail, source, line)
     found: dict[Kind, list[str]] = {
-        kind: [name for name in names if name.removeprefix("sigma_") in MEASURED[kind]] for kind in MEASURED
+        kind: [name for name in names if name.removeprefix("sigma_") in (*MEASURED[kind], READINGS[kind])]
+        for kind in MEASURED
     }
+    if "instrument" in names and not found["displacement"]:
+        found["absolute"].append("instrument")  # a socket reads no number
     if found["displacement"] and found["absolute"]:
         wrong(
             found["absolute"][0],
-            f"found beside {found['displacement'][0]}, expected displacements (dx dy dz rx ry rz) or "
-            "absolute positions (x y z a b c), not both in one table",
+            f"found beside {found['displacement'][0]}, expected displacements (dx dy dz rx ry rz, "
+            "dreading) or absolute positions (x y z a b c, reading), not both in one table",
         )
     for name in names:
-        if name.startswith("sigma_") and name.removeprefix("sigma_") not in names:
+        if name.startswith("sigma_") and name.removeprefix("sigma_") not in names and name != "sigma_reading":
             wrong(name, f"found without the column {name.removeprefix('sigma_')}")
     turned = [name for name in ABSOLUTE[3:] if name in names]
     if turned and len(turned) < 3:

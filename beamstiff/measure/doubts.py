@@ -72,6 +72,7 @@ def work(table: Measurements) -> tuple[Array, Array]:
     """
     loaded = table.wrench != 0
     known = (table.kind == "displacement") & (table.point == table.load_point) & loaded.any(axis=1)
+    known &= table.by_tracker
     moved = np.where(loaded, table.displacement, 0.0)
     sigma = np.nan_to_num(np.where(loaded, table.sigma, 0.0))
     with np.errstate(over="ignore", invalid="ignore"):  # loads beyond reason are told as such
@@ -193,7 +194,7 @@ def readings(table: Measurements) -> dict[int, Reading]:
     columns = [table.q, table.wrench, read, table.time[:, None], table.temperature[:, None]]
     values = np.nan_to_num(np.concatenate(columns, axis=1))
     found = {
-        row: (str(table.point[row]), str(table.load_point[row]), values[row].tobytes())
+        row: (f"{table.point[row]} {table.target[row]}", str(table.load_point[row]), values[row].tobytes())
         for row in np.flatnonzero(np.nan_to_num(read).any(axis=1)).tolist()
     }
     single = read[list({reading: row for row, reading in found.items()}.values())]
@@ -297,7 +298,7 @@ def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]
 
 def _some_rows(table: Measurements) -> Index:
     """Return rows with a position, few enough to look at, from the whole table."""
-    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1))
+    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1) & table.by_tracker)
     return rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))] if len(rows) else rows
 
 

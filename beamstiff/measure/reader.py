@@ -32,7 +32,9 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.columns import NODES, Column, kind_of, read_header, to_si
+from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of, read_header, to_si
+from beamstiff.measure.instrument_cells import read_instruments
+from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
@@ -120,12 +122,24 @@ def parse_measurements(
         columns = [values.get(name, np.full(len(raw.cells), default)) for name in names]
         return np.stack(columns, axis=1) if columns else np.zeros((len(raw.cells), 0))
 
-    measured = stack(MEASURED[kind], np.nan)
+    reserved = {*RESERVED, "base", *(one.name for one in robot.nodes), *(one.name for one in robot.frames)}
+    reserved |= {one.name for one in robot.variables}
+    read = read_instruments(
+        cells,
+        values,
+        stack(MEASURED[kind], np.nan),
+        stack([f"sigma_{column}" for column in MEASURED[kind]], np.nan),
+        kind == "absolute",
+        reserved,
+        raw,
+    )
+    measured = read.measured
     if require_measured and np.isnan(measured).all():
         raw.fail_in_row(
             0,
             "",
-            f"found no measured value from here on, expected some: fill in {' '.join(MEASURED[kind][:3])}",
+            f"found no measured value from here on, expected some: fill in {' '.join(MEASURED[kind][:3])}"
+            f"{f' or {READINGS[kind]}' if 'instrument' in cells else ''}",
         )
     if kind == "absolute":
         measured[:, 3:] = _orientation(measured[:, 3:], choices["orientation"], raw)
@@ -139,7 +153,7 @@ def parse_measurements(
         displacement=measured if kind == "displacement" else None,
         position=measured[:, :3] if kind == "absolute" else None,
         rotation=measured[:, 3:] if kind == "absolute" else None,
-        sigma=stack([f"sigma_{column}" for column in MEASURED[kind]], np.nan),
+        sigma=read.sigma,
         sigma_position=_sigma("sigma_position", "length", raw),
         sigma_rotation=_sigma("sigma_rotation", "angle", raw),
         sigma_load=_sigma("sigma_load", "force", raw),
@@ -151,6 +165,9 @@ def parse_measurements(
         temperature=values.get("temperature"),
         link=stack([f"{name}_link" for name in actuated], np.nan),
         torque=stack([f"tau_{name}" for name in actuated], np.nan),
+        direction=read.direction,
+        target=read.target,
+        targets=read.targets,
         rows=raw.lines,
         shared_unloaded=choices["unloaded_reading"] == "shared",
         continuous=choices["history"] == "continuous",
@@ -171,7 +188,7 @@ def _values(
     values: dict[str, Array] = {}
     bad: list[tuple[int, int, str]] = []
     for at, column in enumerate(columns):
-        if column.name in ("pose", "remark", *NODES):
+        if column.name in ("pose", "remark", *NODES, *COLUMNS):
             continue
         may_be_empty = column.name not in actuated and column.name not in WRENCH
         try:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers, equal_rows
+from beamstiff.measure.instruments import joined_targets
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
@@ -98,8 +99,19 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
         sigma_position=_common([table.sigma_position for table in tables]),
         sigma_rotation=_common([table.sigma_rotation for table in tables]),
         metadata=metadata,
+        targets=joined_targets([(table.source, table.targets) for table in tables]),
         sources=tuple(source for table in tables for source in table.sources),
     )
+
+
+def require_tracker(measurements: Measurements, what: str) -> None:
+    """Refuse rows of instruments that say no position, for what needs positions."""
+    alone = np.flatnonzero(~measurements.by_tracker)
+    if alone.size:
+        raise BeamstiffError(
+            f"{measurements.place(int(alone[0]))}: instrument: {what} needs x y z or dx dy dz in every row; "
+            "such readings are for calibrate, identify and diagnose"
+        )
 
 
 def history_order(measurements: Measurements) -> Integers:

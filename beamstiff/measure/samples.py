@@ -129,7 +129,8 @@ def repeated_states(measurements: Measurements) -> Integers:
     size = np.abs(inputs).max(axis=0)
     rounded = np.round(inputs / np.where(size > 0, size * 1e-6, 1.0))
     names = [
-        np.unique(column, return_inverse=True)[1] for column in (measurements.point, measurements.load_point)
+        np.unique(column, return_inverse=True)[1]
+        for column in (measurements.point, measurements.load_point, measurements.target)
     ]
     return equal_rows(np.column_stack([rounded, *names]).astype(np.float64))
 

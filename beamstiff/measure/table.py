@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers, equal_rows, finite, positive
+from beamstiff.measure.instruments import Target, axes_along
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
@@ -61,6 +63,10 @@ class Measurements:
         Readings of encoders behind the gears (`q2_link`); NaN where not read.
     torque : (N, A) array, N m or N
         Measured drive torques or forces (`tau_q2`); NaN where not measured.
+    direction : (N, 3) array
+        Unit vector along which a row reads one number, the first of `measured`; NaN: along the base's.
+    target : (N,) array of str
+        Name of what an instrument other than a tracker was set on, one of `targets`; "" for a tracker.
     rows : (N,) array of int
         Line of the file that each row stands in.
     run : (N,) array of int
@@ -83,6 +89,8 @@ class Measurements:
         Least and largest x, y and z of the TCP where it can be measured; None: not said.
     sigma_load : float or None, N
         Standard deviation of the size of each load; `identify` counts it in.
+    targets : tuple of Target
+        Sockets, base balls, planes and gauges, with what is known of them (`measure.instruments`).
     """
 
     variables: tuple[str, ...]
@@ -101,6 +109,8 @@ class Measurements:
     temperature: Array
     link: Array
     torque: Array
+    direction: Array
+    target: Names
     rows: Integers
     run: Integers
     sigma_position: float | None
@@ -112,6 +122,7 @@ class Measurements:
     units: Mapping[str, str] = field(default_factory=dict)
     region: tuple[tuple[float, float], ...] | None = None
     sigma_load: float | None = None
+    targets: tuple[Target, ...] = ()
 
     def __len__(self) -> int:
         return len(self.q)
@@ -144,13 +155,30 @@ class Measurements:
         """Which of the six values of each row were measured (N, 6)."""
         return ~np.isnan(self.measured)
 
+    @cached_property
+    def axes(self) -> Array | None:
+        """Axes (N, 3, 3) along which each row is read, base frame; None: along the base's in all."""
+        return None if np.isnan(self.direction).all() else axes_along(self.direction)
+
+    def along(self, values: Array) -> Array:
+        """Return values (N, 6, ...), base frame, along the axes that each row is read in."""
+        if self.axes is None:
+            return values
+        turned = np.einsum("nij,nj...->ni...", self.axes, values[:, :3])
+        return np.concatenate([turned, values[:, 3:]], axis=1)
+
+    @property
+    def by_tracker(self) -> NDArray[np.bool_]:
+        """Which rows (N,) hold coordinates, not the reading of an instrument along a direction of its own."""
+        return np.asarray(self.target == "")
+
     @property
     def sharing(self) -> Integers:
         """The number of the unloaded reading of each row, (N,): one a pose and reflector; -1 its own."""
         if not self.shared_unloaded:
             return np.full(len(self), -1)
-        reflector = np.unique(self.point, return_inverse=True)[1]
-        return equal_rows(np.stack([self.pose, reflector], axis=1).astype(np.float64))
+        reflector, set_up = (np.unique(names, return_inverse=True)[1] for names in (self.point, self.target))
+        return equal_rows(np.stack([self.pose, reflector, set_up], axis=1).astype(np.float64))
 
     def place(self, row: int) -> str:
         """Return where a row stands, as ``file:line``."""
@@ -193,6 +221,9 @@ def make_measurements(
     temperature: ArrayLike | None = None,
     link: ArrayLike | None = None,
     torque: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    target: ArrayLike | None = None,
+    targets: Sequence[Target] = (),
     rows: ArrayLike | None = None,
     shared_unloaded: bool = False,
     continuous: bool = False,
@@ -248,8 +279,8 @@ def make_measurements(
             )
         return array.astype(np.int64)
 
-    def names(value: ArrayLike | None) -> Names:
-        return np.broadcast_to(np.asarray(tcp if value is None else value, dtype=np.str_), (n,)).copy()
+    def names(value: ArrayLike | None, default: str = tcp) -> Names:
+        return np.broadcast_to(np.asarray(default if value is None else value, dtype=np.str_), (n,)).copy()
 
     turned = np.isnan(column(rotation, "rotation", 3))
     if (turned.any(axis=1) & ~turned.all(axis=1)).any():
@@ -282,6 +313,8 @@ def make_measurements(
         temperature=column(temperature, "temperature"),
         link=column(link, "link", len(variables)),
         torque=column(torque, "torque", len(variables)),
+        direction=column(direction, "direction", 3),
+        target=names(target, ""),
         rows=np.arange(1, n + 1) if rows is None else whole(rows, "rows"),
         run=np.zeros(n, dtype=np.int64),
         sigma_position=sigma_position,
@@ -292,4 +325,5 @@ def make_measurements(
         sources=(source,),
         units=dict(units or {}),
         sigma_load=None if sigma_load is None else positive(sigma_load, f"{source}: sigma_load"),
+        targets=tuple(targets),
     )

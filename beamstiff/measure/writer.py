@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import write_whole
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.columns import Column, to_si
+from beamstiff.measure.columns import READINGS, Column, to_si
+from beamstiff.measure.instruments import PLACE
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
 from beamstiff.measure.text import METADATA
 from beamstiff.robot.coerce import RobotLike, as_robot
@@ -94,15 +95,18 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
             yield f"{label} [{unit}]", _texts(values)
     for name, values in zip(WRENCH, measurements.wrench.T, strict=True):
         yield f"{name} [{_UNITS[name]}]", _texts(values)
-    names, measured = MEASURED[measurements.kind], measurements.measured
-    present: NDArray[np.bool_] = np.asarray(measurements.measured_mask.any(axis=0))
-    if not present.any():
+    names = MEASURED[measurements.kind]
+    measured = np.where(measurements.by_tracker[:, None], measurements.measured, np.nan)
+    present: NDArray[np.bool_] = np.asarray(~np.isnan(measured).all(axis=0))
+    yield from _of_instruments(measurements)
+    if not present.any() and not measurements.targets:
         present[:3], present[3:] = True, measurements.sigma_rotation is not None
     table = [measurements.sigma_position] * 3 + [measurements.sigma_rotation] * 3
     for at in np.flatnonzero(present):
         yield _quantity(names[at], measured[:, at])
     for at in np.flatnonzero(present):
         own = np.where(measurements.sigma[:, at] == table[at], np.nan, measurements.sigma[:, at])
+        own = np.where(measurements.by_tracker, own, np.nan)
         if not np.isnan(own).all():
             label, texts = _quantity(names[at], own)
             yield f"sigma_{label}", texts
@@ -115,6 +119,45 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
     for label, values in (("t [s]", measurements.time), ("temperature [degC]", measurements.temperature)):
         if not np.isnan(values).all():
             yield label, _texts(values)
+
+
+def _of_instruments(measurements: Measurements) -> Iterator[tuple[str, list[str]]]:
+    """Yield the columns of readings without a tracker, and of what is known of their set-ups."""
+    if not measurements.targets:
+        return
+    found = {one.name: one for one in measurements.targets}
+    own = [found.get(name) for name in measurements.target.tolist()]
+    yield "instrument", ["" if one is None else one.instrument for one in own]
+    yield "target", measurements.target.tolist()
+    directions = [
+        one.normal if one and one.normal and "tilt1" not in one.sought else tuple(along)
+        for one, along in zip(own, measurements.direction.tolist(), strict=True)
+    ]
+    derived = [one is None or (measurements.kind == "absolute" and one.normal is None) for one in own]
+    texts = [
+        "" if not_told or along[0] != along[0] else " ".join(map(repr, map(float, along)))
+        for along, not_told in zip(directions, derived, strict=True)
+    ]
+    if any(texts):
+        yield "direction", texts
+    lengths = [one.length if one and one.length and "length" not in one.sought else np.nan for one in own]
+    if not np.isnan(lengths).all():
+        yield "length [m]", _texts(np.array(lengths))
+    free = {"x", "offset"}
+    places = [one.place if one and one.place and not free & set(one.sought) else (np.nan,) * 3 for one in own]
+    if measurements.kind == "absolute" and not np.isnan(places).all():
+        yield from ((f"{name} [m]", _texts(at)) for name, at in zip(PLACE, np.array(places).T, strict=True))
+    reads = np.array([one is not None and one.instrument != "socket" for one in own])
+    if reads.any():
+        name = READINGS[measurements.kind]
+        yield (
+            f"{name} [mm]",
+            [_millimetres(x) for x in np.where(reads, measurements.measured[:, 0], np.nan).tolist()],
+        )
+    sigma = np.where(measurements.by_tracker, np.nan, measurements.sigma[:, 0])
+    sigma = np.where(sigma == measurements.sigma_position, np.nan, sigma)
+    if not np.isnan(sigma).all():
+        yield "sigma_reading [m]", _texts(sigma)
 
 
 def _quantity(name: str, values: Array) -> tuple[str, list[str]]:

@@ -174,6 +174,11 @@ class PortModel:
             clamped=self.clamped[at],
         )
 
+    def along(self, rows: Measurements) -> PortModel:
+        """Return the model of rows (N) that are read along axes of their own."""
+        motion = rows.along(self.motion.swapaxes(-1, -2)).swapaxes(-1, -2)
+        return replace(self, motion=motion, clamped=rows.along(self.clamped))
+
     def inverse(self, stiffness: Array) -> Array:
         """Return ``M^-1 = (S + sum k_j Phi_j)^-1`` of every pose, (..., P, p, p), for values (..., m)."""
         unit = np.eye(len(self.lever))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.instruments import target
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
-from beamstiff.planning.candidates import Noise
+from beamstiff.planning.candidates import Noise, force_loads
 from beamstiff.planning.designs import Design
 from beamstiff.planning.poses import rounded_postures
 from beamstiff.robot.description import Robot
@@ -92,4 +94,20 @@ def plan_csv(campaign: Plan, robot: Robot) -> str:
         raise BeamstiffError("the tests of this campaign are measured already, expected a plan")
     units = {item.name: "deg" if item.kind == "angle" else "mm" for item in robot.actuated}
     q = rounded_postures(robot, campaign.tests.q, units)
-    return measurements_to_csv(replace(campaign.tests, q=q, units=units, metadata=says), robot)
+    tests = replace(campaign.tests, q=q, units=units, metadata=says)
+    return measurements_to_csv(_by_gauges(tests, campaign.noise.gauges), robot)
+
+
+def _by_gauges(tests: Measurements, axes: Sequence[str]) -> Measurements:
+    """Return tests with a row for the gauge along each axis; by a tracker where there is none."""
+    if not axes:
+        return tests
+    along = force_loads(1.0, axes)[:, :3]
+    gauges = [target(f"gauge {axis}", "gauge", normal=one) for axis, one in zip(axes, along, strict=True)]
+    every = subset(tests, np.repeat(np.arange(len(tests)), len(axes)))
+    return replace(
+        every,
+        target=np.tile([one.name for one in gauges], len(tests)),
+        direction=np.tile(along, (len(tests), 1)),
+        targets=tuple(gauges),
+    )

@@ -35,6 +35,7 @@ class Noise:
     # force, moment: N and N m: of each component of the wrench: they displace the tool unseen
     force: float = 0.0
     moment: float = 0.0
+    gauges: tuple[str, ...] = ()  # axes of the base that dial gauges read along: x, -z; none: a tracker reads
 
     def __post_init__(self) -> None:
         """Refuse what is no standard deviation."""
@@ -217,7 +218,7 @@ def _information(
             )
     model = reduce_to_ports(robot, tests, parameters)
     sensitivity = model.derivatives(model.start)[1] * model.start
-    used = slice(0, 3 if noise.rotation is None else 6)
+    read = _read_by(noise)
     sigma = np.array([noise.position] * 3 + [noise.rotation or 1.0] * 3)
     covariance = np.broadcast_to(np.diag(sigma**2), (len(sensitivity), 6, 6))
     if noise.force or noise.moment:
@@ -226,10 +227,17 @@ def _information(
         compliance = tcp_compliance(structure, posture(structure.kinematics, poses))[pose.reshape(-1)]
         of_wrench = np.array([noise.force**2] * 3 + [noise.moment**2] * 3)
         covariance = covariance + compliance * of_wrench @ compliance
-    root = np.linalg.cholesky(covariance[:, used, used])
-    whitened = np.linalg.solve(root, sensitivity[:, used])
+    root = np.linalg.cholesky(read @ covariance @ read.T)
+    whitened = np.linalg.solve(root, read @ sensitivity)
     found: Array = whitened.swapaxes(-1, -2) @ whitened
     return model.parameters, found, np.logical_not(sensitivity.any(axis=(0, 1)))
+
+
+def _read_by(noise: Noise) -> Array:
+    """Return what is read of the six components of a displacement, (k, 6)."""
+    if noise.gauges:
+        return force_loads(1.0, noise.gauges)
+    return np.eye(6)[: 3 if noise.rotation is None else 6]
 
 
 def _undetermined(

@@ -22,7 +22,7 @@ from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
-SETUP = ("base", "target")  # what was set up for the measurement: no errors of the robot
+SETUP = ("base", "target", "instrument")  # what was set up for the measurement: no errors of the robot
 WITHIN = 1.96  # standard deviations: 95 %
 
 

@@ -23,9 +23,13 @@ ELEMENTS = ("beams", "rigids", "joints", "struts")
 # columns of a table of measurements, which no variable may be called; `measure.columns` has the same ones
 _WRENCH, _MOVED = ("fx", "fy", "fz", "mx", "my", "mz"), ("dx", "dy", "dz", "rx", "ry", "rz")
 _PLACED = ("x", "y", "z", "a", "b", "c")
-_LABELS = ("t", "temperature", "pose", "step", "point", "load_point", "remark")
+_LABELS = (
+    *("t", "temperature", "pose", "step", "point", "load_point", "remark"),
+    *("instrument", "target", "direction"),
+)
+_READ = ("reading", "dreading", "sigma_reading", "length", "target_x", "target_y", "target_z")
 TABLE_COLUMNS = frozenset(
-    (*_WRENCH, *_MOVED, *_PLACED, *(f"sigma_{name}" for name in _MOVED + _PLACED), *_LABELS)
+    (*_WRENCH, *_MOVED, *_PLACED, *(f"sigma_{name}" for name in _MOVED + _PLACED), *_READ, *_LABELS)
 )
 _MOST_PROBLEMS = 100
 _ZERO_LENGTH = 1e-9  # m

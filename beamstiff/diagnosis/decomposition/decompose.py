@@ -36,7 +36,7 @@ from beamstiff.se3 import Array
 
 Numbers = tuple[int, ...]  # of the forms of a cause
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
-OPEN = (None, ("base", "target", "offsets"), ("base", "target"))
+OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
@@ -51,6 +51,7 @@ def decompose(
     stations: bool = False,
     baseline: Baseline | None = None,
     known: Shapes | None = None,
+    opened: Sequence[tuple[str, ...] | None] = OPEN,
 ) -> Decomposition:
     """Return the causes of the gap between a model and rows.
 
@@ -70,6 +71,8 @@ def decompose(
         Of displacements, where it was fitted already.
     known : mapping of str to sequence of Shape, optional
         Shapes about this baseline that were computed already, by ``effect:component``.
+    opened : sequence of groups of a calibration, or None
+        What of the geometry of absolute positions is open, the first that the readings determine.
 
     Raises
     ------
@@ -81,7 +84,7 @@ def decompose(
         folds = folds_of(model, build_choice(model, forms_of(model, prior, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     robot = robot.model_copy(update={"identify": fitted_names(robot)})
-    model, parameters = _opened(robot, rows, stations)
+    model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
     forms = forms_of(model, prior)
     behind = behind_gears(model, forms, prior)
@@ -115,9 +118,11 @@ def decompose(
     return replace(_told(folds, step, seed), behind=tuple(behind))
 
 
-def _opened(robot: Robot, rows: Measurements, stations: bool) -> tuple[OpenModel, tuple[str, ...] | None]:
+def _opened(
+    robot: Robot, rows: Measurements, stations: bool, opened: Sequence[tuple[str, ...] | None]
+) -> tuple[OpenModel, tuple[str, ...] | None]:
     """Return the open model with as much of the geometry free as the readings determine, and what that is."""
-    for parameters in OPEN:
+    for parameters in opened:
         model = open_geometry(robot, rows, parameters=parameters, stations=stations)
         if model.count >= VALUES_A_PARAMETER * model.determined:
             return model, parameters

@@ -153,6 +153,9 @@ def open_geometry(
     residual, tangent = problem.linearised(problem.expected)
     known = known_beforehand(robot, problem, {one.name: one.change for one in found.parameters})
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
+    if rows.targets:  # what an instrument should read follows from where it stands, which the problem knows
+        gap = problem.gap(problem.expected)
+        baseline = replace(baseline, measured=np.where(problem.used, gap + baseline.predicted, 0.0))
     return OpenModel(
         robot,
         baseline,

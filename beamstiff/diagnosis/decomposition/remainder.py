@@ -77,7 +77,7 @@ def _most(shares: Iterator[tuple[str, float]]) -> list[tuple[str, float]]:
 
 def _explained(model: OpenModel, step: _Left, columns: Array) -> float:
     """Return the share of what is left that columns (N, 6, c) explain, corrected for their number."""
-    seen = model.weighed(columns)
+    seen = model.weighed(model.baseline.rows.along(columns))
     seen = np.concatenate([seen, np.zeros((len(step.left) - len(seen), seen.shape[1]))])
     own = orthonormal(seen, step.basis, 1e-3)
     k, n = own.shape[1], len(step.left) - step.basis.shape[1]

@@ -42,7 +42,7 @@ class Left:
 
     def explained(self, columns: Array) -> float:
         """Return how much of it columns (N, 6, c) of the rows that were fitted explain, squared."""
-        whole = _weighted(self.fit, columns)
+        whole = _weighted(self.fit, self.fit.rows.along(columns))
         flat = whole - self.own @ (self.own.T @ whole)
         flat = flat[:, np.linalg.norm(flat, axis=0) > ROUNDING * np.linalg.norm(whole, axis=0)]
         if not flat.shape[1]:
@@ -53,7 +53,7 @@ class Left:
 
 def left_by(fit: Baseline, columns: Array) -> Left:
     """Return what the model's own values and columns (N, 6, c) leave of the gap."""
-    parts = [shown(_weighted(fit, some)) for some in (fit.tangent, columns)]
+    parts = [shown(_weighted(fit, some)) for some in (fit.tangent, fit.rows.along(columns))]
     own = orthonormal(np.concatenate(parts, axis=1))
     gap = _weighted(fit, fit.gap[..., None])[:, 0]
     left = gap - own @ (own.T @ gap)

@@ -109,11 +109,11 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
     for drive in map(str, drives(baseline)):
         named, others = _of_drive(baseline, drive)
         unmodelled = {does: _modes(white, (law,)) for does, law in others.items()}
-        softer = white.whiten(_softening(baseline, drive))
+        softer = white.whiten_moved(_softening(baseline, drive))
         if _softens(white, softer):
             unmodelled[SOFTENING] = _main(white, [softer])
         each = _by_posture(baseline, drive)
-        unmodelled |= {does: _main(white, [white.whiten(law)], POSTURES) for does, law in each.items()}
+        unmodelled |= {does: _main(white, [white.whiten_moved(law)], POSTURES) for does, law in each.items()}
         found.append(
             ComponentSubspace(drive, _modes(white, (*named, *others.values())), unmodelled=unmodelled)
         )
@@ -142,7 +142,7 @@ def modes_of(laws: Sequence[ComponentSubspace], places: Collection[str], values:
 
 def _modes(white: Whitened, groups: Iterable[Array]) -> Array:
     """Return the main modes of kinds of freedom (N, 6, c), each with as much variance as the others."""
-    return _main(white, [white.whiten(group) for group in groups])
+    return _main(white, [white.whiten_moved(group) for group in groups])
 
 
 def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:

@@ -92,7 +92,7 @@ def suggested_spring(held: Held, white: Whitened) -> Array:
 
     Springs pull back: what would push is left out.
     """
-    columns = white.project_out(white.whiten(_more(held, np.zeros((3, 3)))))
+    columns = white.project_out(white.whiten_moved(_more(held, np.zeros((3, 3)))))
     size = np.linalg.norm(columns, axis=0)
     shown = size > ROUNDING * size.max(initial=0.0)
     factor = np.zeros(len(AXES))

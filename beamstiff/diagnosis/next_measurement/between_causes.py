@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.decompose import solved
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
-from beamstiff.diagnosis.next_measurement.candidates import load_cycles
+from beamstiff.diagnosis.next_measurement.candidates import load_cycles, noise_of
 from beamstiff.diagnosis.next_measurement.test_plan import (
     DECIDES,
     Programme,
@@ -74,7 +74,8 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     rows, cycle, posture = load_cycles(found.model.baseline, seed)
     points, often = np.unique(found.model.baseline.rows.point, return_counts=True)
     rows = replace(rows, point=np.full(len(rows), points[np.argmax(often)]))
-    noise = max(found.scatter, 1.0) * np.median(found.model.baseline.sigma[:, :3], axis=0)
+    sigma = np.median(found.model.baseline.sigma[:, :3], axis=0)
+    noise = noise_of(rows, max(found.scatter, 1.0) * sigma)
     ahead = Ahead(found, rows)
     score, separates = _apart(ahead, causes, noise)
     if score.sum() < DECIDES:
@@ -160,7 +161,7 @@ def _bounding(
     one: Foretold, rows: Measurements, cycle: NDArray[np.intp], posture: NDArray[np.intp], noise: Array
 ) -> Programme:
     """Return the cycles that bound the parameters best, each beside those before it."""
-    scaled = one.matrix / noise[:, None]
+    scaled = one.matrix / noise[..., None]
     parts = {k: scaled[cycle == k].reshape(-1, scaled.shape[2]) for k in np.unique(cycle).tolist()}
     covariance = one.covariance
     chosen: list[int] = []

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.calibration.instruments import turned_rows
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.planning.candidates import candidate_poses
 from beamstiff.planning.poses import closed_posture, random_poses, rounded_postures
-from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.planning.seated import seated_rows
+from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
@@ -22,6 +27,7 @@ STEPS: tuple[float, ...] = (0.5, 1.0, 0.5, -0.5, -1.0)
 ABSOLUTE: tuple[float, ...] = (0.0, 0.5, 1.0, -0.5, -1.0)
 UNLOADED: tuple[float, ...] = (0.0,)
 LOAD = 500.0  # N, where no force was applied so far
+UNREAD = 1e6  # m: noise of a component that an instrument does not read
 APART = 1e-3  # m: nodes nearer than this are one place for a reflector
 
 
@@ -41,6 +47,8 @@ def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
         shares = ABSOLUTE if baseline.absolute else STEPS
     largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or LOAD
     largest = float(f"{largest:.3g}")
+    if baseline.absolute and rows.targets and not rows.by_tracker.any():
+        return _seated(baseline, POSES // len(rows.targets) + 1, seed)
     steps, cycles = len(shares), len(q) * axes
     direction = np.tile(np.repeat(np.eye(6)[:axes], steps, axis=0), (len(q), 1))
     cycle = np.repeat(np.arange(cycles), steps)
@@ -53,7 +61,47 @@ def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
         step=np.tile(np.arange(steps), cycles),
         time=60.0 * np.arange(cycles * steps),
     )
-    return proposed, cycle, cycle // axes
+    if not rows.targets or rows.by_tracker.any():
+        return proposed, cycle, cycle // axes
+    every, direction = _read_along(rows)  # each state is read by every gauge that the table has
+    number = np.repeat(np.arange(len(proposed)), len(every))
+    read = replace(
+        subset(proposed, number),
+        target=np.tile(every, len(proposed)),
+        direction=np.tile(direction, (len(proposed), 1)),
+        targets=rows.targets,
+    )
+    return read, cycle[number], cycle[number] // axes
+
+
+def _read_along(rows: Measurements) -> tuple[NDArray[np.str_], Array]:
+    """Return the names of the gauges of a table (k,), and the directions that they read along (k, 3)."""
+    known = [one for one in rows.targets if one.normal is not None]
+    if not known:
+        raise BeamstiffError("what a ball bar reads next follows from where it is set up")
+    return np.array([one.name for one in known]), np.array([one.normal for one in known])
+
+
+def _seated(
+    baseline: Baseline, count: int, seed: int
+) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
+    """Return unloaded states in which the point meets each set-up of the table, each a cycle of its own."""
+    rows = baseline.rows
+    points, often = np.unique(rows.point, return_counts=True)
+    found = seated_rows(baseline.robot, rows.targets, count, seed, str(points[np.argmax(often)]))
+    position = posture(compile_kinematics(baseline.robot), found.q).node_positions
+    node = compile_kinematics(baseline.robot).node_index[str(found.point[0])]
+    found = turned_rows(found, np.eye(3), np.zeros(3), position[:, node])
+    number = np.arange(len(found))
+    time: Array = np.asarray(60.0 * number)
+    return replace(found, time=time, units=rows.units), number, number
+
+
+def noise_of(rows: Measurements, noise: Array) -> Array:
+    """Return the noise (R, 3) of what rows read, `noise` (3,) of a position; `UNREAD` where they do not."""
+    result: Array = np.tile(noise, (len(rows), 1))
+    result[np.isfinite(rows.direction).all(axis=1)] = [noise[0], UNREAD, UNREAD]
+    return result
 
 
 def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.held_out.prediction import Fitted, Weighted, fitted, shift, stacked_covariance
-from beamstiff.diagnosis.next_measurement.candidates import empty_rows, load_cycles, reflector_nodes
+from beamstiff.diagnosis.next_measurement.candidates import empty_rows, load_cycles, noise_of, reflector_nodes
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import Diagnosis, columns_at
 from beamstiff.errors import BeamstiffError
@@ -124,7 +124,7 @@ def discrimination(
         covariances.append(stacked_covariance(there, rival.fit, columns)[:, :3, :3])
     if not told:
         return np.zeros(len(rows)), ()
-    noise = scale * np.median(baseline.sigma[:, :3], axis=0)
+    noise = noise_of(rows, scale * np.median(baseline.sigma[:, :3], axis=0))
     odds = [rival.probability for rival in told]
     return discriminations(odds, means, covariances, noise), tuple(rival.key for rival in told)
 
@@ -140,12 +140,12 @@ def discriminations(
         Probability of each rival.
     means, covariances : sequence of (R, 3) and (R, 3, 3) array, m and m^2
         What each foretells of the rows.
-    noise : (3,) array, m
+    noise : (3,) or (R, 3) array, m
         Standard deviation of a reading.
     """
-    score = np.zeros(len(means[0]))
+    score, read = np.zeros(len(means[0])), 2 * np.eye(3) * noise[..., None, :] ** 2
     for i, j in combinations(range(len(odds)), 2):
-        apart, total = means[i] - means[j], covariances[i] + covariances[j] + 2 * np.diag(noise**2)
+        apart, total = means[i] - means[j], covariances[i] + covariances[j] + read
         square = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
         score += odds[i] * odds[j] * square
     return score
@@ -193,6 +193,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
             "q": dict(zip(rows.variables, rows.q[k].tolist(), strict=True)),
             "wrench": rows.wrench[k].tolist(),
             "point": str(rows.point[k]),
+            **({"target": str(rows.target[k])} if rows.targets else {}),
             "separates": list(found.separates),
             "discrimination": float(found.score[k]),
         }
@@ -219,6 +220,8 @@ def proposed_csv(result: Diagnosis) -> str:
             np.array([[item["q"][name] for name in rows.variables] for item in result.next]),
             wrench,
             point=[item["point"] for item in result.next],
+            target=[item.get("target", "") for item in result.next],
+            targets=rows.targets,
             sigma_position=rows.sigma_position,  # who measured before measures again
             sigma_rotation=rows.sigma_rotation,
             metadata={"robot": result.baseline.nominal.name},

@@ -51,7 +51,8 @@ class Baseline:
     rows : Measurements
     fitted : tuple of str (t)
     measured : (N, 6) array, m and rad
-        Displacement, or for absolute rows the deviation from the nominal pose, ``[d, r]``, base frame.
+        Displacement, or for absolute rows the deviation from the nominal pose, ``[d, r]``, base frame; where
+        a row is read along axes of its own (`Measurements.along`), this and all beside it along these.
     used : (N, 6) bool array
     sigma : (N, 6) array
         Standard deviations by which the components count.
@@ -184,7 +185,7 @@ def fit_baseline(
     fitted = robot
     predicted = predict(fitted, rows)
     if names:
-        model = reduce_to_ports(robot, rows, names, gravity=rows.kind == "absolute")
+        model = reduce_to_ports(robot, rows, names, gravity=rows.kind == "absolute").along(rows)
         theta, stiffness = None, model.start
         for _ in range(ROUNDS):
             bent = predicted - model.predict(_values(fitted, names, model.start))
@@ -235,7 +236,7 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     """Return the fitted baseline's view of other rows, measured or not."""
     predicted = predict(fit.robot, rows)
     if fit.fitted:
-        model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute")
+        model = reduce_to_ports(fit.robot, rows, fit.fitted, gravity=rows.kind == "absolute").along(rows)
         stiffness = _values(fit.robot, fit.fitted, model.start)
         tangent = _by_compliance(model, stiffness)
     else:
@@ -324,7 +325,7 @@ def _of_structure(robot: Robot, rows: Measurements) -> Array:
         if rows.kind == "displacement"
         else displaced_points(robot, rows)[0]
     )
-    return moved if robot.model is None else moved + model_correction(robot, rows)
+    return rows.along(moved if robot.model is None else moved + model_correction(robot, rows))
 
 
 def deviation(robot: Robot, rows: Measurements) -> Array:

@@ -82,6 +82,7 @@ def _groups(baseline: Baseline) -> NDArray[np.intp]:
                     rising(baseline),
                     np.searchsorted(names, rows.point),
                     np.searchsorted(names, rows.load_point),
+                    np.unique(rows.target, return_inverse=True)[1],
                 ],
                 axis=1,
             ),

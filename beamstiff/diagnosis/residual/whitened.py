@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.identification.whitening import whitening
+from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 LARGE = 800  # rows from which on postures are taken one by one, and of one posture as many at a time
@@ -42,6 +43,7 @@ class Whitened:
     used : (N, 6) bool array
     nuisance : (n, m) array
         What a cause that is fitted as well may do beside its shape: the unknown has it in addition to K.
+    rows : Measurements
     """
 
     axes: tuple[tuple[NDArray[np.intp], Array], ...]
@@ -51,6 +53,7 @@ class Whitened:
     tangent: Array
     used: NDArray[np.bool_]
     nuisance: Array
+    rows: Measurements | None = None
 
     @property
     def freedom(self) -> int:
@@ -61,6 +64,10 @@ class Whitened:
         """Return columns (N, 6, c) whitened, (n, c)."""
         values = columns[self.used]
         return np.concatenate([(block @ values[at]).reshape(at.size, -1) for at, block in self.axes])
+
+    def whiten_moved(self, columns: Array) -> Array:
+        """Return columns (N, 6, c) of displacements in the base frame whitened as they are read, (n, c)."""
+        return self.whiten(columns if self.rows is None else self.rows.along(columns))
 
     def adjoint(self, columns: Array) -> Array:
         """Return the transpose of `turn`: columns (n, c) of whitened values to (n, c) of used values."""
@@ -128,7 +135,9 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
     chosen = baseline.used if used is None else used & baseline.used
     axes, unknown, component = _axes(baseline, chosen)
     nothing = np.zeros((int(chosen.sum()), 0))
-    white = Whitened(axes, unknown, component, np.zeros(len(nothing)), nothing, chosen, nothing)
+    white = Whitened(
+        axes, unknown, component, np.zeros(len(nothing)), nothing, chosen, nothing, baseline.rows
+    )
     gap = white.whiten(baseline.gap[..., None])[:, 0]
     return replace(white, gap=gap, tangent=orthonormal(white.whiten(baseline.tangent)))
 
@@ -166,7 +175,11 @@ def _axes(
     for blocks in _of_one_size(sizes):
         at = order[starts[blocks][:, None] + np.arange(sizes[blocks[0]])]
         rows, kind = row[at], component[at]
-        own = _closeness(baseline, rows) * np.stack([some @ some.T for some in features[rows]])
+        own = (
+            _closeness(baseline, rows)
+            * _aligned(baseline, rows, kind)
+            * np.stack([some @ some.T for some in features[rows]])
+        )
         scale = np.where(kind < 3, 1.0, 1.0 / ROTATION_LENGTH**2)[:, :, None]
         rooted = white.among(at)
         values, vectors = np.linalg.eigh((scale * rooted) @ own @ rooted.swapaxes(1, 2))
@@ -213,6 +226,16 @@ def _features(baseline: Baseline) -> Array:
     size = size / (size.max(initial=0.0) or 1.0)
     constant = np.full((len(wrench), 1), 1.0 if baseline.absolute else CONSTANT)
     return np.concatenate([constant, load, SQUARE * load * size], axis=1)
+
+
+def _aligned(baseline: Baseline, rows: NDArray[np.intp], kind: NDArray[np.intp]) -> Array | float:
+    """Return the cosines (B, m, m) between the axes along which groups of values (B, m) are read."""
+    if baseline.rows.axes is None:
+        return 1.0
+    turned = kind[..., None] > 2
+    along = np.where(turned, np.eye(3)[kind % 3], baseline.rows.axes[rows, kind % 3])
+    result: Array = along @ along.swapaxes(1, 2)
+    return result
 
 
 def _closeness(baseline: Baseline, rows: NDArray[np.intp]) -> Array:
