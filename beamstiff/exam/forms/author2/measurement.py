@@ -146,9 +146,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             share = share - (1.0 - p["prompt"]) * np.expm1(-part / p["slow"])
         else:
             share = np.expm1(-part / p["slow"]) / np.expm1(-1.0 / p["slow"])
-        if campaign.shared_unloaded and campaign.kind == "displacement":
-            share = share - thermal_drift.at_start_of_pose(campaign, share)
-        return np.asarray(share)
+        return thermal_drift.since_rest(campaign, np.asarray(share))
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         moved, turned = np.zeros((len(values), 3)), np.zeros((len(values), 3))
