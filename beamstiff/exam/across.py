@@ -11,7 +11,7 @@ from beamstiff.exam.campaign import Array
 from beamstiff.exam.effect import in_the_middle
 from beamstiff.exam.laws import Law
 from beamstiff.exam.machine import Machine, Rod, joints_of
-from beamstiff.exam.pedestal import free_name
+from beamstiff.exam.pedestal import free_name, node_at
 from beamstiff.robot.parts import Node
 
 
@@ -27,6 +27,12 @@ class Across:
     behind: float
     before: float
     angle: float
+
+
+def lever(near: float, far: float, angle: Array | float) -> tuple[Array, Array]:
+    """Return a rod's lever about an axis and its length, m, whose ends' arms there are at an angle."""
+    length = np.sqrt(near**2 + far**2 - 2.0 * near * far * np.cos(angle))
+    return np.asarray(near * far * np.sin(angle) / length), np.asarray(length)
 
 
 def axis_in_the_middle(machine: Machine, joint: str) -> tuple[Array, Array]:
@@ -47,13 +53,12 @@ def across(machine: Machine, joint: str, place: Across) -> tuple[tuple[str, Node
     before = point - place.before * u
     behind = point + place.behind * (-np.cos(place.angle) * u - np.sin(place.angle) * v)
 
-    def node(host: str, at: Array, wanted: str) -> Node:
-        frame = machine.node(host).frame
-        local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
-        return Node(name=free_name(machine, wanted), frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
-
     first, second = hinge.nodes
-    return (first, node(first, before, "rod_before")), (second, node(second, behind, "rod_behind"))
+    a, b = (machine.node(name).frame for name in hinge.nodes)
+    return (
+        (first, node_at(machine, placed, a, before, "rod_before")),
+        (second, node_at(machine, placed, b, behind, "rod_behind")),
+    )
 
 
 def with_rod(

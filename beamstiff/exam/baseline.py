@@ -48,18 +48,18 @@ def linear_fit(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Fit
     The rows' derivatives by the compliances are differences of the simulator's own answers without effects,
     at the true stiffness; values are weighted by the true noise. It shares nothing with the diagnosis.
     """
-    quiet = without_noise(campaign)
+    exact = without_noise(campaign)
     reality = Reality(machine_of(machine))
-    solved = solve(reality, quiet)
-    still = read(reality, quiet, solved)
+    solved = solve(reality, exact)
+    still = read(reality, exact, solved)
     columns = []
     for name in robot.identify:  # of none, the gap is all that the effects do
         softer = Reality(machine_of(machine.with_parameters({name: machine.parameter(name) / (1.0 + STEP)})))
-        columns.append((read(softer, quiet, solve(softer, quiet, solved, once=True)) - still) / STEP)
+        columns.append((read(softer, exact, solve(softer, exact, solved, once=True)) - still) / STEP)
     if not campaign.rotations:
         still[:, 3:] = np.nan
     basis = np.stack(columns, axis=-1) if columns else np.zeros((*still.shape, 0))
-    return Fit(machine, quiet, still, basis, weights(campaign))
+    return Fit(machine, exact, still, basis, weights(campaign))
 
 
 def true_rows(machine: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign) -> Array:

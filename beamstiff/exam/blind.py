@@ -16,8 +16,8 @@ from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import is_named, normal
 from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
-from beamstiff.exam.simulate import simulate
-from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.exam.simulate import simulate, table_of
+from beamstiff.measure.table import Measurements
 from beamstiff.outputs import write_output
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -155,21 +155,8 @@ def unmeasured(robot: Robot, fresh: SimulatedCampaign) -> Measurements:
     """Return new rows as a plan: poses and loads, nothing measured."""
     nothing = np.full((len(fresh), 6), np.nan)
     absolute = fresh.kind == "absolute"
-    return make_measurements(
-        [variable.name for variable in robot.actuated],
-        fresh.q,
-        tcp=robot.tcp,
-        wrench=fresh.wrench,
-        displacement=None if absolute else nothing,
-        position=nothing[:, :3] if absolute else None,
-        point=fresh.point,
-        load_point=fresh.load_point,
-        pose=fresh.pose,
-        step=fresh.step,
-        time=fresh.time,
-        temperature=fresh.temperature,
-        source="<exam>",
-    )
+    read = {"position": nothing[:, :3]} if absolute else {"displacement": nothing}
+    return table_of(robot, fresh, **read)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from beamstiff.errors import BeamstiffError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Names = NDArray[np.str_]
+ROWS = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_point")
 
 
 @dataclass(frozen=True)
@@ -83,3 +84,7 @@ class SimulatedCampaign:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def at(self, rows: Any) -> SimulatedCampaign:
+        """Return the campaign of some of the rows, in any order, or as often as they are named."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})

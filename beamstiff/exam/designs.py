@@ -263,9 +263,5 @@ def _second_reflector(
 
 def seen_at(campaign: SimulatedCampaign, points: tuple[str, ...]) -> SimulatedCampaign:
     """Return the campaign with every state seen at these nodes."""
-    seen = np.repeat(np.arange(len(campaign)), len(points))
-    rows = {
-        name: getattr(campaign, name)[seen]
-        for name in ("q", "wrench", "pose", "step", "time", "temperature", "load_point")
-    }
-    return replace(campaign, **rows, point=np.tile(np.array(points), len(campaign)))
+    seen = campaign.at(np.repeat(np.arange(len(campaign)), len(points)))
+    return replace(seen, point=np.tile(np.array(points), len(campaign)))

@@ -155,6 +155,16 @@ def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
     return 0.5 * (low + high), 0.5 * (high - low)
 
 
+def drive_of(robot: Robot, component: str) -> str | None:
+    """Return the actuated variable that a component is, or that turns its frame (``f3.d``)."""
+    driven = [variable.name for variable in robot.actuated]
+    if component in driven:
+        return component
+    frames = {name: parameters for name, _, parameters in skeleton_of(robot).frames}
+    found = [c for e in frames.get(component.rsplit(".", 1)[0], {}).values() for c in e.coefficients]
+    return next((name for name in found if name in driven), None)
+
+
 def slender(robot: Robot) -> float:
     """Return by how much a robot's structure is softer than a large one's, from 1 for those to `SMALL`.
 

@@ -33,6 +33,10 @@ class Situation:
         values = {name: value[rows] for name, value in self.values.items()}
         return Situation(values, self.time[rows], self.temperature[rows], self.lasted[rows])
 
+    def value(self, name: str, default: float = 0.0) -> Array:
+        """Return a variable, (P,); a default for what is no variable, as a joint that is fixed."""
+        return self.values.get(name, np.full(len(self.time), default))
+
 
 class Law(Protocol):
     """Force against strain in one direction of a joint, or along a spring.
@@ -90,6 +94,10 @@ class Friction(Remembering):
         """Return the state and its slope by the way, (P,) each, after a way from a state along the motion."""
         raise NotImplementedError
 
+    def largest(self, strain: Array, state: Array) -> tuple[Array | float, Array | float]:  # noqa: ARG002
+        """Return the largest friction after a strain, and by how much friction at a state grows with it."""
+        return self.friction, 0.0
+
     def start(self, situation: Situation) -> Memory:
         """Return strain and state after the move to the pose."""
         poses = len(situation.time)
@@ -100,8 +108,15 @@ class Friction(Remembering):
         before, held = memory
         sign = np.where(strain >= before, 1.0, -1.0)
         state, slope = self.run(sign * held, np.abs(strain - before))
-        force = self.stiffness * strain + self.friction * sign * state
-        return force, self.stiffness + self.friction * slope, (strain, sign * state)
+        most, growing = self.largest(strain, sign * state)
+        force = self.stiffness * strain + most * (sign * state)
+        return force, self.stiffness + most * slope + growing, (strain, sign * state)
+
+
+def fading(state: Array, way: Array, reach: float) -> tuple[Array, Array]:
+    """Return a friction's state and its slope after a way: it nears 1 exponentially (Dahl, exponent 1)."""
+    left = (1.0 - state) * np.exp(-way / reach)
+    return 1.0 - left, left / reach
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,11 @@ class Machine:
         """Return the machine with further parts of some kinds, by the names of the attributes."""
         return dataclasses.replace(self, **{name: getattr(self, name) + more for name, more in parts.items()})
 
+    def without(self, name: str) -> Machine:
+        """Return the machine without the rigid or the bar of that name."""
+        rigids = tuple(rigid for rigid in self.rigids if rigid[0] != name)
+        return dataclasses.replace(self, rigids=rigids, bars=tuple(b for b in self.bars if b.name != name))
+
     @property
     def ties(self) -> list[tuple[str, str]]:
         """Nodes that something holds to one another."""

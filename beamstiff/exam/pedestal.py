@@ -11,13 +11,16 @@ import numpy as np
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.effect import in_the_middle
 from beamstiff.exam.laws import Law
-from beamstiff.exam.machine import Hinge, Machine
-from beamstiff.robot.parts import Node
+from beamstiff.exam.machine import Hinge, Machine, axes_from
+from beamstiff.exam.placing import Placed
+from beamstiff.exam.rotations import cross_matrix
+from beamstiff.robot.parts import Mass, Node
 
 UP = np.array([0.0, 0.0, 1.0])
+NONE: Mapping[int, Law] = {}
 
 
-def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] | None = None) -> Machine:
+def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
     """Return the machine with all its fixed nodes on one body that springs hold, in base axes.
 
     The springs (6,) or (6, 6) act at the middle of the fixed nodes.
@@ -28,7 +31,7 @@ def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] | No
     at = tuple(map(float, foot))
     nodes = (*machine.nodes, *(Node(name=name, at=at) for name in (ground, body)))  # type: ignore[arg-type]
     ties = tuple((f"{body} {name}", (body, name)) for name in machine.fixed)
-    hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws or {})
+    hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
     return dataclasses.replace(
         machine,
         nodes=nodes,
@@ -68,7 +71,7 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
 
 
 def sprung(
-    machine: Machine, flange: str, at: Array, stiffness: Array, laws: Mapping[int, Law] | None = None
+    machine: Machine, flange: str, at: Array, stiffness: Array, laws: Mapping[int, Law] = NONE
 ) -> Machine:
     """Return the machine with springs between flange and tool, at a place seen from the TCP in its frame."""
     tcp = machine.node(machine.tcp)
@@ -79,8 +82,52 @@ def sprung(
         machine = machine.plus(nodes=(Node(name=names[-1], frame=tcp.frame, at=place),))  # type: ignore[arg-type]
     first, second = names
     ties = ((f"to {first}", (flange, first)), (f"from {second}", (second, tcp.name)))
-    hinge = Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws or {})
+    hinge = Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws)
     return machine.plus(rigids=ties, hinges=(hinge,))
+
+
+def with_loose_mass(
+    machine: Machine, axis: Array, along: float, mass: float, stiffness: Array, laws: Mapping[int, Law] = NONE
+) -> Machine:
+    """Return the machine with a mass that springs hold to the tool, along an axis from the TCP."""
+    tcp = machine.node(machine.tcp)
+    at = tuple(map(float, np.array(tcp.at) + along * axis))
+    seat, loose = (
+        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
+        for name in ("seat", "loose")
+    )
+    hinge = Hinge(loose.name, (seat.name, loose.name), tcp.frame, axes_from(axis), stiffness, laws)
+    return machine.plus(
+        nodes=(seat, loose),
+        rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
+        hinges=(hinge,),
+        masses=(Mass(node=loose.name, mass=mass),),
+    )
+
+
+def tied_to_ground(
+    machine: Machine, wanted: str, axis: Array, stiffness: Array, laws: Mapping[int, Law] = NONE
+) -> Machine:
+    """Return the machine whose TCP springs tie to the ground, the first along an axis of the base frame."""
+    tcp = machine.node(machine.tcp)
+    # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
+    name = free_name(machine, wanted)
+    end = Node(name=name, frame=tcp.frame, at=tcp.at)
+    hinge = Hinge(name, (name, tcp.name), "base", axes_from(axis), stiffness, laws)
+    return machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,))
+
+
+def seen_from_foot(at: Array, k: Array) -> Array:
+    """Return the stiffness (6, 6) at the foot of springs (6, 6) at a place (3,) from it."""
+    X = np.eye(6)
+    X[:3, 3:] = -cross_matrix(at)
+    return np.asarray(X.T @ k @ X)
+
+
+def node_at(machine: Machine, placed: Placed, frame: str, at: Array, wanted: str) -> Node:
+    """Return a new node on a frame, at a place (3,) in the base frame on the machine as placed."""
+    local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
+    return Node(name=free_name(machine, wanted), frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
 
 
 def free_name(machine: Machine, wanted: str) -> str:

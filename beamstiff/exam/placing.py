@@ -208,6 +208,6 @@ def _gaps(skeleton: Skeleton, values: Mapping[str, Numbers]) -> Numbers:
         gaps.append(between[:, :2] if loop.constrain == "plane" else between)
         if loop.constrain == "pose":
             relative = np.einsum("pji,pjk->pik", axes, other)
-            odd = [relative[:, k, j] - relative[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))]
-            gaps.append(0.5 * np.stack(odd, axis=-1))
+            skew = [relative[:, k, j] - relative[:, j, k] for j, k in ((1, 2), (2, 0), (0, 1))]
+            gaps.append(0.5 * np.stack(skew, axis=-1))
     return np.concatenate(gaps, axis=1)

@@ -46,6 +46,22 @@ class Reality:
         """Return the same with another machine."""
         return dataclasses.replace(self, machine=machine)
 
+    def with_errors(self, errors: Mapping[str, float]) -> Reality:
+        """Return the same with errors added to the geometry."""
+        more = {name: self.geometry.get(name, 0.0) + error for name, error in errors.items()}
+        return dataclasses.replace(self, geometry={**self.geometry, **more})
+
+    def with_encoder(self, variable: str, error: Callable[[Array], Array]) -> Reality:
+        """Return the same with one more error of an encoder, from what it reads (P,)."""
+        at = [v.name for v in self.machine.robot.actuated].index(variable)
+
+        def change(q: Array) -> Array:
+            moved = q.copy()
+            moved[:, at] += error(q[:, at])
+            return moved
+
+        return dataclasses.replace(self, encoders=(*self.encoders, change))
+
     def with_load(self, change: LoadChange) -> Reality:
         """Return the same with one more change of the loads."""
         return dataclasses.replace(self, loads=(*self.loads, change))

@@ -47,7 +47,7 @@ def turned_by(rotation: Array) -> Array:
     >>> turned_by(turn(np.array([0.1, -0.2, 0.3])))
     array([ 0.1, -0.2,  0.3])
     """
-    odd = 0.5 * np.stack(
+    skew = 0.5 * np.stack(
         [
             rotation[..., 2, 1] - rotation[..., 1, 2],
             rotation[..., 0, 2] - rotation[..., 2, 0],
@@ -55,15 +55,15 @@ def turned_by(rotation: Array) -> Array:
         ],
         axis=-1,
     )
-    sine = np.linalg.norm(odd, axis=-1)
+    sine = np.linalg.norm(skew, axis=-1)
     angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
     factor = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
     near = angle > 3.1
-    result: Array = factor[..., None] * odd
+    result: Array = factor[..., None] * skew
     if near.any():  # the odd part fades near half a turn; the even one tells the axis
         even = 0.5 * (rotation[near] + np.swapaxes(rotation[near], -1, -2))
         axis = np.linalg.eigh(even)[1][..., -1]
-        sign = np.where(np.einsum("ki,ki->k", axis, odd[near]) < 0.0, -1.0, 1.0)
+        sign = np.where(np.einsum("ki,ki->k", axis, skew[near]) < 0.0, -1.0, 1.0)
         result[near] = (sign * angle[near])[:, None] * axis
     return result
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import Array, Integers, SimulatedCampaign, Truth
+from beamstiff.exam.campaign import ROWS, Array, Integers, SimulatedCampaign, Truth
 from beamstiff.exam.equilibrium import Load, Solved, at_rest, equilibrium, rows_of, some
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Memory, Situation
@@ -22,7 +23,7 @@ from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 
-SPREAD = 0.25
+LOG_STD = 0.25
 PAUSE = 30.0  # s from one state to the next where the campaign gives no time
 ROOM = 20.0  # degC where it gives no temperature
 
@@ -43,25 +44,23 @@ def simulate(
     if not campaign.rotations:
         values[:, 3:] = np.nan
     displacement = campaign.kind == "displacement"
-    return make_measurements(
-        [variable.name for variable in robot.actuated],
-        campaign.q,
-        tcp=robot.tcp,
-        wrench=campaign.wrench,
+    return table_of(
+        robot,
+        campaign,
         displacement=values if displacement else None,
         position=None if displacement else values[:, :3],
         rotation=None if displacement else values[:, 3:],
         sigma_position=campaign.claimed_position,
         sigma_rotation=campaign.claimed_rotation if campaign.rotations else None,
-        point=campaign.point,
-        load_point=campaign.load_point,
-        pose=campaign.pose,
-        step=campaign.step,
-        time=campaign.time,
-        temperature=campaign.temperature,
         shared_unloaded=campaign.shared_unloaded and displacement,
-        source="<exam>",
     )
+
+
+def table_of(robot: Robot, campaign: SimulatedCampaign, **measured: Any) -> Measurements:
+    """Return the states of a campaign as a table, with what was measured."""
+    states = {name: getattr(campaign, name) for name in ROWS if name != "q"}
+    names = [variable.name for variable in robot.actuated]
+    return make_measurements(names, campaign.q, tcp=robot.tcp, source="<exam>", **states, **measured)
 
 
 def reality_of(robot: Robot, truths: Sequence[Truth]) -> Reality:
@@ -82,7 +81,7 @@ def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
         for name in drives_of(robot)
         for joint, own in joints_of(robot, name)
     )
-    return {name: robot.parameter(name) * float(np.exp(SPREAD * rng.standard_normal())) for name in names}
+    return {name: robot.parameter(name) * float(np.exp(LOG_STD * rng.standard_normal())) for name in names}
 
 
 def readings(reality: Reality, campaign: SimulatedCampaign) -> Array:

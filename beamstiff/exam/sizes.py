@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.baseline import Fit, linear_fit, whitened_gap
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.record import Kind
 from beamstiff.robot.description import Robot
@@ -110,10 +110,7 @@ def some_poses(campaign: SimulatedCampaign, most: int) -> SimulatedCampaign:
     if len(poses) <= most:
         return campaign
     chosen = poses[np.linspace(0, len(poses) - 1, most).round().astype(int)]
-    rows = np.isin(campaign.pose, chosen)
-    names = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_point")
-    parts: dict[str, Array] = {name: getattr(campaign, name)[rows] for name in names}
-    return replace(campaign, **parts)  # type: ignore[arg-type]
+    return campaign.at(np.isin(campaign.pose, chosen))
 
 
 def size_for(gap_of: Callable[[float], float], wanted: float) -> tuple[float, float]:

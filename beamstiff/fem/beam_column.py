@@ -65,8 +65,8 @@ def check_beams(structure: Structure, geometry: Geometry, pull: Array) -> None:
     """Refuse beams that buckle between their nodes under tension (P, B): no unknown shows it."""
     square = _reduced(*beam_bending(structure, geometry), pull, geometry.beam_length)[2]
     share = (square / CLAMPED).max(axis=-1)
-    if (odd := np.argwhere(~(share < 1.0))).size:
-        pose, beam = odd[0]
+    if (buckled := np.argwhere(~(share < 1.0))).size:
+        pose, beam = buckled[0]
         raise BeamstiffError(
             f"robot {structure.robot.name!r} {BUCKLES}: beam {structure.robot.beams[beam].name!r} at pose "
             f"{geometry.number[pose]}, at {share[pose, beam]:.3g} times what it bears between clamped ends"

@@ -253,8 +253,8 @@ def _condense_chunk(
         dead_r, dead_p = (rest_t @ dead[..., None])[..., 0], (moved_t @ dead[..., None])[..., 0]
     if large:
         each = [sparse_stiffness(structure, geometry.only(np.array([at]))) for at in range(len(watch))]
-        beside = np.array([matrix[:, moved].toarray() for matrix in each]).reshape(*dead.shape, moved.size)
-        k_rp, k_pp = beside[:, rest], beside[:, moved]
+        columns = np.array([matrix[:, moved].toarray() for matrix in each]).reshape(*dead.shape, moved.size)
+        k_rp, k_pp = columns[:, rest], columns[:, moved]
         size_p = np.diagonal(k_pp, axis1=1, axis2=2)
     else:
         stiffness, size = assemble(structure, geometry)
@@ -324,10 +324,10 @@ def _sure_of_ports(
     own = np.abs(np.diagonal(port_stiffness, axis1=1, axis2=2))
     faint = (own < FAINT * size) & (port_stiffness != 0.0).any(axis=2) & firm[:, None]
     if faint.any():
-        loose = faint & (np.diagonal(exact(int(np.argmax(faint.any(axis=1))))) == 0.0)
-        port_stiffness[loose] = 0.0
-        port_stiffness.swapaxes(1, 2)[loose] = 0.0
-        faint &= ~loose
+        unsupported = faint & (np.diagonal(exact(int(np.argmax(faint.any(axis=1))))) == 0.0)
+        port_stiffness[unsupported] = 0.0
+        port_stiffness.swapaxes(1, 2)[unsupported] = 0.0
+        faint &= ~unsupported
     return np.asarray(~faint.any(axis=1))
 
 

@@ -100,9 +100,9 @@ def null_space(rows: Array, scale: Array, what: str) -> Array:
     _, singular, right = np.linalg.svd(rows * scale, full_matrices=True)
     rank = count_ranks(singular, scale)
     if rank.size and (rank != rank[0]).any():
-        odd = int(np.argmax(rank != np.bincount(rank).argmax()))
+        wrong = int(np.argmax(rank != np.bincount(rank).argmax()))
         raise BeamstiffError(
-            f"{what}: pose {odd} is a singular position of a loop of rigid parts; leave it out"
+            f"{what}: pose {wrong} is a singular position of a loop of rigid parts; leave it out"
         )
     free = right[:, int(rank[0]) if rank.size else 0 :]
     # rounding errors would carry the stiffness of what does not move into what moves
@@ -119,8 +119,8 @@ def imposed(rows: Array, basis: Array, names: list[str]) -> Array:
     missing = len(names) - (singular > RANK_TOLERANCE).sum(axis=1)
     if stuck.any() or missing.any():
         pose = int(np.argmax(missing))
-        together = (np.abs(left[pose, :, len(names) - missing[pose] :]) > RANK_TOLERANCE**0.5).any(axis=1)
-        which = [name for name, odd in zip(names, stuck if stuck.any() else together, strict=True) if odd]
+        coupled = (np.abs(left[pose, :, len(names) - missing[pose] :]) > RANK_TOLERANCE**0.5).any(axis=1)
+        which = [name for name, wrong in zip(names, stuck if stuck.any() else coupled, strict=True) if wrong]
         how = "cannot move at all" if stuck.any() else "cannot move without one another"
         raise BeamstiffError(
             f"the directions {listed(dict.fromkeys(which))} {how}: rigid parts of their loops hold them"

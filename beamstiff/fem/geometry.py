@@ -42,9 +42,9 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
     robot, positions = structure.robot, posture.node_positions
     rotations = posture.transforms[:, :, :3, :3]
     number = np.arange(len(positions)) if number is None else number
-    if (odd := _first_where(~np.isfinite(positions.sum(axis=2)))) is not None:
+    if (wrong := _first_where(~np.isfinite(positions.sum(axis=2)))) is not None:
         raise BeamstiffError(
-            f"node {robot.nodes[odd[1]].name!r}: its position at pose {number[odd[0]]} is not a number; "
+            f"node {robot.nodes[wrong[1]].name!r}: its position at pose {number[wrong[0]]} is not a number; "
             "does the pose close its loops?"
         )
     _check_joints(structure, positions, number)
@@ -52,18 +52,18 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
     ends = structure.elements[: len(robot.beams)]
     axis = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
     length = np.linalg.norm(axis, axis=-1)
-    if (odd := _first_where(length < SHORTEST)) is not None:
-        beam = robot.beams[odd[1]]
+    if (wrong := _first_where(length < SHORTEST)) is not None:
+        beam = robot.beams[wrong[1]]
         raise BeamstiffError(
-            f"beam {beam.name!r} has zero length at pose {number[odd[0]]}: its nodes {beam.nodes[0]!r} and "
+            f"beam {beam.name!r} has zero length at pose {number[wrong[0]]}: its nodes {beam.nodes[0]!r} and "
             f"{beam.nodes[1]!r} coincide"
         )
     up = np.einsum("pbij,bj->pbi", rotations[:, structure.beam_frame], np.nan_to_num(structure.beam_up))
     up[:, np.isnan(structure.beam_up).any(axis=1)] = np.nan
     across = np.linalg.norm(np.cross(axis, up), axis=-1)
-    if (odd := _first_where(across < 1e-6 * length * np.linalg.norm(up, axis=-1))) is not None:
+    if (wrong := _first_where(across < 1e-6 * length * np.linalg.norm(up, axis=-1))) is not None:
         raise BeamstiffError(
-            f"beam {robot.beams[odd[1]].name!r}: `up` is parallel to the beam at pose {number[odd[0]]}, "
+            f"beam {robot.beams[wrong[1]].name!r}: `up` is parallel to the beam at pose {number[wrong[0]]}, "
             "expected a direction across it"
         )
     return Geometry(
@@ -99,12 +99,12 @@ def _check_joints(structure: Structure, positions: Array, number: Index) -> None
     """Refuse joints whose nodes lie apart."""
     ends = structure.joint_nodes
     gap = np.linalg.norm(positions[:, ends[:, 1]] - positions[:, ends[:, 0]], axis=-1)
-    if (odd := _first_where(gap > COINCIDENT)) is None:
+    if (wrong := _first_where(gap > COINCIDENT)) is None:
         return
-    joint = structure.robot.joints[odd[1]]
+    joint = structure.robot.joints[wrong[1]]
     raise BeamstiffError(
         f"joint {joint.name!r}: its nodes {joint.nodes[0]!r} and {joint.nodes[1]!r} are "
-        f"{1e3 * gap[odd]:.4g} mm apart at pose {number[odd[0]]}, expected to coincide; "
+        f"{1e3 * gap[wrong]:.4g} mm apart at pose {number[wrong[0]]}, expected to coincide; "
         "check the nodes' frames, or the loop that should join them"
     )
 
@@ -117,10 +117,10 @@ def rod_flexibility(structure: Structure, posture: Posture, struts: Index, numbe
     length = np.linalg.norm(_strut_ways(structure, posture, struts), axis=-1)
     free = length - np.array([strut.fixed_length for strut in some])
     stretching = np.array([strut.EA or np.inf for strut in some])
-    if (odd := _first_where((free <= 0.0) & np.isfinite(stretching))) is not None:
-        strut = some[odd[1]]
+    if (wrong := _first_where((free <= 0.0) & np.isfinite(stretching))) is not None:
+        strut = some[wrong[1]]
         raise BeamstiffError(
-            f"strut {strut.name!r} is {1e3 * length[odd]:.4g} mm long at pose {number[odd[0]]}, expected "
+            f"strut {strut.name!r} is {1e3 * length[wrong]:.4g} mm long at pose {number[wrong[0]]}, expected "
             f"more than its fixed_length, {1e3 * strut.fixed_length:.4g} mm"
         )
     flexibility: Array = free / stretching
@@ -149,10 +149,10 @@ def strut_directions(structure: Structure, geometry: Geometry, struts: Index) ->
     """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
     along = _strut_ways(structure, geometry.posture, struts)
     length = np.linalg.norm(along, axis=-1, keepdims=True)
-    if (odd := _first_where(length[..., 0] < SHORTEST)) is not None:
-        strut = structure.robot.struts[struts[odd[1]]]
+    if (wrong := _first_where(length[..., 0] < SHORTEST)) is not None:
+        strut = structure.robot.struts[struts[wrong[1]]]
         raise BeamstiffError(
-            f"strut {strut.name!r} has zero length at pose {geometry.number[odd[0]]}: its nodes "
+            f"strut {strut.name!r} has zero length at pose {geometry.number[wrong[0]]}: its nodes "
             f"{strut.nodes[0]!r} and {strut.nodes[1]!r} coincide"
         )
     unit: Array = along / length

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.robot.branch import Assembly, assembly_at, near_singular
-from beamstiff.robot.continuation import continuation, spread
+from beamstiff.robot.continuation import continuation, search_width
 from beamstiff.robot.forward import forward, node_positions
 from beamstiff.robot.frames import MOTIONS, all_values
 from beamstiff.robot.loops import LoopSystem, loop_equations
@@ -207,7 +207,7 @@ def _closed_postures(
     while len(found) < MOST_ROUNDS and sum(len(postures) for postures, _ in found) < ENOUGH:
         starts = np.tile(guess, (STARTS, 1))
         starts[not found :, :first] = random.uniform(from_, to, (STARTS - (not found), first))
-        shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * spread(system)
+        shifts = random.uniform(-1.0, 1.0, (STARTS, len(guess) - first)) * search_width(system)
         shifts[: STARTS // 3] = 0.0
         starts[:, first:] += shifts
         starts = _drawn_together(system, starts, low, high, CLOSING)

@@ -306,9 +306,9 @@ def _model(robot: Robot) -> Iterator[Problem]:
 
 def _support(robot: Robot) -> Iterator[Problem]:
     graph = structure_graph(robot)
-    loose: Sequence[set[str]] = parts_without_support(graph, robot.fixed)
-    if loose:
+    unsupported: Sequence[set[str]] = parts_without_support(graph, robot.fixed)
+    if unsupported:
         yield (
             ("fixed",),
-            f"disconnected part: nodes {listed(sorted(loose[0]))} are connected to no fixed node",
+            f"disconnected part: nodes {listed(sorted(unsupported[0]))} are connected to no fixed node",
         )

@@ -14,7 +14,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, near_singular, scattered
-from beamstiff.robot.continuation import close_in_branch, grid_of_starts, spread
+from beamstiff.robot.continuation import close_in_branch, grid_of_starts, search_width
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system, recorded
@@ -52,11 +52,11 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
         system = recorded(system)
         starts = grid_of_starts(system, assembly) if kinematics.assembly else None
     free, gaps, closed, flipped = close_in_branch(system, assembly, free, starts)
-    loose = _loose(system, free, closed)
-    closed = closed & ~loose
+    at_dead_centre = _at_dead_centre(system, free, closed)
+    closed = closed & ~at_dead_centre
     reasons = [""] * poses
     for pose in np.flatnonzero(~closed):
-        if loose[pose]:
+        if at_dead_centre[pose]:
             to_passive = loop_equations(system, free[[pose]])[1][:, :, joined.actuated :]
             reasons[pose] = _undetermined(system, free[[pose]], to_passive, 0, int(pose))
         else:
@@ -200,7 +200,8 @@ def _assembly_near(system: LoopSystem, free: Array) -> Assembly | None:
     """
     first = system.actuated
     few = free[np.unique(np.linspace(0, len(free) - 1, 32).astype(np.intp))]
-    shifts = np.random.default_rng(0).uniform(-1.0, 1.0, (SCATTERED, free.shape[1] - first)) * spread(system)
+    width = search_width(system)
+    shifts = np.random.default_rng(0).uniform(-1.0, 1.0, (SCATTERED, free.shape[1] - first)) * width
     anywhere = np.repeat(few, SCATTERED, axis=0)
     anywhere[:, first:] += np.tile(shifts, (len(few), 1))
     for start, origin in ((free, free), (anywhere, np.repeat(few, SCATTERED, axis=0))):
@@ -218,7 +219,7 @@ def _without_branches(system: LoopSystem, start: Array) -> Assembly:
     return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 
 
-def _loose(system: LoopSystem, free: Array, closed: Mask) -> Mask:
+def _at_dead_centre(system: LoopSystem, free: Array, closed: Mask) -> Mask:
     """Return which closed postures (P, A + Q) are too near a dead centre for what follows from them, (P,).
 
     There the drives move passive variables out of all proportion, by 1/s, s being the least singular value of
@@ -226,15 +227,15 @@ def _loose(system: LoopSystem, free: Array, closed: Mask) -> Mask:
     do not cause the motion (a universal joint in line with its leg, a parallelogram at its change point), it
     is no dead centre.
     """
-    first, loose = system.actuated, closed.copy()
+    first, at_dead_centre = system.actuated, closed.copy()
     jacobian = loop_equations(system, free[closed])[1]
     near = np.flatnonzero(near_singular(jacobian[:, :, first:]))
-    loose[closed] = False
+    at_dead_centre[closed] = False
     if len(near):
         u, s, _ = np.linalg.svd(jacobian[near, :, first:], full_matrices=False)
         driven = np.einsum("pm,pma->pa", u[:, :, -1], jacobian[near, :, :first])
-        loose[np.flatnonzero(closed)[near]] = np.linalg.norm(driven, axis=1) > FASTEST * s[:, -1]
-    return loose
+        at_dead_centre[np.flatnonzero(closed)[near]] = np.linalg.norm(driven, axis=1) > FASTEST * s[:, -1]
+    return at_dead_centre
 
 
 def _reason(system: LoopSystem, free: Array, gaps: Array, pose: int, flipped: bool) -> str:
@@ -275,9 +276,9 @@ def _check_determined(system: LoopSystem, start: Array) -> None:
     jacobian = loop_equations(system, scattered(system, start))[1][:, :, system.actuated :]
     passive = jacobian.shape[2]
     if np.linalg.matrix_rank(jacobian, rtol=1e-9).max() < passive:
-        loose, _ = _moved_alone(system, jacobian[0], 1e-6)
+        alone, _ = _moved_alone(system, jacobian[0], 1e-6)
         raise BeamstiffError(
-            f"robot {system.kinematics.robot.name!r}: the passive variables {listed(loose)} are not "
+            f"robot {system.kinematics.robot.name!r}: the passive variables {listed(alone)} are not "
             f"determined by its loops {listed(loop.name for loop in system.kinematics.loops)}: "
             "constrain more or lock some"
         )

@@ -230,7 +230,7 @@ def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> A
     """Try starts all over the passive variables at the poses that are not closed; keeps the smallest gaps."""
     first = system.actuated
     free, gaps, closed, flipped = attempt
-    width = spread(system)
+    width = search_width(system)
     random = np.random.default_rng(0)
     for _ in range(STARTS):
         todo = np.flatnonzero(~closed)
@@ -249,7 +249,7 @@ def _other_starts(system: LoopSystem, assembly: Assembly, attempt: Attempt) -> A
     return Attempt(free, gaps, closed, flipped & ~closed)
 
 
-def spread(system: LoopSystem) -> Array:
+def search_width(system: LoopSystem) -> Array:
     """Return how far from a guess to seek passive variables, (Q,): half a turn, half the machine's size."""
     passive = slice(system.actuated, None)
     return np.where(system.prismatic[passive], 0.5 * system.scale[passive], np.pi)

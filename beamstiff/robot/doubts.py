@@ -54,10 +54,10 @@ def _of_joints(robot: Robot) -> Iterator[str]:
     }
     parents = {frame.name: frame.parent for frame in robot.frames}
     frames = {node.name: node.frame for node in robot.nodes}
-    beside: dict[str, list[str]] = {}
+    neighbours: dict[str, list[str]] = {}
     for a, b in [*(item.nodes for item in robot.beams), *(item.nodes for item in robot.rigids)]:
         for one, other in ((a, b), (b, a)):
-            beside.setdefault(one, []).append(other)
+            neighbours.setdefault(one, []).append(other)
 
     def chain(frame: str) -> set[str]:
         names = set()
@@ -77,7 +77,7 @@ def _of_joints(robot: Robot) -> Iterator[str]:
         across = between(*joint.nodes)
         known = across | moved.get(joint.frame, set())
         for node in joint.nodes:  # a slide may move what is held by it, not its own nodes
-            for far in beside.get(node, []):
+            for far in neighbours.get(node, []):
                 known |= between(node, far)
         if joint.variable in known:
             continue

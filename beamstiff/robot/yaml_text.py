@@ -69,9 +69,9 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
     text = text.removeprefix("\ufeff")
     if len(text) > LARGEST:
         raise BeamstiffError(f"{name}: larger than {LARGEST / 1e6:g} MB, which is the most that is read")
-    if odd := _UNPRINTABLE.search(text):
-        line = text.count("\n", 0, odd.start()) + 1
-        raise BeamstiffError(f"{name}:{line}: found the character {odd[0]!r}, expected printable text")
+    if character := _UNPRINTABLE.search(text):
+        line = text.count("\n", 0, character.start()) + 1
+        raise BeamstiffError(f"{name}:{line}: found the character {character[0]!r}, expected printable text")
     builder = _Builder(name)
     try:
         for event in yaml.parse(text, Loader=_LOADER):

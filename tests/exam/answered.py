@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from beamstiff.exam.names import is_named, normal
+from beamstiff.exam.names import NONE, UNKNOWN, is_named, normal
 from beamstiff.exam.record import Answer, Label, Record
 
 
@@ -49,3 +49,17 @@ def answered(truth: str = "backlash:q3", verdict: str = "none", **more: Any) -> 
         seconds=0.0,
         error=more.get("error"),
     )
+
+
+def of_every_kind(component: str = "q3", said: str = "ValueError: broke") -> list[Record]:
+    """Return cases of every kind: found, missed, quiet, broken off, outside the table, two at once."""
+    return [
+        answered("backlash:q3", "backlash:q3", p=0.95),
+        answered(f"backlash:{component}", "hardening:q3", p=0.55),
+        answered("hysteresis:q2", "hysteresis:q2", p=0.9, gap=5.0),
+        answered("load-error", NONE, p=0.7, gap=0.5),
+        answered("none", NONE, p=0.9),
+        answered("none", UNKNOWN, p=0.6, error=said),
+        answered("warm-up:q1", UNKNOWN, p=0.9, kind="outside"),
+        answered("backlash:q3 hardening:q2", "backlash:q3", also=["hardening:q2"]),
+    ]

@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from beamstiff.fem.large.frame import Frame
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.parts import Beam, Joint, Mass, Material, Node, Rigid, Strut
 from beamstiff.robot.sections import Section
+from benchmarks import lattice
+from benchmarks.lattice import ROD, tip
 
 Array = NDArray[np.float64]
 
@@ -83,6 +86,19 @@ def frame(
         masses=[Mass(node=names[at], mass=mass, at=tuple(offset)) for at, mass, offset in masses],
         fixed=[names[at] for at in fixed],
         tcp=names[tcp],
+    )
+
+
+def robot_of(made: Frame) -> Robot:
+    """Return a frame of the benchmarks' lattices as a robot, with its tip for the TCP."""
+    return frame(
+        made.points,
+        beams=[tuple(pair) for pair in made.beams.tolist()],
+        fixed=np.flatnonzero(made.fixed).tolist(),
+        tcp=tip(made),
+        up=[tuple(up) for up in made.up.tolist()],
+        section=Section(**{name: ROD[name] for name in ("A", "Iy", "Iz", "J")}),
+        material=Material(density=7850.0, **lattice.STEEL),
     )
 
 

@@ -4,7 +4,6 @@ The times are those of one core's own work, so that what else the machine does c
 """
 
 import io
-import time
 
 import numpy as np
 import pytest
@@ -64,20 +63,9 @@ def test_only_the_sums_of_bearings_in_series_are_unique() -> None:
     assert {frozenset(item.parameters) for item in found.degenerate} == set(map(frozenset, SUMS))
 
 
-def test_a_full_identification_by_gradient_takes_less_than_a_tenth_of_a_second(tried: Case) -> None:
-    def seconds() -> float:
-        start = time.process_time()
-        minimise(tried.objective)
-        return time.process_time() - start
-
-    assert min(seconds() for _ in range(3)) < 0.1
-
-
 @pytest.mark.slow
-def test_a_genetic_search_of_20000_evaluations_takes_less_than_ten_seconds(tried: Case) -> None:
-    start = time.process_time()
+def test_a_genetic_search_takes_the_evaluations_that_it_is_given(tried: Case) -> None:
     found = minimise(tried.objective, "genetic", effort=Effort(evaluations=20_000), polish=False)
-    assert time.process_time() - start < 10
     assert found.evaluations > 19_000 or found.message.startswith("converged")
 
 

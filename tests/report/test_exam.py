@@ -5,28 +5,20 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from beamstiff.exam.names import NONE, UNKNOWN
+from beamstiff.exam.names import UNKNOWN
 from beamstiff.exam.record import Record
 from beamstiff.exam.table import ALARMS, headline, table_dict
 from beamstiff.report.exam import exam_figure, exam_tables, mark, plan_tables, reliability_figure
 from beamstiff.report.figures import save_figure
 from beamstiff.report.tables import Table
-from tests.exam.answered import answered
+from tests.exam.answered import answered, of_every_kind
 
 
 @pytest.fixture
 def records() -> list[Record]:
-    return [
-        answered("backlash:q3", "backlash:q3", p=0.95),
-        answered("backlash:q3", "hardening:q3", p=0.55),
-        answered("hysteresis:q2", "hysteresis:q2", p=0.9, gap=5.0),
-        answered("load-error", NONE, p=0.7, gap=0.5),
-        answered("none", NONE, p=0.9),
-        answered("none", UNKNOWN, p=0.6, error="ValueError: broke"),
-        answered("warm-up:q1", UNKNOWN, p=0.9, kind="outside"),
-        answered("backlash:q3", UNKNOWN, p=0.9, kind="removed", withheld=("backlash",)),
-        answered("backlash:q3 hardening:q2", "backlash:q3", also=["hardening:q2"]),
-    ]
+    removed = answered("backlash:q3", UNKNOWN, p=0.9, kind="removed", withheld=("backlash",))
+    *some, pair = of_every_kind()
+    return [*some, removed, pair]
 
 
 def shown(tables: list[Table]) -> str:

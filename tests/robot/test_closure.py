@@ -1,7 +1,6 @@
 """Closed loops, against closed forms of the papers and textbooks; branches; what cannot close."""
 
 import re
-import time
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.closure import GRID, assembly_doubts, close_loops, closure_rates
+from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, posture, posture_at, twist_jacobian
 from beamstiff.robot.loops import loop_equations, loop_system, recorded
@@ -63,31 +63,25 @@ def gap_between(kinematics: Kinematics, q: Array, a: str, b: str) -> float:
 
 
 @pytest.mark.parametrize(
-    "robot",
+    ("robot", "branch"),
     [
-        FOUR_BAR,
-        ir663(a="f11", b="f10"),
-        ir663(a="p10", b="p11"),
-        ir663(constrain="plane"),
-        ir663(a="p11", b="f10", constrain="plane"),
-        ir663(constrain="pose", th10=-2.0),
+        (FOUR_BAR, 1),
+        (ir663(a="f11", b="f10"), 1),
+        (ir663(a="p10", b="p11"), 1),
+        (ir663(constrain="plane"), 1),
+        (ir663(a="p11", b="f10", constrain="plane"), 1),
+        (ir663(constrain="pose", th10=-2.0), 1),
+        (ir663(th3=-2.7, th9=-1.0), -1),
     ],
-    ids=["position", "ends swapped", "nodes", "plane", "node in plane", "pose"],
+    ids=["position", "ends swapped", "nodes", "plane", "node in plane", "pose", "other guess"],
 )
-def test_four_bar_angle_is_the_corrected_closed_form(robot) -> None:  # type: ignore[no-untyped-def]
+def test_four_bar_angle_is_the_corrected_closed_form(robot: Robot, branch: int) -> None:
     q = np.random.default_rng(0).uniform(LOW, HIGH, (2000, 3))
     kinematics = compile_kinematics(robot)
     th3 = value(kinematics, posture(kinematics, q).values, "th3")
     # the paper's x3 points along the lever, 90 deg from frame 3 of its table 1
-    assert apart(th3 + np.pi / 2, four_bar_th3(q[:, 1], q[:, 2], branch=1)).max() < 1e-12
+    assert apart(th3 + np.pi / 2, four_bar_th3(q[:, 1], q[:, 2], branch)).max() < 1e-12
     assert gap_between(kinematics, q, "p10", "p11") < 1e-12
-
-
-def test_the_guess_chooses_the_branch() -> None:
-    q = np.random.default_rng(0).uniform(LOW, HIGH, (2000, 3))
-    kinematics = compile_kinematics(ir663(th3=-2.7, th9=-1.0))
-    th3 = value(kinematics, posture(kinematics, q).values, "th3")
-    assert apart(th3 + np.pi / 2, four_bar_th3(q[:, 1], q[:, 2], branch=-1)).max() < 1e-12
 
 
 @pytest.mark.parametrize(("phi", "psi", "branch"), [(3.0, -2.7, 1), (-0.6, 2.7, -1)])
@@ -204,27 +198,11 @@ def test_the_branch_holds_along_a_path_that_nearly_folds_the_lever_on_the_couple
     assert (apart(th3, expected) < 1e-8 * apart(expected, other)).all()
 
 
-def test_a_pose_alone_closes_as_in_company() -> None:
-    q = np.random.default_rng(2).uniform(LOW, HIGH, (50, 3))
-    kinematics = compile_kinematics(FOUR_BAR)
-    together = posture(kinematics, q).values
-    for pose in range(len(q)):
-        assert np.abs(posture(kinematics, q[pose]).values[0] - together[pose]).max() < 1e-12
-
-
 def test_a_turn_of_the_whole_machine_changes_nothing_in_the_loop() -> None:
     kinematics = compile_kinematics(FOUR_BAR)
     q = np.array([[turn, 0.2, 0.8] for turn in np.linspace(-3, 3, 9)])
     passive = posture(kinematics, q).values[:, 3:]
     assert (passive == passive[0]).all()
-
-
-def test_ten_thousand_poses_close_in_well_under_a_second() -> None:
-    q = np.random.default_rng(3).uniform(LOW, HIGH, (10_000, 3))
-    kinematics = compile_kinematics(FOUR_BAR)
-    begin = time.process_time()
-    posture(kinematics, q)
-    assert time.process_time() - begin < 1.0
 
 
 def test_rates_are_the_derivatives_of_the_closed_form() -> None:

@@ -105,6 +105,15 @@ def test_rates_of_slides_are_in_metres() -> None:
     assert np.abs(bearing[:, 1] - (x * np.sin(q[:, 0]) - y * np.cos(q[:, 0])) / distance**2).max() < 1e-12
 
 
+def on_its_branch(th3: Array, q: Array, lever: float = D10) -> bool:
+    """Return whether angles are nearer to the closed form's first branch than to its other one."""
+    right, wrong = (
+        np.abs(np.sin(0.5 * (th3 + np.pi / 2 - four_bar_th3(q[:, 1], q[:, 2], branch, lever))))
+        for branch in (1, -1)
+    )
+    return bool((right < wrong).all())
+
+
 def test_continuation_keeps_the_branch_up_to_where_branches_nearly_meet() -> None:
     kinematics = compile_kinematics(ir663())
     assembly = kinematics.assembly
@@ -119,15 +128,8 @@ def test_continuation_keeps_the_branch_up_to_where_branches_nearly_meet() -> Non
     free, arrived = continuation(loop_system(kinematics), assembly, origin, target)
     # some give up just before the fold; closing in full gets there by other means
     assert arrived.mean() > 0.8
-    for th3, where in (
-        (free[arrived, 3], arrived),
-        (posture(kinematics, target).values[:, 3], np.ones(2000, dtype=np.bool_)),
-    ):
-        right, wrong = (
-            np.abs(np.sin(0.5 * (th3 + np.pi / 2 - four_bar_th3(q2, q8, branch)[where])))
-            for branch in (1, -1)
-        )
-        assert (right < wrong).all()
+    assert on_its_branch(free[arrived, 3], target[arrived])
+    assert on_its_branch(posture(kinematics, target).values[:, 3], target)
 
 
 def test_continuation_does_not_flip_where_a_line_leaps_over_what_cannot_close() -> None:
@@ -144,12 +146,5 @@ def test_continuation_does_not_flip_where_a_line_leaps_over_what_cannot_close() 
     )
     start = posture(kinematics, before).values
     free, arrived = continuation(loop_system(kinematics), assembly, start, after)
-    for th3, where in (
-        (free[arrived, 3], arrived),
-        (posture(kinematics, after).values[:, 3], np.ones(500, dtype=np.bool_)),
-    ):
-        right, wrong = (
-            np.abs(np.sin(0.5 * (th3 + np.pi / 2 - four_bar_th3(after[:, 1], q8, branch, lever)[where])))
-            for branch in (1, -1)
-        )
-        assert (right < wrong).all()
+    assert on_its_branch(free[arrived, 3], after[arrived], lever)
+    assert on_its_branch(posture(kinematics, after).values[:, 3], after, lever)

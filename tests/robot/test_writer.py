@@ -2,7 +2,6 @@ import math
 import os
 import stat
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -295,9 +294,3 @@ def test_permissions_and_links_stay(everything: str, tmp_path: Path) -> None:
     assert link.is_symlink()
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert load_robot(path) == robot
-
-
-def test_the_robots_that_come_along_are_written_and_read(shared_path: Callable[[str], Path]) -> None:
-    for name in ("practice/kr240.yaml", "practice/kr240-payload.yaml"):
-        robot = load_robot(shared_path(name))
-        assert parse_robot(robot_to_yaml(robot)) == robot

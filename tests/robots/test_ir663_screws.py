@@ -43,16 +43,11 @@ def lengths(q: Array) -> Array:
 
 
 @pytest.mark.parametrize("robot", [SCREWS, BEAMS], ids=lambda robot: robot.name)
-def test_theta2_is_that_of_the_papers_closed_form(robot: Robot) -> None:
+def test_both_angles_are_those_of_the_papers_closed_form(robot: Robot) -> None:
     r = inside(robot, 2000)
     expected = marie_theta(r[:, 0], np.radians(-110), np.radians(-155), *SWING, branch=1)
     assert np.abs(wrapped(values(at(robot, r), "th2") - expected)).max() < 1e-12
-
-
-@pytest.mark.parametrize("robot", [SCREWS, BEAMS], ids=lambda robot: robot.name)
-def test_theta8_is_that_of_the_papers_closed_form(robot: Robot) -> None:
     # theta8 counts from level and not from upright, as theta2 does: a quarter turn goes into kappa8
-    r = inside(robot, 2000)
     lug, bracket = np.radians(170 + 180), np.radians(-147.5)
     expected = marie_theta(r[:, 1], lug - np.pi / 2, np.pi / 2 - bracket, *CRANK, branch=1)
     assert np.abs(wrapped(values(at(robot, r), "th8") - expected)).max() < 1e-12

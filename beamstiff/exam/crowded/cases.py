@@ -154,13 +154,13 @@ def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -
     if absolute and rng.random() < FRAMED:
         frame = np.concatenate([rng.uniform(-1.5, 1.5, 3), rng.uniform(-2.0, 2.0, 3)])
     basis = open_basis(robot, machine, campaign)
-    quiet = without_noise(campaign)
-    start = solve(reality_of(machine, geometry), quiet)
+    noise_free = without_noise(campaign)
+    start = solve(reality_of(machine, geometry), noise_free)
 
     def rows(some: Sequence[Truth]) -> Array:
         reality = reality_of(machine, (*geometry, *some))
-        solved = solve(reality, quiet, start=start) if some else start
-        return _beyond(read(reality, quiet, solved)[:, :3].reshape(-1), basis)
+        solved = solve(reality, noise_free, start=start) if some else start
+        return _beyond(read(reality, noise_free, solved)[:, :3].reshape(-1), basis)
 
     truths: list[Truth] = []
     if kind in ("crowded", "outside"):

@@ -15,12 +15,9 @@ from beamstiff.fem.large.frame import Frame, frame_stiffness, nodal_forces
 from beamstiff.fem.large.multifrontal import Softness, factorise, make_plan
 from beamstiff.fem.large.solvers import frame_plan, interface_compliance, solve_frame
 from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import displacement_transport
-from benchmarks.lattice import ROD, STEEL, cube, lattice, slender, tip
-from tests.fem.builders import at_rest
-from tests.fem.builders import frame as robot_frame
+from benchmarks.lattice import cube, lattice, slender, tip
+from tests.fem.builders import at_rest, robot_of
 from tests.fem.random_frames import beam_frame
 
 
@@ -262,16 +259,7 @@ def test_what_does_not_fit_into_memory_is_refused_beforehand(monkeypatch: pytest
 def test_a_robot_frame_and_a_lattice_are_alike() -> None:
     """The generator of the benchmarks makes the frame that a description of it makes."""
     frame = lattice((1, 1, 1))
-    robot = robot_frame(
-        frame.points,
-        beams=[tuple(pair) for pair in frame.beams.tolist()],
-        fixed=np.flatnonzero(frame.fixed).tolist(),
-        tcp=tip(frame),
-        up=[tuple(up) for up in frame.up.tolist()],
-        section=Section(**{name: ROD[name] for name in ("A", "Iy", "Iz", "J")}),
-        material=Material(density=7850.0, **STEEL),
-    )
-    structure = compile_structure(robot)
+    structure = compile_structure(robot_of(frame))
     expected = tcp_compliance(structure, at_rest(structure))[0]
     found = solve_frame(frame, unit_loads(frame, tip(frame))).displacement[tip(frame)]
     assert np.abs(found - expected).max() <= 1e-10 * np.abs(expected).max()

@@ -25,7 +25,7 @@ from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.exam.names import EFFECTS, NONE, UNKNOWN
+from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import Record
 from beamstiff.exam.table import table_dict
 from beamstiff.functions.predict import Prediction
@@ -47,7 +47,7 @@ from beamstiff.report.html.provenance import Provenance, provenance
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.cli import conftest as commands
-from tests.exam.answered import answered
+from tests.exam.answered import of_every_kind
 
 KINDS = ("diagnosis", "identification", "calibration", "compensation", "comparison", "deflection", "exam")
 ROBOT_NAME = "<script>alert(1)</script>"
@@ -204,16 +204,7 @@ def compared(robot: Robot, rows: Measurements) -> Models:
 
 @pytest.fixture(scope="session")
 def records() -> list[Record]:
-    return [
-        answered("backlash:q3", "backlash:q3", p=0.95),
-        answered("backlash:<b>q3</b>", "hardening:q3", p=0.55),
-        answered("hysteresis:q2", "hysteresis:q2", p=0.9, gap=5.0),
-        answered("load-error", NONE, p=0.7, gap=0.5),
-        answered("none", NONE, p=0.9),
-        answered("none", UNKNOWN, p=0.6, error=f"ValueError: {LINK_NAME} broke"),
-        answered("warm-up:q1", UNKNOWN, p=0.9, kind="outside"),
-        answered("backlash:q3 hardening:q2", "backlash:q3", also=["hardening:q2"]),
-    ]
+    return of_every_kind("<b>q3</b>", f"ValueError: {LINK_NAME} broke")
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from beamstiff.exam.across import Across, across, with_rod
+from beamstiff.exam.across import Across, across, lever, with_rod
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
@@ -44,7 +44,7 @@ def draw(request: DrawRequest) -> dict[str, float]:
         if low >= high:
             continue
         starts = np.linspace(low, high, 41)
-        arms = _arm(starts[:, None] + np.linspace(-reach, reach, 31), crank, frame) ** 2
+        arms = lever(crank, frame, starts[:, None] + np.linspace(-reach, reach, 31))[0] ** 2
         miss = np.abs(np.log(arms.max(axis=1) / arms.min(axis=1) / swing))
         at = int(miss.argmin())
         if best is None or miss[at] < best[0]:
@@ -55,17 +55,11 @@ def draw(request: DrawRequest) -> dict[str, float]:
     return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}
 
 
-def _arm(angle: Array, crank: float, frame: float) -> Array:
-    length = np.sqrt(crank**2 + frame**2 - 2.0 * crank * frame * np.cos(angle))
-    arm: Array = crank * frame * np.sin(angle) / length
-    return arm
-
-
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with the joint driven through a lever."""
     p, variable = truth.parameters, str(truth.component)
     joint_stiffness = stiffness_of(reality.machine.robot, variable)
-    arm = float(_arm(np.array(p["start"]), p["crank"], p["frame"]))
+    arm = float(lever(p["crank"], p["frame"], p["start"])[0])
     machine = reality.machine
     if truth.form == "rod" and p["gear"] == 1.0:
         place = Across(variable, p["crank"], p["frame"], p["way"] * p["start"])
@@ -79,9 +73,8 @@ def impose(truth: Truth, reality: Reality) -> Reality:
 
     def stiffness(situation: Situation) -> Array:
         angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
-        lever = _arm(np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR), p["crank"], p["frame"])
-        k: Array = joint_stiffness * (lever / arm) ** 2
-        return k
+        angle = np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR)
+        return np.asarray(joint_stiffness * (lever(p["crank"], p["frame"], angle)[0] / arm) ** 2)
 
     return at_joints(truth, reality, lambda _: Stiffness(stiffness))
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
-from beamstiff.exam.pedestal import on_pedestal
+from beamstiff.exam.pedestal import on_pedestal, seen_from_foot
 from beamstiff.exam.reality import Reality
-from beamstiff.exam.rotations import cross_matrix
 
 TILT = (8e-9, 2.5e-7)  # rad/(N m)
 
@@ -46,7 +45,7 @@ def _block(p: Mapping[str, float]) -> Array:
     about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
     along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
     k = np.concatenate([1.0 / along, 1.0 / about])
-    return _at(np.array([p["x"], p["y"], p["z"]]), np.diag(k))
+    return seen_from_foot(np.array([p["x"], p["y"], p["z"]]), np.diag(k))
 
 
 def _bolts(p: Mapping[str, float]) -> Array:
@@ -56,18 +55,10 @@ def _bolts(p: Mapping[str, float]) -> Array:
     shares = np.array([p[f"bolt{i}"] for i in range(4)])
     k = 1.0 / (p["tilt"] * np.sum(shares * corners[:, 1] ** 2))
     feet = [
-        _at(corner, np.diag(k * share * np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])))
+        seen_from_foot(corner, np.diag(k * share * np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])))
         for corner, share in zip(corners, shares, strict=True)
     ]
     return np.asarray(np.sum(feet, axis=0))
-
-
-def _at(centre: Array, k: Array) -> Array:
-    """Return the stiffness at the foot of springs at `centre` from it."""
-    X = np.eye(6)
-    X[:3, 3:] = -cross_matrix(centre)
-    moved: Array = X.T @ k @ X
-    return moved
 
 
 EFFECT = Effect("base-compliance", ("block", "bolts"), nowhere, draw, impose)

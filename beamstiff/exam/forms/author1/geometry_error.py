@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
@@ -97,13 +95,11 @@ def _kind(robot: Robot, component: str) -> str:
 def impose(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with wrong kinematics."""
     component, p = str(truth.component), truth.parameters
-    geometry = dict(reality.geometry)
-    geometry[component] = geometry.get(component, 0.0) + p["error"]
+    errors = {component: p["error"]}
     if p.get("other"):
         frame, parameter = component.rsplit(".", 1)
-        second = f"{frame}.{'d' if FRAME_PARAMETERS[parameter] == 'angle' else 'alpha'}"
-        geometry[second] = geometry.get(second, 0.0) + p["other"]
-    return dataclasses.replace(reality, geometry=geometry)
+        errors[f"{frame}.{'d' if FRAME_PARAMETERS[parameter] == 'angle' else 'alpha'}"] = p["other"]
+    return reality.with_errors(errors)
 
 
 EFFECT = Effect("geometry-error", ("single", "skewed"), places, draw, impose)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import axis_in_the_middle, with_balancer
+from beamstiff.exam.across import axis_in_the_middle, lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, stiffness_of, stroke, turning_drives
 from beamstiff.exam.laws import Situation, Stiffness
@@ -73,13 +73,10 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     p, variable, machine = truth.parameters, str(truth.component), reality.machine
     strong = p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2  # N/m
 
-    def length(angle: Array | float) -> Array:
-        square = p["crank"] ** 2 + p["frame"] ** 2 - 2.0 * p["crank"] * p["frame"] * np.cos(angle)
-        return np.asarray(np.sqrt(square))
-
     def longer(situation: Situation) -> Array:
         turned = p["way"] * (situation.values[variable] - p["middle"])
-        return length(p["angle"] + turned) - length(p["angle"])
+        now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in (turned, 0.0))
+        return np.asarray(now - middle)
 
     def pull(situation: Situation) -> Array:
         if truth.form == "gas":  # polytropic, squeezed where the rod is drawn out

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from itertools import count
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, between, in_the_middle, slender
 from beamstiff.exam.machine import Bar, Machine, Profile, bodies_of, machine_of, tapered
+from beamstiff.exam.pedestal import node_at
 from beamstiff.exam.placing import skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Node
 
 SHORTEST = 0.02  # m
 SOFTEST, STIFFEST = 3e6, 6e7  # N m^2, of a large robot
@@ -43,7 +42,7 @@ def places(robot: Robot) -> list[str | None]:
 
 def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     """Return whether load passes a rigid: it parts its body, and what it parts holds the tool or a loop."""
-    rest = dataclasses.replace(machine, rigids=tuple(r for r in machine.rigids if r[0] != name))
+    rest = machine.without(name)
     body = bodies_of(rest)
     if body[nodes[0]] == body[nodes[1]]:
         return False
@@ -74,19 +73,18 @@ def impose(truth: Truth, reality: Reality) -> Reality:
         bars = tuple(_softer(bar, p) if bar.name == truth.component else bar for bar in machine.bars)
         return reality.with_machine(dataclasses.replace(machine, bars=bars))
     nodes = next(nodes for name, nodes in machine.rigids if name == truth.component)
-    rest = tuple(r for r in machine.rigids if r[0] != truth.component)
     rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
-    machine = dataclasses.replace(machine, rigids=rest)
+    machine = machine.without(str(truth.component))
     up = up_of(machine, nodes)
-    if truth.form == "tapered":
-        bar = Bar(str(truth.component), nodes, tapered(rigidity, lambda x: 1.0 - p["taper"] * x), up)
-        return reality.with_machine(machine.plus(bars=(bar,)))
-    if truth.form == "hinged":
-        bar = Bar(str(truth.component), nodes, _hinged(rigidity, p["first"], p["second"]), up)
-        return reality.with_machine(machine.plus(bars=(bar,)))
-    return reality.with_machine(
-        _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
+    if truth.form == "elbow":
+        halves = _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
+        return reality.with_machine(halves)
+    profile = (
+        tapered(rigidity, lambda x: 1.0 - p["taper"] * x)
+        if truth.form == "tapered"
+        else _hinged(rigidity, p["first"], p["second"])
     )
+    return reality.with_machine(machine.plus(bars=(Bar(str(truth.component), nodes, profile, up),)))
 
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
@@ -124,16 +122,12 @@ def _elbow(
     corner = 0.5 * (a + b) + offset * np.linalg.norm(b - a) * (
         np.cos(side) * across + np.sin(side) * np.cross(along, across)
     )
-    frame = machine.node(nodes[0]).frame
-    at = placed.rotations[frame][0].T @ (corner - placed.origins[frame][0])
-    taken = {node.name for node in machine.nodes}
-    middle = next(f"elbow{i}" for i in count() if f"elbow{i}" not in taken)
+    node = node_at(machine, placed, machine.node(nodes[0]).frame, corner, "elbow")
     up = up_of(machine, nodes)
     halves = (
-        Bar(f"{name} before", (nodes[0], middle), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
-        Bar(f"{name} behind", (middle, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
+        Bar(f"{name} before", (nodes[0], node.name), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
+        Bar(f"{name} behind", (node.name, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
     )
-    node = Node(name=middle, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
     return machine.plus(nodes=(node,), bars=halves)
 
 

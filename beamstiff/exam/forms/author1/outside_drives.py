@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stiffness_of, turns
-from beamstiff.exam.laws import Memory, Situation, Stiffness
+from beamstiff.exam.laws import Forgetful, Memory, Remembering, Situation, Stiffness
 from beamstiff.exam.reality import Reality
 
 
@@ -26,8 +26,7 @@ def _ripple(truth: Truth, reality: Reality) -> Reality:
     k = stiffness_of(reality.machine.robot, variable)
 
     def stiffness(situation: Situation) -> Array:
-        q = situation.values.get(str(variable), np.zeros(len(situation.time)))
-        wave = np.sin(p["waves"] * q + p["phase"])
+        wave = np.sin(p["waves"] * situation.value(str(variable)) + p["phase"])
         wave = wave if truth.form == "sine" else np.tanh(3.0 * wave)
         return np.asarray(k * np.exp(p["depth"] * wave))
 
@@ -62,7 +61,7 @@ def _draw_transmission(request: DrawRequest) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Toothed:
+class Toothed(Forgetful):
     """A gear whose error of transmission runs on as it winds up: torque waves over the strain."""
 
     stiffness: float
@@ -70,17 +69,10 @@ class Toothed:
     depth: float
     phase: float
     variable: str
-    remembers = False
-    changes = False
-
-    def start(self, situation: Situation) -> Memory:  # noqa: ARG002
-        """Return no memory."""
-        return ()
 
     def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent and no memory."""
-        q = situation.values.get(self.variable, np.zeros(len(strain)))
-        before = self.teeth * q + self.phase
+        before = self.teeth * situation.value(self.variable) + self.phase
         wave = self.depth / self.teeth * (np.sin(before + self.teeth * strain) - np.sin(before))
         slope = self.depth * np.cos(before + self.teeth * strain)
         return self.stiffness * (strain + wave), self.stiffness * (1.0 + slope), memory
@@ -100,14 +92,12 @@ def _draw_creep(request: DrawRequest) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Creeping:
+class Creeping(Remembering):
     """A spring in series with a spring and damper side by side (Kelvin and Voigt)."""
 
     stiffness: float
     creep: float
     time: float
-    remembers = True
-    changes = False
 
     def start(self, situation: Situation) -> Memory:
         """Return the crept strain at rest."""

@@ -9,12 +9,11 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
+from beamstiff.exam.forms.author1 import bearing_tilt
 from beamstiff.exam.laws import Curve, WindUp
-from beamstiff.exam.machine import Hinge, axes_from, joints_of
-from beamstiff.exam.pedestal import free_name, on_pedestal
+from beamstiff.exam.machine import axes_from, joints_of
+from beamstiff.exam.pedestal import on_pedestal, tied_to_ground
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Node
 
 Curved = tuple[Array, Array]
 
@@ -41,10 +40,6 @@ def _bolt(truth: Truth, reality: Reality) -> Reality:
     axes = axes_from(np.array([math.cos(p["angle"]), math.sin(p["angle"]), 0.0]))
     foot = dataclasses.replace(foot, axes=axes, laws={3: WindUp(wind_up, 1.0 / p["firm"])})
     return reality.with_machine(machine.with_hinge(foot))
-
-
-def _bearings(robot: Robot) -> list[str | None]:
-    return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
 
 
 def _draw_play(request: DrawRequest) -> dict[str, float]:
@@ -77,12 +72,7 @@ def _draw_contact(request: DrawRequest) -> dict[str, float]:
 
 def _contact(truth: Truth, reality: Reality) -> Reality:
     """Something at the tool that stops it one way."""
-    p, machine = truth.parameters, reality.machine
-    tcp = machine.node(machine.tcp)
-    # it stands on the ground: a node of the base cannot follow the poses, so it hangs on the tool's frame
-    name = free_name(machine, "stop")
-    stop = Node(name=name, frame=tcp.frame, at=tcp.at)
-    blunt = 2e-5
+    p, blunt = truth.parameters, 2e-5
 
     def curve(e: Array) -> Curved:
         z = p["way"] * e - p["gap"]
@@ -93,13 +83,12 @@ def _contact(truth: Truth, reality: Reality) -> Reality:
             p["stiffness"] * 0.5 * (1.0 + z / root),
         )
 
-    axes = axes_from(vector(p))
-    hinge = Hinge(name, (name, tcp.name), "base", axes, np.zeros(6), {0: Curve(curve)})
-    return reality.with_machine(machine.plus(nodes=(stop,), hinges=(hinge,), fixed=(name,)))
+    stopped = tied_to_ground(reality.machine, "stop", vector(p), np.zeros(6), {0: Curve(curve)})
+    return reality.with_machine(stopped)
 
 
 EFFECTS = (
     Effect("loose-bolt", ("gaping",), nowhere, _draw_bolt, _bolt),
-    Effect("bearing-play", ("tilting",), _bearings, _draw_play, _play),
+    Effect("bearing-play", ("tilting",), bearing_tilt.places, _draw_play, _play),
     Effect("tool-contact", ("one-sided",), nowhere, _draw_contact, _contact),
 )

@@ -31,9 +31,7 @@ def impose(truth: Truth, reality: Reality) -> Reality:
     along = vector(p)
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        share = _course(truth.form, campaign, p["lag"])
-        if campaign.shared_unloaded and campaign.kind == "displacement":
-            share = share - at_start_of_pose(campaign, share)
+        share = since_rest(campaign, _course(truth.form, campaign, p["lag"]))
         if truth.form == "growth":  # the machine grows: away from its base
             reach = places_of(reality.machine, campaign, placed)
             ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
@@ -75,13 +73,18 @@ def since_start(campaign: SimulatedCampaign) -> Array:
     return since
 
 
-def at_start_of_pose(campaign: SimulatedCampaign, share: Array) -> Array:
-    """Return what `share` was in the first row of each row's pose, (N,)."""
+def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
+    """Return the share (N,) of a drift less that at the unloaded reading, where a pose's rows share one.
+
+    That reading is taken with the pose's first row.
+    """
+    if not (campaign.shared_unloaded and campaign.kind == "displacement"):
+        return share
     order = np.lexsort((campaign.step, campaign.pose))
     _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)
     result = np.empty(len(share))
     result[order] = share[order][first][back.reshape(-1)]
-    return result
+    return np.asarray(share - result)
 
 
 EFFECT = Effect("thermal-drift", ("lagged-time", "lagged-temperature", "growth"), nowhere, draw, impose)

@@ -9,9 +9,8 @@ from beamstiff.exam.effect import DrawRequest, Effect, nowhere
 from beamstiff.exam.reality import Reality
 
 AWAY = (5e-4, 0.3)  # m
-CALIBRATED = (
-    0.02  # share that remains where absolute positions are measured, for which the tool is calibrated
-)
+# share that remains where absolute positions are measured, for which the tool is calibrated
+CALIBRATED = 0.02
 
 
 def draw(request: DrawRequest) -> dict[str, float]:

@@ -7,32 +7,17 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, nowhere, stroke, vector
+from beamstiff.exam.effect import DrawRequest, Effect, drive_of, nowhere, stroke, vector
 from beamstiff.exam.forms.author1 import geometry_error, payload_error
-from beamstiff.exam.machine import Hinge, Hose, axes_from
-from beamstiff.exam.pedestal import free_name
-from beamstiff.exam.placing import skeleton_of
+from beamstiff.exam.machine import Hose
+from beamstiff.exam.pedestal import with_loose_mass
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import FRAME_PARAMETERS, Mass, Node
+from beamstiff.robot.parts import FRAME_PARAMETERS
 
 SMALL = 0.08  # of the named error's size: others that come with it
 HEIGHT = 1.5  # m: the size of a hose is what hangs from there
 GRAVITY = 9.81
 FURTHEST = 0.12  # m that a loose part slides under its weight
-
-
-def _drive_of(robot: Robot, component: str) -> str | None:
-    """Return the actuated variable that a component is, or that turns its frame."""
-    driven = [variable.name for variable in robot.actuated]
-    if component in driven:
-        return component
-    frame = component.rsplit(".", 1)[0]
-    for name, _, parameters in skeleton_of(robot).frames:
-        if name == frame:
-            found = [c for e in parameters.values() for c in e.coefficients if c in driven]
-            return found[0] if found else None
-    return None
 
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
@@ -61,27 +46,18 @@ def _draw_geometry(request: DrawRequest) -> dict[str, float]:
 
 def _geometry(truth: Truth, reality: Reality) -> Reality:
     component, p = str(truth.component), truth.parameters
-    geometry = dict(reality.geometry)
-    geometry[component] = geometry.get(component, 0.0) + p["error"]
-    for parameter in ("d", "r", "alpha", "beta"):
-        if parameter in p:
-            name = f"{component.rsplit('.', 1)[0]}.{parameter}"
-            geometry[name] = geometry.get(name, 0.0) + p[parameter]
-    reality = dataclasses.replace(reality, geometry=geometry)
+    others = {f"{component.rsplit('.', 1)[0]}.{n}": p[n] for n in ("d", "r", "alpha", "beta") if n in p}
+    reality = reality.with_errors({component: p["error"]} | others)
     robot = reality.machine.robot
-    drive = _drive_of(robot, component)
+    drive = drive_of(robot, component)
     if drive is None or not {"runout", "scale"} & set(p):
         return reality
-    at = [variable.name for variable in robot.actuated].index(drive)
     middle, _ = stroke(robot, drive)
 
     def encoder(q: Array) -> Array:
-        moved = q.copy()
-        moved[:, at] += p.get("runout", 0.0) * np.sin(q[:, at] + p.get("phase", 0.0))
-        moved[:, at] += p.get("scale", 0.0) * (q[:, at] - middle)
-        return moved
+        return p.get("runout", 0.0) * np.sin(q + p.get("phase", 0.0)) + p.get("scale", 0.0) * (q - middle)
 
-    return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
+    return reality.with_encoder(drive, encoder)
 
 
 def _draw_payload(request: DrawRequest) -> dict[str, float]:
@@ -101,25 +77,9 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     if truth.form == "hose":
         hose = Hose(machine.tcp, p["per_metre"], p["low"])
         return reality.with_machine(machine.plus(hoses=(hose,)))
-    tcp = machine.node(machine.tcp)
-    axis = vector(p)
-    at = tuple(map(float, np.array(tcp.at) + p["away"] * axis))
-    nodes = [
-        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
-        for name in ("seat", "loose")
-    ]
-    seat, loose = (node.name for node in nodes)
     held = np.full(6, np.inf)
     held[0] = p["mass"] * GRAVITY / p["slides"]
-    hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), held)
-    return reality.with_machine(
-        machine.plus(
-            nodes=tuple(nodes),
-            rigids=((f"to {seat}", (tcp.name, seat)),),
-            hinges=(hinge,),
-            masses=(Mass(node=loose, mass=p["mass"]),),
-        )
-    )
+    return reality.with_machine(with_loose_mass(machine, vector(p), p["away"], p["mass"], held))
 
 
 EFFECTS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import with_balancer
+from beamstiff.exam.across import lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
@@ -65,9 +65,8 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
         return np.asarray((ratio / _linkage(np.array(p["start"]), p)[0]) ** 2)
 
     def triangle(angle: Array) -> tuple[Array, Array]:
-        a, b = p["crank"], p["frame"]
-        length = np.sqrt(a**2 + b**2 - 2.0 * a * b * np.cos(angle))
-        return a * b * np.sin(angle) / length, length - DEAD * (b - a)
+        arm, length = lever(p["crank"], p["frame"], angle)
+        return arm, length - DEAD * (p["frame"] - p["crank"])
 
     def screw(situation: Situation) -> Array:
         clear = 0.5 * actuator_lever.CLEAR
@@ -104,11 +103,9 @@ def _balancer(truth: Truth, reality: Reality) -> Reality:
         return np.asarray(p["way"] * (situation.values[variable] - p["middle"]))
 
     def longer(situation: Situation) -> Array:
-        def length(angle: Array) -> Array:
-            square = p["crank"] ** 2 + p["frame"] ** 2 - 2.0 * p["crank"] * p["frame"] * np.cos(angle)
-            return np.asarray(np.sqrt(square))
-
-        return length(p["angle"] + turned(situation)) - length(np.array(p["angle"]))
+        ways = (turned(situation), 0.0)
+        now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in ways)
+        return np.asarray(now - middle)
 
     if truth.form == "nested":
 

@@ -13,7 +13,7 @@ from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.description import Robot
 
 USUAL = 1500.0  # N: a gain of one in a hundred is 15 N
-LEVER = 0.5  # m: a moment misread by a force, for a gain of 1
+MOMENT_ARM = 0.5  # m: a moment misread by a force, for a gain of 1
 SMALL = 50.0  # N about which a load cell's gain changes from push to pull
 SHORTEST = 0.1  # m of a link that grows
 STAND = 3.0  # m from where drift is told to where a stand tilts
@@ -63,7 +63,7 @@ def _draw_load(request: DrawRequest) -> dict[str, float]:
     mixed = request.rng.standard_normal((3, 3))
     mixed = mixed + mixed.T  # its odd part would be a load beside the tool
     mixed -= np.eye(3) * np.trace(mixed) / 3.0
-    mixed *= LEVER * gain / np.linalg.norm(mixed, 2)
+    mixed *= MOMENT_ARM * gain / np.linalg.norm(mixed, 2)
     return {f"{a}{b}": float(mixed[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
 
 
@@ -146,9 +146,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             share = share - (1.0 - p["prompt"]) * np.expm1(-part / p["slow"])
         else:
             share = np.expm1(-part / p["slow"]) / np.expm1(-1.0 / p["slow"])
-        if campaign.shared_unloaded and campaign.kind == "displacement":
-            share = share - thermal_drift.at_start_of_pose(campaign, share)
-        return np.asarray(share)
+        return thermal_drift.since_rest(campaign, np.asarray(share))
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         moved, turned = np.zeros((len(values), 3)), np.zeros((len(values), 3))

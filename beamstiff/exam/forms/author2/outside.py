@@ -8,10 +8,8 @@ from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, nowhere, turns, vector
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.machine import Hinge, axes_from
-from beamstiff.exam.pedestal import free_name
+from beamstiff.exam.pedestal import tied_to_ground
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.parts import Node
 
 
 def _draw_uneven(request: DrawRequest) -> dict[str, float]:
@@ -48,14 +46,8 @@ def _draw_tether(request: DrawRequest) -> dict[str, float]:
 
 def _tether(truth: Truth, reality: Reality) -> Reality:
     """Something elastic that ties the tool to the ground one way, a taut cable or a steady."""
-    p, machine = truth.parameters, reality.machine
-    tcp = machine.node(machine.tcp)
-    # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
-    name = free_name(machine, "tether")
-    end = Node(name=name, frame=tcp.frame, at=tcp.at)
-    k = np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0])
-    hinge = Hinge(name, (name, tcp.name), "base", axes_from(vector(p)), k)
-    return reality.with_machine(machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,)))
+    k = np.array([truth.parameters["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0])
+    return reality.with_machine(tied_to_ground(reality.machine, "tether", vector(truth.parameters), k))
 
 
 EFFECTS = (

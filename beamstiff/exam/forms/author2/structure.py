@@ -163,8 +163,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
         bars = tuple(_softer(bar, truth) if bar.name == truth.component else bar for bar in machine.bars)
         return reality.with_machine(dataclasses.replace(machine, bars=bars))
     nodes = next(nodes for name, nodes in machine.rigids if name == truth.component)
-    rest = tuple(r for r in machine.rigids if r[0] != truth.component)
-    machine = dataclasses.replace(machine, rigids=rest)
+    machine = machine.without(str(truth.component))
     up = link_bending.up_of(machine, nodes)
     EI, EA = p["EI"], p["EI"] / 0.12**2
     if truth.form == "hollow":

@@ -7,31 +7,17 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, between, nowhere, vector
+from beamstiff.exam.effect import DrawRequest, Effect, between, drive_of, nowhere, vector
 from beamstiff.exam.forms.author1 import geometry_error, payload_error
 from beamstiff.exam.laws import WindUp
-from beamstiff.exam.machine import Hinge, axes_from
-from beamstiff.exam.pedestal import free_name
-from beamstiff.exam.placing import skeleton_of
+from beamstiff.exam.pedestal import with_loose_mass
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import FRAME_PARAMETERS, Mass, Node
+from beamstiff.robot.parts import FRAME_PARAMETERS
 
 SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
 TOLERANCE = 0.03  # of the named error's size, one standard deviation: all other errors
 GRAVITY = 9.81
 FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
-
-
-def _drive_of(robot: Robot, component: str) -> str | None:
-    """Return the actuated variable that a component is, or that turns its frame."""
-    driven = [variable.name for variable in robot.actuated]
-    if "." not in component:
-        return component if component in driven else None
-    frame = component.rsplit(".", 1)[0]
-    parameters = next(p for name, _, p in skeleton_of(robot).frames if name == frame)
-    found = [name for expression in parameters.values() for name in expression.coefficients]
-    return next((name for name in found if name in driven), None)
 
 
 def _size(component: str, size: float) -> float:
@@ -68,25 +54,13 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     earlier calibration leave them. What calibrations of real robots find.
     """
     component, p = str(truth.component), truth.parameters
-    errors = {component: p["error"]}
-    errors |= {name: p[name] for name in p if name not in ("error", "oval", "phase")}
-    geometry = {name: reality.geometry.get(name, 0.0) + error for name, error in errors.items()}
-    reality = dataclasses.replace(reality, geometry={**reality.geometry, **geometry})
-    robot = reality.machine.robot
-    drive = _drive_of(robot, component)
-    if drive is None or "oval" not in p:
+    errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
+    reality = reality.with_errors({component: p["error"]} | errors)
+    drive = drive_of(reality.machine.robot, component)
+    kinds = {variable.name: variable.kind for variable in reality.machine.robot.actuated}
+    if drive is None or "oval" not in p or kinds[drive] != "angle":
         return reality
-    variable = next(v for v in robot.actuated if v.name == drive)
-    if variable.kind != "angle":
-        return reality
-    at = [v.name for v in robot.actuated].index(drive)
-
-    def encoder(q: Array) -> Array:
-        moved = q.copy()
-        moved[:, at] += p["oval"] * np.sin(2.0 * q[:, at] + p["phase"])
-        return moved
-
-    return dataclasses.replace(reality, encoders=(*reality.encoders, encoder))
+    return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
 
 
 def _draw_payload(request: DrawRequest) -> dict[str, float]:
@@ -107,14 +81,7 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
     ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
     the more it is tilted, up to the wall. Engineering estimates both.
     """
-    p, machine = truth.parameters, reality.machine
-    tcp = machine.node(machine.tcp)
-    axis = vector(p)
-    at = tuple(map(float, np.array(tcp.at) + p["along"] * axis))
-    seat, loose = (
-        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
-        for name in ("box", "loose")
-    )
+    p = truth.parameters
     turning = p["tilt"] * p["mass"] * GRAVITY
 
     def bounded(force: Array) -> tuple[Array, Array]:
@@ -125,21 +92,10 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
 
     law = WindUp(bounded, turning / (FIRM * p["half"]))
     ways = (0,) if truth.form == "rolling" else (1, 2)
-    hinge = Hinge(
-        loose.name,
-        (seat.name, loose.name),
-        tcp.frame,
-        axes_from(axis),
-        np.full(6, np.inf),
-        dict.fromkeys(ways, law),
-    )
+    laws = dict.fromkeys(ways, law)
+    rigid = np.full(6, np.inf)
     return reality.with_machine(
-        machine.plus(
-            nodes=(seat, loose),
-            rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
-            hinges=(hinge,),
-            masses=(Mass(node=loose.name, mass=p["mass"]),),
-        )
+        with_loose_mass(reality.machine, vector(p), p["along"], p["mass"], rigid, laws)
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamstiff.exam.across import with_balancer
+from beamstiff.exam.across import lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
@@ -25,16 +25,9 @@ def crank(angle: Array, p: dict[str, float]) -> Array:
     return np.asarray(sine + p["rod"] * sine * cosine / np.sqrt(1.0 - (p["rod"] * sine) ** 2))
 
 
-def cylinder(angle: Array, p: dict[str, float]) -> tuple[Array, Array]:
-    """Return a cylinder's lever about the axis and its length, m, where its ends' arms are at an angle."""
-    a, b = p["crank"], p["frame"]
-    length = np.sqrt(a**2 + b**2 - 2.0 * a * b * np.cos(angle))
-    return np.asarray(a * b * np.sin(angle) / length), np.asarray(length)
-
-
 def oil(length: Array, p: dict[str, float]) -> Array:
     """Return the stiffness of the oil on both sides of a piston, up to a factor."""
-    (low, high) = (cylinder(np.array(end), p)[1] for end in (CLEAR, np.pi - CLEAR))
+    (low, high) = (lever(p["crank"], p["frame"], end)[1] for end in (CLEAR, np.pi - CLEAR))
     out = np.maximum((length - low) / (high - low), 0.0)
     side = np.maximum(1.0 - out, 0.0)
     return np.asarray(
@@ -49,8 +42,8 @@ def _share(form: str, p: dict[str, float]) -> Callable[[Array], Array]:
         return crank(angle, p) ** 2
 
     def piston(angle: Array) -> Array:
-        lever, length = cylinder(angle, p)
-        return np.asarray(lever**2 * oil(length, p))
+        arm, length = lever(p["crank"], p["frame"], angle)
+        return np.asarray(arm**2 * oil(length, p))
 
     return slider if form == "slider-crank" else piston
 
@@ -148,7 +141,8 @@ def _balancer(truth: Truth, reality: Reality) -> Reality:
         )
 
     def beyond(situation: Situation) -> Array:
-        start, now = (cylinder(p["angle"] + by, p)[1] for by in (np.zeros(1), turned(situation)))
+        ways = (0.0, turned(situation))
+        start, now = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in ways)
         return np.asarray(now - start - p["slack"])
 
     def pull(situation: Situation) -> Array:

@@ -170,15 +170,10 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
 
-    def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
-        if campaign.shared_unloaded and campaign.kind == "displacement":
-            return np.asarray(share - thermal_drift.at_start_of_pose(campaign, share))
-        return share
-
     def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         part = p["start"] + thermal_drift.since_start(campaign) / p["period"]
         share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
-        moved = p["drift"] * since_rest(campaign, share)[:, None] * vector(p)
+        moved = p["drift"] * thermal_drift.since_rest(campaign, share)[:, None] * vector(p)
         return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
     def sun(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
@@ -186,7 +181,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
         bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
         lean = np.zeros((len(values), 3))
         for axis, part in ((0, np.cos), (1, np.sin)):
-            lean[:, axis] = since_rest(campaign, part(bearing) - part(p["from"]))
+            lean[:, axis] = thermal_drift.since_rest(campaign, part(bearing) - part(p["from"]))
         lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
         turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
         moved = np.cross(turned, places_of(machine, campaign, placed))

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
-from beamstiff.exam.laws import Friction
+from beamstiff.exam.laws import Friction, fading
 from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, places_of
@@ -23,9 +23,7 @@ class Slipping(Friction):
 
     def run(self, state: Array, way: Array) -> tuple[Array, Array]:
         """Return the state and its slope after a way."""
-        slip = self.friction / (STUCK * self.stiffness)
-        short = (1.0 - state) * np.exp(-way / slip)
-        return 1.0 - short, np.abs(short) / slip
+        return fading(state, way, self.friction / (STUCK * self.stiffness))
 
 
 def _draw_slipping(request: DrawRequest) -> dict[str, float]:

@@ -37,7 +37,7 @@ class Posed(Forgetful):
 
 def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
     """Return the angle of the joint's own wheel, rad: of a pinion where the joint slides."""
-    q = situation.values.get(str(truth.component), np.zeros(len(situation.time)))
+    q = situation.value(str(truth.component))
     return q if turns(reality.machine.robot, truth.component) else PER_METRE * q
 
 
@@ -160,7 +160,7 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
     middle, half = stroke(reality.machine.robot, truth.component)
 
     def strands(situation: Situation) -> Array:
-        q = situation.values.get(str(truth.component), np.full(len(situation.time), middle))
+        q = situation.value(str(truth.component), middle)
         share = np.clip(p["reach"] * (q - middle) / half, -FURTHEST, FURTHEST)
         return np.asarray(p["stiffness"] / (1.0 - share**2))
 

@@ -13,10 +13,8 @@ from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_ben
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
-from beamstiff.exam.pedestal import free_name, on_pedestal
+from beamstiff.exam.pedestal import free_name, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.reality import Reality
-from beamstiff.exam.rotations import cross_matrix
-from beamstiff.robot.parts import Node
 
 
 def _draw_base(request: DrawRequest) -> dict[str, float]:
@@ -59,22 +57,15 @@ def _base(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(on_pedestal(reality.machine, turned @ K @ turned.T))
 
 
-def _seen(k: Array, at: Array) -> Array:
-    """Return the stiffness (6, 6) at the foot of springs (6, 6) at a point from it."""
-    X = np.eye(6)
-    X[:3, 3:] = -cross_matrix(at)
-    moved: Array = X.T @ k @ X
-    return moved
-
-
 def carriage(p: dict[str, float]) -> Array:
     """Return the stiffness of a carriage at the foot, its rails along x."""
     upright = 1.0 / (4.0 * p["tilt"] * p["wide"] ** 2)
-    K = _seen(np.diag([p["rack"] * upright, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, -p["low"]]))
+    rack = np.diag([p["rack"] * upright, 0.0, 0.0, 0.0, 0.0, 0.0])
+    K = seen_from_foot(np.array([0.0, 0.0, -p["low"]]), rack)
     for x in (p["long"], -p["long"]):
         for y in (p["wide"], -p["wide"]):
             block = np.diag([0.0, p["across"] * upright, upright, 0.0, 0.0, 0.0])
-            K = K + _seen(block, np.array([x, y, -p["low"]]))
+            K = K + seen_from_foot(np.array([x, y, -p["low"]]), block)
     return np.asarray(K)
 
 
@@ -89,7 +80,7 @@ def girder(p: dict[str, float]) -> Array:
     for length, way in ((p["place"] * p["span"], 1.0), ((1.0 - p["place"]) * p["span"], -1.0)):
         axes = np.kron(np.eye(2), np.diag([way, way, 1.0]))
         K += axes @ tip_stiffness(profile, np.array([length]))[0] @ axes.T
-    K = _seen(K, np.array([0.0, p["beside"], -p["above"]]))
+    K = seen_from_foot(np.array([0.0, p["beside"], -p["above"]]), K)
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
@@ -175,11 +166,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
     else:
         profile = Profile(beam.profile.stations, beam.profile.compliance * p["softer"])
         beam = dataclasses.replace(beam, profile=profile)
-    machine = dataclasses.replace(
-        machine,
-        rigids=tuple(rigid for rigid in machine.rigids if rigid[0] != name),
-        bars=tuple(bar for bar in machine.bars if bar.name != name),
-    )
+    machine = machine.without(name)
     if truth.form == "channel":
         return reality.with_machine(_beside(machine, beam, p["beside"], p["side"], 1.0))
     shares = np.array([1.0, p["uneven"]]) / (1.0 + p["uneven"])
@@ -201,11 +188,9 @@ def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float
     )
     names: list[str] = []
     for end, place in zip(ends, (a, b), strict=True):
-        frame = end.frame
-        local = placed.rotations[frame][0].T @ (place + away - placed.origins[frame][0])
-        names.append(free_name(machine, "leg"))
-        node = Node(name=names[-1], frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
-        tie = (f"{end.name} {names[-1]}", (end.name, names[-1]))
+        node = node_at(machine, placed, end.frame, place + away, "leg")
+        names.append(node.name)
+        tie = (f"{end.name} {node.name}", (end.name, node.name))
         machine = machine.plus(nodes=(node,), rigids=(tie,))
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)

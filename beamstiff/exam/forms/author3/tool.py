@@ -71,16 +71,16 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
         return reality.with_machine(sprung(machine, flange, p["ahead"] * UP, k))
     angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
     shares = np.array([p[f"ball{i}"] for i in range(3)])
-    seats = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
-    upright = shares / (p["tilt"] * float(shares @ seats[:, 1] ** 2))
-    for seat, k in zip(seats, upright, strict=True):
+    contacts = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
+    upright = shares / (p["tilt"] * float(shares @ contacts[:, 1] ** 2))
+    for contact, k in zip(contacts, upright, strict=True):
 
         def ball(e: Array, k: float = float(k)) -> tuple[Array, Array]:
             force, slope = hertzian(-e, k, p["clamped"])  # pressed where the tool comes nearer
             return -force, slope
 
         springs = np.array([MINDLIN * k, MINDLIN * k, k, 0.0, 0.0, 0.0])
-        machine = sprung(machine, flange, seat - p["behind"] * UP, springs, {2: Curve(ball)})
+        machine = sprung(machine, flange, contact - p["behind"] * UP, springs, {2: Curve(ball)})
     return reality.with_machine(machine)
 
 

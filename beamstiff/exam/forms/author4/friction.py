@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, at_joints, drives
 from beamstiff.exam.forms.author4.by_form import Form, effect_of
-from beamstiff.exam.laws import Friction, Law, Memory, Situation
+from beamstiff.exam.laws import Friction, Law, fading
 from beamstiff.exam.reality import Reality
 
 
@@ -26,18 +26,12 @@ class MeshFriction(Friction):
 
     def run(self, state: Array, way: Array) -> tuple[Array, Array]:
         """Return the state after a way, by Dahl's law."""
-        left = (1.0 - state) * np.exp(-way / self.reach)
-        return 1.0 - left, left / self.reach
+        return fading(state, way, self.reach)
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
-        """Return force, tangent, and strain and state after."""
-        before, held = memory
-        sign = np.where(strain >= before, 1.0, -1.0)
-        state, slope = self.run(sign * held, np.abs(strain - before))
+    def largest(self, strain: Array, state: Array) -> tuple[Array, Array]:
+        """Return the largest friction, and its growth."""
         most = self.friction + self.share * self.stiffness * np.abs(strain)
-        rising = self.share * self.stiffness * np.sign(strain) * sign * state
-        force = self.stiffness * strain + most * sign * state
-        return force, self.stiffness + most * slope + rising, (strain, sign * state)
+        return most, self.share * self.stiffness * np.sign(strain) * state
 
 
 @dataclass(frozen=True)
@@ -60,20 +54,9 @@ class WormFriction(Friction):
         left = (start**-n + n * way / self.reach) ** (-1.0 / n)
         return 1.0 - left, left**self.power / self.reach
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
-        """Return force, tangent, and strain and state after."""
-        before, held = memory
-        sign = np.where(strain >= before, 1.0, -1.0)
-        state, slope = self.run(sign * held, np.abs(strain - before))
-        most = self.friction * (1.0 + self.skew * np.sign(sign * state))
-        return (
-            self.stiffness * strain + most * sign * state,
-            self.stiffness + most * slope,
-            (
-                strain,
-                sign * state,
-            ),
-        )
+    def largest(self, strain: Array, state: Array) -> tuple[Array, float]:  # noqa: ARG002
+        """Return the largest friction, which does not grow."""
+        return self.friction * (1.0 + self.skew * np.sign(state)), 0.0
 
 
 def _gear(request: DrawRequest) -> dict[str, float]:

@@ -56,11 +56,8 @@ def _stacked(request: DrawRequest) -> dict[str, float]:
 
 
 def _geometry(truth: Truth, reality: Reality) -> Reality:
-    found = dict(reality.geometry)
-    for name, error in truth.parameters.items():
-        key = str(truth.component) if name == "main" else name
-        found[key] = found.get(key, 0.0) + error
-    return dataclasses.replace(reality, geometry=found)
+    main = str(truth.component)
+    return reality.with_errors({main if n == "main" else n: error for n, error in truth.parameters.items()})
 
 
 def _turned(request: DrawRequest) -> dict[str, float]:

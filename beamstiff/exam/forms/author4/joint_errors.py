@@ -51,22 +51,16 @@ def _scar(request: DrawRequest) -> dict[str, float]:
 
 
 def _curve(truth: Truth, reality: Reality) -> Reality:
-    p, robot = truth.parameters, reality.machine.robot
-    column = [v.name for v in robot.actuated].index(str(truth.component))
+    p = truth.parameters
 
-    def change(q: Array) -> Array:
-        angle = q[:, column]
+    def error(angle: Array) -> Array:
         if truth.form == "cardan":
             once = 0.25 * p["tilt"] ** 2 * p["once"] * np.sin(angle - p["once_phase"])
-            error = cardan(angle, p["tilt"], p["phase"]) + once
-        else:
-            near = np.exp(-0.5 * ((angle - p["at"]) / p["width"]) ** 2)
-            error = p["depth"] * near * (1.0 + RIPPLE * np.sin(p["teeth"] * angle))
-        found = np.array(q, dtype=np.float64)
-        found[:, column] += error
-        return found
+            return np.asarray(cardan(angle, p["tilt"], p["phase"]) + once)
+        near = np.exp(-0.5 * ((angle - p["at"]) / p["width"]) ** 2)
+        return np.asarray(p["depth"] * near * (1.0 + RIPPLE * np.sin(p["teeth"] * angle)))
 
-    return dataclasses.replace(reality, encoders=(*reality.encoders, change))
+    return reality.with_encoder(str(truth.component), error)
 
 
 def _worn(request: DrawRequest) -> dict[str, float]:

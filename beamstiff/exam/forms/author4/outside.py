@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, at_joints, drives, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author4.by_form import Form, effect_of
-from beamstiff.exam.laws import Friction, Memory, Remembering, Situation
+from beamstiff.exam.laws import Friction, Memory, Remembering, Situation, fading
 from beamstiff.exam.machine import Rod
 from beamstiff.exam.pedestal import free_name
 from beamstiff.exam.placing import Placed
@@ -30,8 +30,7 @@ class Drum(Friction):
 
     def run(self, state: Array, way: Array) -> tuple[Array, Array]:
         """Return the state after a way: the rope stretches until the drum turns, by Dahl's law."""
-        left = (1.0 - state) * np.exp(-way / self.reach)
-        return 1.0 - left, left / self.reach
+        return fading(state, way, self.reach)
 
     def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent, and strain and state after."""

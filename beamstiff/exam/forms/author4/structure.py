@@ -114,11 +114,7 @@ def _bend(truth: Truth, reality: Reality) -> Reality:
         weaker = np.array([1.0, 1.0, 1.0, p["twist"], 1.0, 1.0])
         profile = windowed(p["stiffness"], length, (0.0, 1.0), weaker)
     up = placed.rotations[machine.node(nodes[0]).frame][0].T @ side
-    machine = dataclasses.replace(
-        machine,
-        rigids=tuple(rigid for rigid in machine.rigids if rigid[0] != link),
-        bars=tuple(bar for bar in machine.bars if bar.name != link),
-    )
+    machine = machine.without(link)
     # what the model has of the link bends as well, in series: from the first end to a body at the second, on
     # which what is added starts
     first = nodes[0]
@@ -182,8 +178,7 @@ def _tilt(truth: Truth, reality: Reality) -> Reality:
 
     def way(situation: Situation) -> Array:
         # the casting does not turn with the ring: seen from the ring its soft side turns back
-        turned = situation.values.get(variable, np.zeros(len(situation.time)))
-        return np.asarray(p["phase"] - turned)
+        return np.asarray(p["phase"] - situation.value(variable))
 
     for name, _ in joints_of(machine.robot, variable):
         hinge, k = machine.hinge(name), p["stiffness"]
