@@ -377,11 +377,11 @@ def score(run: Run, path: Path) -> Score:
     for s, e in kept:
         t = np.arange(s, e, 5e-3)
         moved = 5e-3 * run.moves(t).sum()
+        far = 1e6 * np.ptp(run.positions(t), axis=0).max()
         good.append(moved <= EDGE)
         true.append(run.positions(t).mean(axis=0))
         if not good[-1]:
             near = [f"{p.what} {p.begin:.2f} to {p.end:.2f}" for p in run.stays if p.begin < e and p.end > s]
-            far = 1e6 * np.ptp(run.positions(t), axis=0).max()
             moving.append(f"{s:.2f} to {e:.2f} s ({moved:.2f} s, {far:.0f} um): {', '.join(near)}")
     rows = np.genfromtxt(table.text.splitlines()[1:], delimiter=",", names=True, deletechars="")
     rows = np.atleast_1d(rows)

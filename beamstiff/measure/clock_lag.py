@@ -25,6 +25,8 @@ DEGREE = 5  # of the curve that a point follows in one motion
 EXPLAINED = 0.99  # share of a point's motion that the joints must explain
 ALIKE = 2.0  # a second lag that fits nearly as well (residuals within this factor) leaves a doubt
 MODEL = 2e-3  # s: error of one motion's lag beside noise, of curves that are no polynomial
+MOST_FREE = 30  # readings that count in one motion: what a polynomial leaves is no white noise
+USUAL_DRIFT = 1e-4  # s/s: quartz clocks drift by less
 
 
 class LagError(BeamstiffError):
@@ -186,7 +188,7 @@ def _one_motion(
     if bend <= 0 or moved <= 0:
         return None
     told = begin + 0.5 * step * (below - above) / bend
-    freedom = max(3 * len(x) - 3 * (degree + 1), 1)
+    freedom = max(min(3 * len(x) - 3 * (degree + 1), MOST_FREE), 1)
     std = float(np.sqrt(max(least, 0.0) / freedom / (0.5 * bend / step**2)))
     return 0.5 * (span[0] + span[1]), told, std, max(least, 0.0) / moved
 
@@ -196,16 +198,15 @@ def _straight(told: Array) -> ClockLag:
     time, lag, std = told.T
     at = float(time.mean())
     variance = std**2 + MODEL**2
-    drifting = len(time) >= 4 and np.ptp(time) > 10.0
-    columns = np.stack([np.ones_like(time), time - at], axis=1)[:, : 2 if drifting else 1]
+    columns = np.stack([np.ones_like(time), time - at], axis=1)
+    prior = np.diag([0.0, 1.0 / USUAL_DRIFT**2])
     weight = 1.0 / variance
     for _ in range(20):  # Huber's weights: a motion of a hidden or shaken reflector counts little
-        root = np.sqrt(weight)
-        found = np.linalg.lstsq(columns * root[:, None], lag * root, rcond=None)[0]
+        covariance = np.linalg.inv(columns.T @ (weight[:, None] * columns) + prior)
+        found = covariance @ (columns.T @ (weight * lag))
         away = np.abs(lag - columns @ found) / np.sqrt(variance)
         size = max(float(np.median(away)) / 0.6745, 1.0)
         weight = np.minimum(1.0, 1.5 * size / np.maximum(away, 1e-9)) / variance
-    covariance = np.linalg.inv(columns.T @ (weight[:, None] * columns)) * size**2
     return ClockLag(
-        float(found[0]), float(found[1]) if drifting else 0.0, at, float(np.sqrt(covariance[0, 0])), len(time)
+        float(found[0]), float(found[1]), at, float(np.sqrt(covariance[0, 0])) * size, len(time)
     )

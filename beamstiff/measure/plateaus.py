@@ -19,6 +19,7 @@ from beamstiff.se3 import Array
 
 CELL = 0.05  # s: pieces begin and end on such a grid
 MOST_CELLS = 600  # in a stretch; longer ones have longer cells
+CHUNK, BLOCK = 1.0, 0.15  # s: over which the noise is read, and its means
 SHORTEST = 0.5  # s of a window that is kept
 # Faster than this is a motion, whatever the noise: rad/s, m/s; forces alone do not tell one.
 FAST: Mapping[SignalKind, float] = {"joints": 0.01, "point": 5e-3, "pose": 5e-3}
@@ -26,6 +27,7 @@ OVER = 0.1  # s, in which the speed is read
 # Slower than this is the warming of an instrument, not a motion: per s.
 DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6, "wrench": 1e-2}
 SHAKES = 2.0  # times the variance of the noise
+RINGS = 4.0  # standard deviations of the squared residuals of a block, beyond which it rings
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
 
@@ -51,6 +53,7 @@ class _Sums:
     name: str
     kind: SignalKind
     noise: Array  # (D,)
+    alike: float  # how many readings count for one in means and slopes
     count: Array  # (C + 1,)
     time: Array  # (C + 1,): of t
     squared_time: Array  # (C + 1,)
@@ -81,11 +84,11 @@ def still_windows(signals: Sequence[Signal], shortest: float = SHORTEST) -> list
         if signal.kind in FAST:
             moving |= _moving_cells(signal, sigma, edges)
     stretches = [(low, high) for low, high in _runs(~moving) if CELL * (high - low) >= shortest - CELL / 2]
-    pieces = [_pieces(signals, noise, edges[low], edges[high]) for low, high in stretches]
-    noise = [_reached(at, sigma, pieces) for at, sigma in enumerate(noise)]  # which includes slow noise
+    spans = [(float(edges[low]), float(edges[high])) for low, high in stretches]
+    slow = [_slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
     windows: list[Window] = []
-    for low, high in stretches:
-        windows += _judged(_pieces(signals, noise, edges[low], edges[high]), shortest)
+    for low, high in spans:
+        windows += _judged(_pieces(signals, slow, low, high), shortest)
     return _with_motions(windows, float(edges[0]), float(min(edges[-1], end)))
 
 
@@ -118,12 +121,12 @@ def _runs(flags: Flags) -> list[tuple[int, int]]:
 
 
 def _pieces(
-    signals: Sequence[Signal], noise: Sequence[Array], low: float, high: float
+    signals: Sequence[Signal], noise: Sequence[tuple[Array, float]], low: float, high: float
 ) -> tuple[list[_Sums], Array, list[int]]:
     """Return the running sums of a stretch, the borders of its cells, and where it is cut."""
     cells = int(min(max(round((high - low) / CELL), 1), MOST_CELLS))
     edges = np.linspace(low, high, cells + 1)
-    sums = [_sums(signal, sigma, edges) for signal, sigma in zip(signals, noise, strict=True)]
+    sums = [_sums(signal, *own, edges) for signal, own in zip(signals, noise, strict=True)]
     unknowns = 2.0 * sum(one.value.shape[1] for one in sums)
     # what a cut gains by chance: chi-squared of the unknowns of a piece, the best of all places
     price = unknowns + 4.0 * np.sqrt(2.0 * unknowns) + 4.0 * np.log(cells + 1.0)
@@ -140,7 +143,7 @@ def _pieces(
     return sums, edges, cuts[::-1]
 
 
-def _sums(signal: Signal, noise: Array, edges: Array) -> _Sums:
+def _sums(signal: Signal, noise: Array, alike: float, edges: Array) -> _Sums:
     inside = slice(*np.searchsorted(signal.time, edges[[0, -1]]))
     time, values = signal.time[inside] - edges[0], signal.values[inside]
     if len(values):
@@ -154,6 +157,7 @@ def _sums(signal: Signal, noise: Array, edges: Array) -> _Sums:
         signal.name,
         signal.kind,
         noise,
+        alike,
         running(np.ones(len(time))),
         running(time),
         running(time**2),
@@ -183,21 +187,34 @@ def _misfit(one: _Sums, high: int) -> Array:
     count, _, slope, residual = _line(one, np.arange(high), high)
     values = np.maximum(count * slope.shape[-1], 1.0)
     excess = np.maximum(residual / values, 1.0)
-    return np.asarray(residual / excess + values * np.log(excess))
+    return np.asarray((residual / excess + values * np.log(excess)) / one.alike)
 
 
-def _reached(at: int, noise: Array, pieces: Sequence[tuple[list[_Sums], Array, list[int]]]) -> Array:
-    """Return the noise of a signal (D,): as large as the median piece shows it about its lines."""
-    seen: list[tuple[float, float]] = []
-    for sums, edges, cuts in pieces:
-        for low, high in zip(cuts[:-1], cuts[1:], strict=True):
-            count, _, slope, residual = _line(sums[at], low, high)
-            if count > 8 and edges[high] - edges[low] > SHORTEST:
-                seen.append((float(residual / (slope.size * (count - 2))), float(count)))
-    if not seen:
-        return noise
-    excess = float(np.sqrt(np.median([ratio for ratio, _ in seen])))
-    return np.asarray(noise * float(np.clip(excess, 1.0, 10.0)))
+def _slow_noise(signal: Signal, noise: Array, stretches: Sequence[tuple[float, float]]) -> tuple[Array, float]:
+    """Return the noise of a signal (D,) over a second, and how many alike readings count for one.
+
+    From the median second of what does not move quickly, a line taken off; means of blocks vary more than
+    single readings say where the noise is slow.
+    """
+    variance, ratio = [], []
+    block = max(round(BLOCK / signal.interval), 3)
+    for low, high in stretches:
+        inside = slice(*np.searchsorted(signal.time, [low, high]))
+        time, values = signal.time[inside], signal.values[inside]
+        length = max(round(CHUNK / signal.interval), 4 * block) // block * block
+        for at in range(0, len(time) - length + 1, length):
+            t = time[at : at + length] - time[at : at + length].mean()
+            y = values[at : at + length] - values[at : at + length].mean(axis=0)
+            y = y - t[:, None] * (t @ y) / (t @ t)
+            means = y.reshape(-1, block, y.shape[1]).mean(axis=1)
+            own = (y**2).sum(axis=0) / (length - 2)
+            variance.append(own)
+            of_blocks = (means**2).sum(axis=0) / (len(means) - 2) * block
+            ratio.append(float(of_blocks.sum() / max(own.sum(), 1e-30)))
+    if len(variance) < 3:
+        return noise, 1.0
+    sigma = np.maximum(np.sqrt(np.median(variance, axis=0)), noise)
+    return sigma, float(np.clip(np.median(ratio), 1.0, block))
 
 
 def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float) -> list[Window]:
@@ -217,12 +234,37 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float) -> lis
     windows = []
     for low, high in zip(borders[:-1], borders[1:], strict=True):
         # the cells at its ends may hold the end of a motion
-        start, end = float(edges[low]) + CELL, float(edges[high]) - CELL
         reason = _why(sums, edges, low, high)
+        if not reason:
+            low = _calm(sums, edges, low, high)
+        start = float(edges[low]) + CELL * (2 if low > cuts[0] else 1)
+        end = float(edges[high]) - CELL * (2 if high < cuts[-1] else 1)
         if not reason and end - start < shortest:
             reason = f"stands still for {max(end - start, 0.0):.2f} s, expected {shortest:g} s at least"
         windows.append(Window(start, end, reason))
     return windows
+
+
+def _calm(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> int:
+    """Return where a piece begins once it has come to rest: its first readings ring about the others."""
+    begin, middle = low, (low + high) // 2  # the half behind it says what is noise
+    for block in (0.1, 0.2, 0.4, 0.8):
+        cells = max(round(block / float(edges[1] - edges[0])), 1)
+        while begin + cells < middle and any(_rings(one, begin, begin + cells, high) for one in sums):
+            begin += max(cells // 2, 1)
+    return begin
+
+
+def _rings(one: _Sums, low: int, middle: int, high: int) -> bool:
+    """Tell whether readings up to `middle` are farther from the mean of the rest than the noise."""
+    first, rest = one.count[middle] - one.count[low], one.count[high] - one.count[middle]
+    if first < 1 or rest < 3:
+        return False
+    mean = (one.value[high] - one.value[middle]) / rest
+    total = one.value[middle] - one.value[low]
+    away = one.squared[middle] - one.squared[low] - 2.0 * total @ mean + first * (mean @ mean)
+    freedom = mean.size * float(first)
+    return bool(away > freedom * (1.0 + one.alike / rest) + RINGS * np.sqrt(2.0 * freedom * one.alike))
 
 
 def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
@@ -235,7 +277,7 @@ def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
         excess = max(float(residual / (slope.size * max(count - 2, 1.0))), 1.0)
         if excess > SHAKES:
             return _said(one, "shakes", float(np.sqrt(excess) * np.linalg.norm(one.noise[:3])), spent)
-        sigmas = float((slope**2).sum() * spread / excess)  # chi-squared of the components
+        sigmas = float((slope**2).sum() * spread / excess / one.alike)  # chi-squared of the components
         change = slope * one.noise * spent
         moved = float(np.linalg.norm(change[:3]) if one.kind != "joints" else np.abs(change).max())
         own = float(np.linalg.norm(one.noise[:3]) if one.kind != "joints" else one.noise.max())
@@ -257,7 +299,7 @@ def _leap(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
             for (a, b), n in zip(((low, middle), (middle, high)), counts, strict=True)
         ]
         apart = means[1] - means[0]
-        sigmas = float((apart**2).sum() / (1 / counts[0] + 1 / counts[1]))
+        sigmas = float((apart**2).sum() / (1 / counts[0] + 1 / counts[1]) / one.alike)
         if sigmas > len(apart) + SURE * np.sqrt(2.0 * len(apart)) + SURE**2 and np.abs(apart).max() > 1.0:
             return True
     return False

@@ -76,4 +76,8 @@ def white_noise(signal: Signal) -> Array:
     length = int(np.clip(round(0.5 / max(signal.interval, 1e-4)), 6, len(second)))
     stretches = second[: len(second) // length * length].reshape(-1, length, second.shape[1])
     spread = np.sqrt((stretches**2).mean(axis=1))
-    return np.asarray(np.maximum(np.quantile(spread, 0.1, axis=0), least))
+    steps = np.abs(np.diff(signal.values, axis=0))
+    # half a count: readings may stand still at one count, and toggle between two in the next posture
+    count = 0.5 * np.min(np.where(steps > 0, steps, np.inf), axis=0, initial=np.inf)
+    count = np.where(np.isfinite(count), count, 0.0)
+    return np.asarray(np.maximum(np.maximum(np.quantile(spread, 0.1, axis=0), count), least))
