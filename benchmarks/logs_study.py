@@ -32,6 +32,7 @@ FORMATS = ("mcap", "db3", "bag")
 EPOCH = 1_700_000_000.0  # s, of the stamps
 EDGE = 0.05  # s of a motion that a kept window may hold
 LEAST_SPEED = 1e-6  # m/s of the tool, without ringing, from which it moves
+TRAVEL = 3.0  # noise of one reading: a window in which the tool goes less far than that does not move
 RINGING = 3.0  # noise of one reading, above which a ringing tool moves
 
 
@@ -378,7 +379,7 @@ def score(run: Run, path: Path) -> Score:
         t = np.arange(s, e, 5e-3)
         moved = 5e-3 * run.moves(t).sum()
         far = 1e6 * np.ptp(run.positions(t), axis=0).max()
-        good.append(moved <= EDGE)
+        good.append(moved <= EDGE or far < TRAVEL * 1e6 * run.sigma)
         true.append(run.positions(t).mean(axis=0))
         if not good[-1]:
             near = [f"{p.what} {p.begin:.2f} to {p.end:.2f}" for p in run.stays if p.begin < e and p.end > s]

@@ -28,6 +28,8 @@ OVER = 0.1  # s, in which the speed is read
 DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6, "wrench": 1e-2}
 SHAKES = 2.0  # times the variance of the noise
 RINGS = 4.0  # standard deviations of the squared residuals of a block, beyond which it rings
+GOES_ON = 3.0  # standard deviations of a slope along that of a neighbour that creeps
+GUARD, MOST_GUARDED = 3.0, 0.1  # intervals of the slowest signal behind a motion; s, of an interval
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
 
@@ -86,9 +88,10 @@ def still_windows(signals: Sequence[Signal], shortest: float = SHORTEST) -> list
     stretches = [(low, high) for low, high in _runs(~moving) if CELL * (high - low) >= shortest - CELL / 2]
     spans = [(float(edges[low]), float(edges[high])) for low, high in stretches]
     slow = [_slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
+    slowest = min(max(signal.interval for signal in signals if signal.kind in FAST), MOST_GUARDED)
     windows: list[Window] = []
     for low, high in spans:
-        windows += _judged(_pieces(signals, slow, low, high), shortest)
+        windows += _judged(_pieces(signals, slow, low, high), shortest, slowest)
     return _with_motions(windows, float(edges[0]), float(min(edges[-1], end)))
 
 
@@ -128,8 +131,8 @@ def _pieces(
     edges = np.linspace(low, high, cells + 1)
     sums = [_sums(signal, *own, edges) for signal, own in zip(signals, noise, strict=True)]
     unknowns = 2.0 * sum(one.value.shape[1] for one in sums)
-    # what a cut gains by chance: chi-squared of the unknowns of a piece, the best of all places
-    price = unknowns + 4.0 * np.sqrt(2.0 * unknowns) + 4.0 * np.log(cells + 1.0)
+    # of a cut: what a piece's unknowns gain by chance, at the best of all places; cuts too many are undone
+    price = unknowns + 4.0 * np.log(cells + 1.0)
     least = np.full(cells + 1, np.inf)
     least[0] = -price
     before = np.zeros(cells + 1, dtype=np.intp)
@@ -217,7 +220,9 @@ def _slow_noise(signal: Signal, noise: Array, stretches: Sequence[tuple[float, f
     return sigma, float(np.clip(np.median(ratio), 1.0, block))
 
 
-def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float) -> list[Window]:
+def _judged(
+    piece: tuple[list[_Sums], Array, list[int]], shortest: float, slowest: float
+) -> list[Window]:
     """Return the windows of a stretch: its pieces, joined where nothing happens between them."""
     sums, edges, cuts = piece
     borders = list(cuts)
@@ -231,39 +236,70 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float) -> lis
             at = max(at - 1, 1)
         else:
             at += 1
+    reasons = [_why(sums, edges, low, high) for low, high in zip(borders[:-1], borders[1:], strict=True)]
+    step = float(edges[1] - edges[0])
     windows = []
-    for low, high in zip(borders[:-1], borders[1:], strict=True):
-        # the cells at its ends may hold the end of a motion
-        reason = _why(sums, edges, low, high)
+    for at, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+        reason = reasons[at]
+        if not reason or "shakes" in reason:
+            low, high = _calm(sums, step, low, high)
+            reason = _why(sums, edges, low, high)
+        beside = [(borders[k], borders[k + 1]) for k in (at - 1, at + 1) if 0 <= k < len(reasons) and reasons[k]]
         if not reason:
-            low = _calm(sums, edges, low, high)
-        start = float(edges[low]) + CELL * (2 if low > cuts[0] else 1)
+            reason = next((why for one in beside if (why := _goes_on(sums, edges, (low, high), one))), "")
+        # the cells at its ends may hold the end of a motion, and ringing between two readings
+        start = float(edges[low]) + max(CELL * (2 if low > cuts[0] else 1), GUARD * slowest)
         end = float(edges[high]) - CELL * (2 if high < cuts[-1] else 1)
         if not reason and end - start < shortest:
             reason = f"stands still for {max(end - start, 0.0):.2f} s, expected {shortest:g} s at least"
-        windows.append(Window(start, end, reason))
+        windows.append(Window(start, max(start, end), reason))
     return windows
 
 
-def _calm(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> int:
-    """Return where a piece begins once it has come to rest: its first readings ring about the others."""
-    begin, middle = low, (low + high) // 2  # the half behind it says what is noise
-    for block in (0.1, 0.2, 0.4, 0.8):
-        cells = max(round(block / float(edges[1] - edges[0])), 1)
-        while begin + cells < middle and any(_rings(one, begin, begin + cells, high) for one in sums):
+def _goes_on(
+    sums: Sequence[_Sums], edges: Array, piece: tuple[int, int], beside: tuple[int, int]
+) -> str:
+    """Return why a piece beside one that creeps creeps on, slower, the same way; empty where it does not."""
+    for one in sums:
+        _, before_spread, before, _ = _line(one, *beside)
+        count, spread, slope, _ = _line(one, *piece)
+        size = float(np.linalg.norm(before))
+        if count < 3 or spread <= 0 or size * np.sqrt(before_spread / one.alike) < SURE:
+            continue
+        along = float(slope @ before) / size
+        if along * np.sqrt(spread / one.alike) > GOES_ON:
+            spent = float(edges[piece[1]] - edges[piece[0]])
+            return _said(one, "creeps", float(np.linalg.norm((slope * one.noise)[:3])) * spent, spent)
+    return ""
+
+
+def _calm(sums: Sequence[_Sums], step: float, low: int, high: int) -> tuple[int, int]:
+    """Return where a piece begins and ends without readings at its ends that are far from the others.
+
+    They ring after a motion, or belong to the next one; the half of the piece in the middle says what is
+    noise.
+    """
+    begin, end = low, high
+    most, last = (high - low) // 2, (high - low) // 4
+    for block in (0.8, 0.4, 0.2, 0.1, 0.05, 0.8):
+        cells = max(round(block / step), 1)
+        while begin + cells <= low + most and any(_rings(one, begin, begin + cells, (begin + cells, end)) for one in sums):
             begin += max(cells // 2, 1)
-    return begin
+        begin = begin + (2 if begin > low and block == 0.05 else 0)  # it dies away below the noise
+        while end - cells >= high - last and any(_rings(one, end - cells, end, (begin, end - cells)) for one in sums):
+            end -= max(cells // 2, 1)
+    return begin, end
 
 
-def _rings(one: _Sums, low: int, middle: int, high: int) -> bool:
-    """Tell whether readings up to `middle` are farther from the mean of the rest than the noise."""
-    first, rest = one.count[middle] - one.count[low], one.count[high] - one.count[middle]
-    if first < 1 or rest < 3:
+def _rings(one: _Sums, low: int, high: int, others: tuple[int, int]) -> bool:
+    """Tell whether readings from `low` to `high` are farther from the mean of others than the noise."""
+    count, rest = one.count[high] - one.count[low], one.count[others[1]] - one.count[others[0]]
+    if count < 1 or rest < 3:
         return False
-    mean = (one.value[high] - one.value[middle]) / rest
-    total = one.value[middle] - one.value[low]
-    away = one.squared[middle] - one.squared[low] - 2.0 * total @ mean + first * (mean @ mean)
-    freedom = mean.size * float(first)
+    mean = (one.value[others[1]] - one.value[others[0]]) / rest
+    total = one.value[high] - one.value[low]
+    away = one.squared[high] - one.squared[low] - 2.0 * total @ mean + count * (mean @ mean)
+    freedom = mean.size * float(count)
     return bool(away > freedom * (1.0 + one.alike / rest) + RINGS * np.sqrt(2.0 * freedom * one.alike))
 
 
@@ -282,7 +318,7 @@ def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
         moved = float(np.linalg.norm(change[:3]) if one.kind != "joints" else np.abs(change).max())
         own = float(np.linalg.norm(one.noise[:3]) if one.kind != "joints" else one.noise.max())
         if sigmas > slope.size + SURE * np.sqrt(2.0 * slope.size) + SURE**2 and moved > max(
-            own, DRIFT[one.kind] * spent
+            0.5 * own, DRIFT[one.kind] * spent
         ):
             return _said(one, "creeps", moved, spent)
     return ""
