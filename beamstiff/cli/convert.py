@@ -14,6 +14,9 @@ from beamstiff.files import read_text
 from beamstiff.outputs import write_output
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from beamstiff.measure.logs import LogTable
     from beamstiff.robot.description import Robot
 
 WRITTEN = {
@@ -32,7 +35,8 @@ def convert(
         str,
         typer.Argument(
             metavar="IN",
-            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). With --profile: a list of points.",
+            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
+            ".bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
@@ -61,10 +65,26 @@ def convert(
     settle: str = option(
         "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
     ),
-    profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
-    joints: str | None = option(
-        "CSV", "With --profile: joint values and loads, to be joined with the points."
+    profile: str | None = option(
+        "FILE", "What the columns of a list of points, or of a log, are: a YAML file, ur-rtde or kuka-rsi."
     ),
+    joints: str | None = option(
+        "FILE",
+        "With a list of points: CSV of joint values and loads, to be joined with them. With a log of points: "
+        "the log of the robot.",
+    ),
+    joints_profile: str | None = option(
+        "FILE", "What the columns of the robot's log are: a YAML file, ur-rtde or kuka-rsi."
+    ),
+    point: list[str] | None = option(
+        "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are left out then."
+    ),
+    skip: list[str] | None = option("TOPIC", "Of a bag: leave this out; repeatable."),
+    lag: str | None = option(
+        "TIME", "Of a log: what the points' clock shows more than the joints' (else found)."
+    ),
+    shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.5 s"),
+    figure: str | None = option("FILE", "Of a log: draw what was kept and cut (.png, .svg or .pdf)."),
 ) -> None:
     """Convert robots and points from and to other formats.
 
@@ -83,17 +103,47 @@ def convert(
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
+      beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     inputs: list[str | Path] = [
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    outputs = Outputs(inputs, out=out)
-    if profile is not None:
-        from beamstiff.measure.point_lists import convert_points
-        from beamstiff.measure.profiles import read_profile
+    outputs = Outputs(inputs, out=out, figure=figure)
+    from beamstiff.measure.bags import is_bag
+    from beamstiff.measure.profiles import named_profile
 
-        points = convert_points(source, read_profile(profile), joints)
+    columns = None if profile is None else named_profile(profile)
+    if is_bag(source) or (columns is not None and columns.samples):
+        from beamstiff.functions.convert_logs import convert_log
+        from beamstiff.functions.robots import load_robot
+        from beamstiff.units import in_unit
+
+        table = convert_log(
+            source,
+            columns,
+            joints,
+            None if joints_profile is None else named_profile(joints_profile),
+            points=point_nodes(point or []),
+            skip=skip or (),
+            lag=None if lag is None else in_unit(lag, "s"),
+            robot=None if like is None else load_robot(like),
+            shortest=in_unit(shortest, "s"),
+        )
+        write_output(out, table.text)
+        outputs.result(
+            table.notes, [f"{table.count} rows written to {out}."], table.to_dict() | {"written": out}
+        )
+        outputs.draw("figure", lambda: draw_log(table))
+        return
+    if point or skip or lag or figure:
+        raise BeamstiffError(
+            "--point, --skip, --lag and --figure: go with a log (a bag, or a profile of samples)"
+        )
+    if columns is not None:
+        from beamstiff.measure.point_lists import convert_points
+
+        points = convert_points(source, columns, joints)
         write_output(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
         outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
@@ -163,6 +213,24 @@ def convert(
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)
+
+
+def draw_log(table: LogTable) -> Figure:
+    """Draw what was kept of a log and what was cut."""
+    from beamstiff.report.logs import log_figure
+
+    return log_figure(table)
+
+
+def point_nodes(texts: list[str]) -> dict[str, str]:
+    """Return the nodes of topics, from texts such as ``"smr1=/tracker/smr1"``."""
+    pairs = [text.partition("=") for text in texts]
+    for text, (node, _, topic) in zip(texts, pairs, strict=True):
+        if not (node.strip() and topic.strip()):
+            raise BeamstiffError(
+                f"--point: found {shown(text)}, expected NODE=TOPIC such as smr1=/tracker/smr1"
+            )
+    return {topic.strip(): node.strip() for node, _, topic in pairs}
 
 
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:

@@ -35,9 +35,7 @@ def read_bag(path: str | os.PathLike[str], skip: Iterable[str] = ()) -> tuple[li
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise BeamstiffError(
-            f"{path}: reading bags needs rosbags: pip install 'beamstiff[logs]'"
-        ) from None
+        raise BeamstiffError(f"{path}: reading bags needs rosbags: pip install 'beamstiff[logs]'") from None
     if not Path(path).exists():
         raise BeamstiffError(f"{path}: no such file")
     found: Readings = {}
@@ -46,9 +44,7 @@ def read_bag(path: str | os.PathLike[str], skip: Iterable[str] = ()) -> tuple[li
     try:
         with AnyReader([Path(path)], default_typestore=get_typestore(Stores.LATEST)) as bag:
             topics = {connection.topic for connection in bag.connections}
-            wanted = [
-                one for one in bag.connections if one.msgtype in TYPES and one.topic not in skipped
-            ]
+            wanted = [one for one in bag.connections if one.msgtype in TYPES and one.topic not in skipped]
             left_out = {one.topic: one.msgtype for one in bag.connections if one not in wanted}
             begin = bag.start_time
             for connection, recorded, raw in bag.messages(wanted) if wanted else ():
@@ -67,8 +63,9 @@ def read_bag(path: str | os.PathLike[str], skip: Iterable[str] = ()) -> tuple[li
     for (topic, kind, columns, frame), readings in found.items():
         if "" in columns or len(set(columns)) < len(columns):
             raise BeamstiffError(f"{path}: {topic}: found joints without names, or two of one name")
-        stamps, recorded = (np.array([one[at] for one in readings], dtype=np.int64) for at in (0, 1))
-        offset = float(np.median(recorded - stamps)) * 1e-9
+        stamps = np.array([one[0] for one in readings], dtype=np.int64)
+        received = np.array([one[1] for one in readings], dtype=np.int64)
+        offset = float(np.median(received - stamps)) * 1e-9
         time = stamps * 1e-9
         if abs(offset) > OTHER_EPOCH:
             time = time + offset

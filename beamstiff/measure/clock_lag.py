@@ -77,7 +77,9 @@ def clock_lag(joints: Signal, point: Signal, most: float = 30.0) -> ClockLag:
     tried = []
     for lag in candidates:
         told = [
-            one for span in motions if (one := _one_motion(joints, point.time, position, span, lag)) is not None
+            one
+            for span in motions
+            if (one := _one_motion(joints, point.time, position, span, lag)) is not None
         ]
         if told:
             left = np.array([residual for *_, residual in told])
@@ -207,6 +209,4 @@ def _straight(told: Array) -> ClockLag:
         away = np.abs(lag - columns @ found) / np.sqrt(variance)
         size = max(float(np.median(away)) / 0.6745, 1.0)
         weight = np.minimum(1.0, 1.5 * size / np.maximum(away, 1e-9)) / variance
-    return ClockLag(
-        float(found[0]), float(found[1]), at, float(np.sqrt(covariance[0, 0])) * size, len(time)
-    )
+    return ClockLag(float(found[0]), float(found[1]), at, float(np.sqrt(covariance[0, 0])) * size, len(time))

@@ -11,6 +11,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,20 @@ class LogTable:
     windows: tuple[Window, ...]  # kept and cut, on the clock of the joints
     lags: Mapping[str, ClockLag]  # by source
     signals: tuple[Signal, ...]  # on the clock of the joints
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what JSON holds of it."""
+        return {
+            "rows": self.count,
+            "windows": [
+                {"start": w.start, "end": w.end, "kept": w.kept, "reason": w.reason} for w in self.windows
+            ],
+            "lags": {
+                name: {"lag": one.lag, "drift": one.drift, "std": one.std, "motions": one.motions}
+                for name, one in self.lags.items()
+            },
+            "notes": list(self.notes),
+        }
 
 
 def table_of_log(
@@ -91,7 +106,7 @@ def table_of_log(
     others = [one for one in signals if one.kind == "wrench"]
     if len(others) > 1:
         raise BeamstiffError(
-            f"{name}: found wrenches in {listed([one.name for one in others])}, expected one (--skip the rest)"
+            f"{name}: found wrenches in {listed([one.name for one in others])}, expected one (--skip)"
         )
     moved += others
     _check_overlap(moved, name)
@@ -166,7 +181,11 @@ def _of_the_lag(source: str, lag: ClockLag) -> str:
 
 
 def _of_the_windows(windows: Sequence[Window]) -> list[str]:
-    cut = [window for window in windows if window.reason not in ("", "moves")]
+    cut = [
+        window
+        for window in windows
+        if window.reason not in ("", "moves") and window.end - window.start >= SHORTEST
+    ]
     kept = sum(window.kept for window in windows)
     moves = sum(window.reason == "moves" for window in windows)
     return [
@@ -289,7 +308,9 @@ def _correlation_time(away: Sequence[Array]) -> Array:
         if not pairs or not going.any():
             break
         products = np.sum([(one[lag:] * one[:-lag]).sum(axis=0) for one in pairs], axis=0)
-        alike = products / max(sum(len(one) - lag for one in pairs), 1) / np.where(variance > 0, variance, 1.0)
+        alike = (
+            products / max(sum(len(one) - lag for one in pairs), 1) / np.where(variance > 0, variance, 1.0)
+        )
         going &= alike > 0.05
         result += np.where(going, 2.0 * alike, 0.0)
     return np.asarray(result)
@@ -333,12 +354,14 @@ def _in_base(
         kinematics = compile_kinematics(robot)
         placed = posture(kinematics, values)
         sensor, tool = (pose_of(kinematics, placed, node) for node in (frame, robot.tcp))
-        notes.append(f"{load.name}: carried from {frame!r} to the TCP in the base frame, its weight not taken off")
+        notes.append(
+            f"{load.name}: carried from {frame!r} to the TCP in the base frame, its weight not taken off"
+        )
         return wrench_from_sensor(wrench, sensor[:, :3, :3], sensor[:, :3, 3], tool[:, :3, 3])
     if frame in BASE_FRAMES:
         notes.append(f"{load.name}: taken as the wrench on the tool at the TCP, base frame ({frame!r})")
         return wrench
     raise BeamstiffError(
-        f"{name}: {load.name}: its wrenches are in the frame {frame!r}, expected the base's; give a robot with "
-        f"a node of that name (--like ROBOT), or leave it out (--skip {load.name})"
+        f"{name}: {load.name}: its wrenches are in the frame {frame!r}, expected the base's; give a robot "
+        f"with a node of that name (--like ROBOT), or leave it out (--skip {load.name})"
     )

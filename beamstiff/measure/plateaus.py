@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.measure.signals import LEAST_NOISE, UNIT, Signal, SignalKind, white_noise
+from beamstiff.measure.signals import Signal, SignalKind, white_noise
 from beamstiff.se3 import Array
 
 CELL = 0.05  # s: pieces begin and end on such a grid
@@ -27,9 +28,9 @@ OVER = 0.1  # s, in which the speed is read
 # Slower than this is the warming of an instrument, not a motion: per s.
 DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6, "wrench": 1e-2}
 SHAKES = 2.0  # times the variance of the noise
-RINGS = 4.0  # standard deviations of the squared residuals of a block, beyond which it rings
+RINGS = 2.5  # standard deviations of the squared residuals of a block, beyond which it rings
 GOES_ON = 3.0  # standard deviations of a slope along that of a neighbour that creeps
-GUARD, MOST_GUARDED = 3.0, 0.1  # intervals of the slowest signal behind a motion; s, of an interval
+GUARD, MOST_GUARD = 5.0, 0.25  # intervals of the slowest signal behind a motion, between which it rings; s
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
 
@@ -88,10 +89,10 @@ def still_windows(signals: Sequence[Signal], shortest: float = SHORTEST) -> list
     stretches = [(low, high) for low, high in _runs(~moving) if CELL * (high - low) >= shortest - CELL / 2]
     spans = [(float(edges[low]), float(edges[high])) for low, high in stretches]
     slow = [_slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
-    slowest = min(max(signal.interval for signal in signals if signal.kind in FAST), MOST_GUARDED)
+    guard = min(GUARD * max(signal.interval for signal in signals if signal.kind in FAST), MOST_GUARD)
     windows: list[Window] = []
     for low, high in spans:
-        windows += _judged(_pieces(signals, slow, low, high), shortest, slowest)
+        windows += _judged(_pieces(signals, slow, low, high), shortest, guard)
     return _with_motions(windows, float(edges[0]), float(min(edges[-1], end)))
 
 
@@ -113,7 +114,8 @@ def _moving_cells(signal: Signal, noise: Array, edges: Array) -> Flags:
     change = np.zeros(len(edges) + 1)
     np.add.at(change, low.clip(0, len(edges) - 1), 1)
     np.add.at(change, high.clip(0, len(edges) - 1), -1)
-    return np.asarray(np.cumsum(change)[: len(edges) - 1] > 0)
+    flags: Flags = np.cumsum(change)[: len(edges) - 1] > 0
+    return flags
 
 
 def _runs(flags: Flags) -> list[tuple[int, int]]:
@@ -177,9 +179,7 @@ def _line(one: _Sums, low: NDArray[np.intp] | int, high: int) -> tuple[Array, Ar
     time, value = one.time[high] - one.time[low], one.value[high] - one.value[low]
     spread = one.squared_time[high] - one.squared_time[low] - time**2 / some
     product = one.product[high] - one.product[low] - np.asarray(time / some)[..., None] * value
-    slope = np.where(
-        np.asarray(spread > 1e-9)[..., None], product / np.maximum(spread, 1e-9)[..., None], 0.0
-    )
+    slope = np.where(np.asarray(spread > 1e-9)[..., None], product / np.maximum(spread, 1e-9)[..., None], 0.0)
     squares = one.squared[high] - one.squared[low] - (value**2).sum(axis=-1) / some
     residual = np.maximum(squares - (slope**2).sum(axis=-1) * np.maximum(spread, 0.0), 0.0)
     return count, spread, slope, residual
@@ -193,7 +193,9 @@ def _misfit(one: _Sums, high: int) -> Array:
     return np.asarray((residual / excess + values * np.log(excess)) / one.alike)
 
 
-def _slow_noise(signal: Signal, noise: Array, stretches: Sequence[tuple[float, float]]) -> tuple[Array, float]:
+def _slow_noise(
+    signal: Signal, noise: Array, stretches: Sequence[tuple[float, float]]
+) -> tuple[Array, float]:
     """Return the noise of a signal (D,) over a second, and how many alike readings count for one.
 
     From the median second of what does not move quickly, a line taken off; means of blocks vary more than
@@ -220,9 +222,7 @@ def _slow_noise(signal: Signal, noise: Array, stretches: Sequence[tuple[float, f
     return sigma, float(np.clip(np.median(ratio), 1.0, block))
 
 
-def _judged(
-    piece: tuple[list[_Sums], Array, list[int]], shortest: float, slowest: float
-) -> list[Window]:
+def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard: float) -> list[Window]:
     """Return the windows of a stretch: its pieces, joined where nothing happens between them."""
     sums, edges, cuts = piece
     borders = list(cuts)
@@ -236,35 +236,40 @@ def _judged(
             at = max(at - 1, 1)
         else:
             at += 1
-    reasons = [_why(sums, edges, low, high) for low, high in zip(borders[:-1], borders[1:], strict=True)]
+    reasons = [_why(sums, edges, low, high) for low, high in pairwise(borders)]
     step = float(edges[1] - edges[0])
-    windows = []
-    for at, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+    windows: list[Window] = []
+    for at, (low, high) in enumerate(pairwise(borders)):
         reason = reasons[at]
         if not reason or "shakes" in reason:
             low, high = _calm(sums, step, low, high)
             reason = _why(sums, edges, low, high)
-        beside = [(borders[k], borders[k + 1]) for k in (at - 1, at + 1) if 0 <= k < len(reasons) and reasons[k]]
+        beside = [
+            (borders[k], borders[k + 1]) for k in (at - 1, at + 1) if 0 <= k < len(reasons) and reasons[k]
+        ]
         if not reason:
             reason = next((why for one in beside if (why := _goes_on(sums, edges, (low, high), one))), "")
         # the cells at its ends may hold the end of a motion, and ringing between two readings
-        start = float(edges[low]) + max(CELL * (2 if low > cuts[0] else 1), GUARD * slowest)
+        start = float(edges[low]) + max(CELL * (2 if low > cuts[0] else 1), guard)
         end = float(edges[high]) - CELL * (2 if high < cuts[-1] else 1)
         if not reason and end - start < shortest:
             reason = f"stands still for {max(end - start, 0.0):.2f} s, expected {shortest:g} s at least"
-        windows.append(Window(start, max(start, end), reason))
+        cut = Window(float(edges[low]), float(edges[high]), reason) if reason else Window(start, end)
+        if reason and windows and windows[-1].reason:  # pieces of one curve
+            before = windows.pop()
+            longer = max(before, cut, key=lambda one: one.end - one.start)
+            cut = Window(before.start, cut.end, longer.reason)
+        windows.append(cut)
     return windows
 
 
-def _goes_on(
-    sums: Sequence[_Sums], edges: Array, piece: tuple[int, int], beside: tuple[int, int]
-) -> str:
+def _goes_on(sums: Sequence[_Sums], edges: Array, piece: tuple[int, int], beside: tuple[int, int]) -> str:
     """Return why a piece beside one that creeps creeps on, slower, the same way; empty where it does not."""
     for one in sums:
         _, before_spread, before, _ = _line(one, *beside)
         count, spread, slope, _ = _line(one, *piece)
         size = float(np.linalg.norm(before))
-        if count < 3 or spread <= 0 or size * np.sqrt(before_spread / one.alike) < SURE:
+        if count < 3 or spread <= 0 or not size * np.sqrt(max(float(before_spread), 0.0) / one.alike) >= SURE:
             continue
         along = float(slope @ before) / size
         if along * np.sqrt(spread / one.alike) > GOES_ON:
@@ -283,10 +288,14 @@ def _calm(sums: Sequence[_Sums], step: float, low: int, high: int) -> tuple[int,
     most, last = (high - low) // 2, (high - low) // 4
     for block in (0.8, 0.4, 0.2, 0.1, 0.05, 0.8):
         cells = max(round(block / step), 1)
-        while begin + cells <= low + most and any(_rings(one, begin, begin + cells, (begin + cells, end)) for one in sums):
+        while begin + cells <= low + most and any(
+            _rings(one, begin, begin + cells, (begin + cells, end)) for one in sums
+        ):
             begin += max(cells // 2, 1)
         begin = begin + (2 if begin > low and block == 0.05 else 0)  # it dies away below the noise
-        while end - cells >= high - last and any(_rings(one, end - cells, end, (begin, end - cells)) for one in sums):
+        while end - cells >= high - last and any(
+            _rings(one, end - cells, end, (begin, end - cells)) for one in sums
+        ):
             end -= max(cells // 2, 1)
     return begin, end
 
@@ -315,8 +324,9 @@ def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
             return _said(one, "shakes", float(np.sqrt(excess) * np.linalg.norm(one.noise[:3])), spent)
         sigmas = float((slope**2).sum() * spread / excess / one.alike)  # chi-squared of the components
         change = slope * one.noise * spent
-        moved = float(np.linalg.norm(change[:3]) if one.kind != "joints" else np.abs(change).max())
-        own = float(np.linalg.norm(one.noise[:3]) if one.kind != "joints" else one.noise.max())
+        one_by_one = one.kind == "joints"
+        moved = float(np.abs(change).max() if one_by_one else np.linalg.norm(change[:3]))
+        own = float(one.noise.max() if one_by_one else np.linalg.norm(one.noise[:3]))
         if sigmas > slope.size + SURE * np.sqrt(2.0 * slope.size) + SURE**2 and moved > max(
             0.5 * own, DRIFT[one.kind] * spent
         ):
@@ -360,6 +370,3 @@ def _with_motions(windows: Sequence[Window], begin: float, end: float) -> list[W
     if end - last > 1.5 * CELL:
         found.append(Window(last, end, "moves"))
     return found
-
-
-__all__ = ["LEAST_NOISE", "UNIT", "Window", "still_windows"]
