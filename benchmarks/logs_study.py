@@ -32,7 +32,7 @@ FORMATS = ("mcap", "db3", "bag")
 EPOCH = 1_700_000_000.0  # s, of the stamps
 EDGE = 0.05  # s of a motion that a kept window may hold
 LEAST_SPEED = 1e-6  # m/s of the tool, without ringing, from which it moves
-LEAST_ROW = 0.5  # s of a plateau in a kept window, from which it is not lost
+LEAST_ROW = 0.25  # s of a plateau in a kept window, from which it is not lost
 TRAVEL = 3.0  # noise of one reading: a window in which the tool goes less far than that does not move
 RINGING = 3.0  # noise of one reading, above which a ringing tool moves
 

@@ -83,7 +83,7 @@ def convert(
     lag: str | None = option(
         "TIME", "Of a log: what the points' clock shows more than the joints' (else found)."
     ),
-    shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.5 s"),
+    shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.3 s"),
     figure: str | None = option("FILE", "Of a log: draw what was kept and cut (.png, .svg or .pdf)."),
 ) -> None:
     """Convert robots and points from and to other formats.

@@ -28,6 +28,7 @@ BASE_FRAMES = ("", "base", "base_link", "base_footprint", "world", "map")
 SAME = 1e-3  # rad, m: joint values nearer than this are one pose
 POOLED = 10.0  # readings that the common noise counts for beside a window's own
 MOST_LAG = 30.0  # s
+SAID = 0.5  # s of a window that is cut, from which its reason is said
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def _of_the_windows(windows: Sequence[Window]) -> list[str]:
     cut = [
         window
         for window in windows
-        if window.reason not in ("", "moves") and window.end - window.start >= SHORTEST
+        if window.reason not in ("", "moves") and window.end - window.start >= SAID
     ]
     kept = sum(window.kept for window in windows)
     moves = sum(window.reason == "moves" for window in windows)

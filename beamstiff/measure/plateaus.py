@@ -21,7 +21,7 @@ from beamstiff.se3 import Array
 CELL = 0.05  # s: pieces begin and end on such a grid
 MOST_CELLS = 600  # in a stretch; longer ones have longer cells
 CHUNK, BLOCK = 1.0, 0.15  # s: over which the noise is read, and its means
-SHORTEST = 0.5  # s of a window that is kept
+SHORTEST = 0.3  # s of a window that is kept
 # Faster than this is a motion, whatever the noise: rad/s, m/s; forces alone do not tell one.
 FAST: Mapping[SignalKind, float] = {"joints": 0.01, "point": 5e-3, "pose": 5e-3}
 OVER = 0.1  # s, in which the speed is read
@@ -297,7 +297,7 @@ def _calm(sums: Sequence[_Sums], step: float, low: int, high: int) -> tuple[int,
             _rings(one, end - cells, end, (begin, end - cells)) for one in sums
         ):
             end -= max(cells // 2, 1)
-    return begin, end
+    return min(begin, low + most), end
 
 
 def _rings(one: _Sums, low: int, high: int, others: tuple[int, int]) -> bool:
@@ -319,7 +319,7 @@ def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
         count, spread, slope, residual = _line(one, low, high)
         if count < 3 or spread <= 0:
             continue
-        excess = max(float(residual / (slope.size * max(count - 2, 1.0))), 1.0)
+        excess = max(float(residual) / (slope.size * max(float(count) - 2.0, 1.0)), 1.0)
         if excess > SHAKES:
             return _said(one, "shakes", float(np.sqrt(excess) * np.linalg.norm(one.noise[:3])), spent)
         sigmas = float((slope**2).sum() * spread / excess / one.alike)  # chi-squared of the components
@@ -328,7 +328,7 @@ def _why(sums: Sequence[_Sums], edges: Array, low: int, high: int) -> str:
         moved = float(np.abs(change).max() if one_by_one else np.linalg.norm(change[:3]))
         own = float(one.noise.max() if one_by_one else np.linalg.norm(one.noise[:3]))
         if sigmas > slope.size + SURE * np.sqrt(2.0 * slope.size) + SURE**2 and moved > max(
-            0.5 * own, DRIFT[one.kind] * spent
+            own, DRIFT[one.kind] * spent
         ):
             return _said(one, "creeps", moved, spent)
     return ""
