@@ -76,6 +76,9 @@ def convert(
     joints_profile: str | None = option(
         "FILE", "What the columns of the robot's log are: a YAML file, ur-rtde or kuka-rsi."
     ),
+    hold: list[str] | None = option(
+        "NAME=VALUE", "Of a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
+    ),
     point: list[str] | None = option(
         "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are left out then."
     ),
@@ -155,8 +158,10 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    robot = with_joint_stiffness(read_robot(source, tcp, convention, written=ending), joint_stiffness or [])
-    notes = [*_notes(robot)]
+    read, pruning = read_pruned(source, tcp, hold or []) or (None, [])
+    machine = read or read_robot(source, tcp, convention, written=ending)
+    robot = with_joint_stiffness(machine, joint_stiffness or [])
+    notes = [*pruning, *_notes(robot)]
     if series:
         if ending not in (".urdf", ".sdf"):
             raise BeamstiffError("--series: goes with an --out that ends in .urdf or .sdf")
@@ -213,6 +218,38 @@ def convert(
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)
+
+
+def read_pruned(source: str, tcp: str | None, hold: list[str]) -> tuple[Robot, list[str]] | None:
+    """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
+    from beamstiff.cli.options import parse_quantity
+    from beamstiff.robot.link_tree import tree_robot
+    from beamstiff.robot.pruning import pruned
+    from beamstiff.robot.urdf.reader import read_tree
+    from beamstiff.robot.xml_text import parse_xml
+
+    file = robot_file(source)
+    if file.suffix.lower() != ".urdf":
+        if hold:
+            raise BeamstiffError("--hold: goes with a URDF")
+        return None
+    if tcp is None:
+        if hold:
+            raise BeamstiffError("--hold: goes with --tcp LINK")
+        return None
+    tree = read_tree(parse_xml(read_text(file), str(file)))
+    kinds = {joint.name: joint.kind for joint in tree.joints}
+    values = {}
+    for text in hold:
+        name, equals, value = (word.strip() for word in text.partition("="))
+        if not equals:
+            raise BeamstiffError(f"--hold: found {shown(text)}, expected NAME=VALUE such as q7=30deg")
+        kind = "length" if kinds.get(name) == "prismatic" else "angle"
+        values[name] = parse_quantity("--hold", value, kind)
+    if not values and tcp not in {link.name for link in tree.links}:
+        return None  # the reader says what is wrong
+    chain, notes = pruned(tree, tcp, values)
+    return (tree_robot(chain, tcp), notes) if notes or values else None
 
 
 def draw_log(table: LogTable) -> Figure:

@@ -156,7 +156,8 @@ def _sums(signal: Signal, noise: Array, alike: float, edges: Array) -> _Sums:
     border = np.searchsorted(time, edges - edges[0])
 
     def running(terms: Array) -> Array:
-        return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])[border]
+        total: Array = np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+        return np.asarray(total[border])
 
     return _Sums(
         signal.name,
