@@ -30,7 +30,7 @@ def test_a_motion_that_repeats_itself_does_not_tell_the_lag() -> None:
     t = np.arange(0.0, 60.0, 0.01)
     q = np.sin(2 * np.pi * t / 4.0)[:, None]
     x = np.hstack([q, q**2, 0 * q])
-    with pytest.raises(LagError, match="repeats itself|no motion|at any lag"):
+    with pytest.raises(LagError, match=r"repeats itself|no motion|at any lag"):
         clock_lag(Signal("j", "joints", ("q1",), t, q), Signal("p", "point", ("x", "y", "z"), t, x))
 
 
