@@ -13,6 +13,9 @@ from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.files import read_text
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from beamstiff.measure.logs import LogTable
     from beamstiff.robot.description import Robot
 
 WRITTEN = {
@@ -31,7 +34,8 @@ def convert(
         str,
         typer.Argument(
             metavar="IN",
-            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). With --profile: a list of points.",
+            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
+            ".bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
@@ -60,10 +64,29 @@ def convert(
     settle: str = option(
         "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
     ),
-    profile: str | None = option("FILE", "What the columns of a list of points are: a YAML file."),
-    joints: str | None = option(
-        "CSV", "With --profile: joint values and loads, to be joined with the points."
+    profile: str | None = option(
+        "FILE", "What the columns of a list of points, or of a log, are: a YAML file, ur-rtde or kuka-rsi."
     ),
+    joints: str | None = option(
+        "FILE",
+        "With a list of points: CSV of joint values and loads, to be joined with them. With a log of points: "
+        "the log of the robot.",
+    ),
+    joints_profile: str | None = option(
+        "FILE", "What the columns of the robot's log are: a YAML file, ur-rtde or kuka-rsi."
+    ),
+    hold: list[str] | None = option(
+        "NAME=VALUE", "Of a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
+    ),
+    point: list[str] | None = option(
+        "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are left out then."
+    ),
+    skip: list[str] | None = option("TOPIC", "Of a bag: leave this out; repeatable."),
+    lag: str | None = option(
+        "TIME", "Of a log: what the points' clock shows more than the joints' (else found)."
+    ),
+    shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.3 s"),
+    figure: str | None = option("FILE", "Of a log: draw what was kept and cut (.png, .svg or .pdf)."),
 ) -> None:
     """Convert robots and points from and to other formats.
 
@@ -82,17 +105,47 @@ def convert(
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
+      beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
     inputs: list[str | Path] = [
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),
     ]
-    outputs = Outputs(inputs, out=out)
-    if profile is not None:
-        from beamstiff.measure.point_lists import convert_points
-        from beamstiff.measure.profiles import read_profile
+    outputs = Outputs(inputs, out=out, figure=figure)
+    from beamstiff.measure.bags import is_bag
+    from beamstiff.measure.profiles import named_profile
 
-        points = convert_points(source, read_profile(profile), joints)
+    columns = None if profile is None else named_profile(profile)
+    if is_bag(source) or (columns is not None and columns.samples):
+        from beamstiff.functions.convert_logs import convert_log
+        from beamstiff.functions.robots import load_robot
+        from beamstiff.units import in_unit
+
+        table = convert_log(
+            source,
+            columns,
+            joints,
+            None if joints_profile is None else named_profile(joints_profile),
+            points=point_nodes(point or []),
+            skip=skip or (),
+            lag=None if lag is None else in_unit(lag, "s"),
+            robot=None if like is None else load_robot(like),
+            shortest=in_unit(shortest, "s"),
+        )
+        write(out, table.text)
+        outputs.result(
+            table.notes, [f"{table.count} rows written to {out}."], table.to_dict() | {"written": out}
+        )
+        outputs.draw("figure", lambda: draw_log(table))
+        return
+    if point or skip or lag or figure:
+        raise BeamstiffError(
+            "--point, --skip, --lag and --figure: go with a log (a bag, or a profile of samples)"
+        )
+    if columns is not None:
+        from beamstiff.measure.point_lists import convert_points
+
+        points = convert_points(source, columns, joints)
         write(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
         outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
@@ -104,8 +157,10 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    robot = with_joint_stiffness(read_robot(source, tcp, convention, written=ending), joint_stiffness or [])
-    notes = [*_notes(robot)]
+    read, pruning = read_pruned(source, tcp, hold or []) or (None, [])
+    machine = read or read_robot(source, tcp, convention, written=ending)
+    robot = with_joint_stiffness(machine, joint_stiffness or [])
+    notes = [*pruning, *_notes(robot)]
     if series:
         if ending not in (".urdf", ".sdf"):
             raise BeamstiffError("--series: goes with an --out that ends in .urdf or .sdf")
@@ -162,6 +217,56 @@ def convert(
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)
+
+
+def read_pruned(source: str, tcp: str | None, hold: list[str]) -> tuple[Robot, list[str]] | None:
+    """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
+    from beamstiff.cli.options import parse_quantity
+    from beamstiff.robot.link_tree import tree_robot
+    from beamstiff.robot.pruning import pruned
+    from beamstiff.robot.urdf.reader import read_tree
+    from beamstiff.robot.xml_text import parse_xml
+
+    file = robot_file(source)
+    if file.suffix.lower() != ".urdf":
+        if hold:
+            raise BeamstiffError("--hold: goes with a URDF")
+        return None
+    if tcp is None:
+        if hold:
+            raise BeamstiffError("--hold: goes with --tcp LINK")
+        return None
+    tree = read_tree(parse_xml(read_text(file), str(file)))
+    kinds = {joint.name: joint.kind for joint in tree.joints}
+    values = {}
+    for text in hold:
+        name, equals, value = (word.strip() for word in text.partition("="))
+        if not equals:
+            raise BeamstiffError(f"--hold: found {shown(text)}, expected NAME=VALUE such as q7=30deg")
+        kind = "length" if kinds.get(name) == "prismatic" else "angle"
+        values[name] = parse_quantity("--hold", value, kind)
+    if not values and tcp not in {link.name for link in tree.links}:
+        return None  # the reader says what is wrong
+    chain, notes = pruned(tree, tcp, values)
+    return (tree_robot(chain, tcp), notes) if notes or values else None
+
+
+def draw_log(table: LogTable) -> Figure:
+    """Draw what was kept of a log and what was cut."""
+    from beamstiff.report.logs import log_figure
+
+    return log_figure(table)
+
+
+def point_nodes(texts: list[str]) -> dict[str, str]:
+    """Return the nodes of topics, from texts such as ``"smr1=/tracker/smr1"``."""
+    pairs = [text.partition("=") for text in texts]
+    for text, (node, _, topic) in zip(texts, pairs, strict=True):
+        if not (node.strip() and topic.strip()):
+            raise BeamstiffError(
+                f"--point: found {shown(text)}, expected NODE=TOPIC such as smr1=/tracker/smr1"
+            )
+    return {topic.strip(): node.strip() for node, _, topic in pairs}
 
 
 def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:

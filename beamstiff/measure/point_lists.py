@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
@@ -18,6 +19,8 @@ from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si
 from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
 from beamstiff.measure.profiles import ANGLES, POSITION, QUATERNION, Profile
 from beamstiff.measure.registration import Registration, register
+from beamstiff.measure.signals import Signal, SignalKind
+from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import UNITS, quantity, unit_factor
@@ -90,6 +93,53 @@ def parse_points(
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return PointTable(out.getvalue(), len(at), tuple(notes))
+
+
+def signals_of(text: str, profile: Profile, name: str = "<log>") -> list[Signal]:
+    """Return the signals of a log in columns: joints, points one each, a wrench; times are those of `t`."""
+    rows, lines = _rows(text, profile, name)
+    labels, values = _cells(rows, lines, profile, name)
+    values = _turned(values, profile, name, lines)
+    if "t" not in values:
+        raise BeamstiffError(f"{name}: columns: found no `t`, expected the time of each sample")
+    time = values["t"]
+    joints = tuple(key for key in values if key not in QUANTITIES)
+    wrench = tuple(key for key in WRENCH if key in values)
+    found: list[Signal] = []
+    if joints:
+        found.append(_signal("joints", "joints", joints, time, values))
+    if wrench:
+        values |= {key: np.zeros(len(time)) for key in WRENCH if key not in values}
+        found.append(_signal("wrench", "wrench", WRENCH, time, values))
+    if "x" in values:
+        points = np.array(labels.get("point", ["point"] * len(time)))
+        for point in dict.fromkeys(points.tolist()):
+            own = {key: cells[points == point] for key, cells in values.items()}
+            placed = _signal((profile.points or {}).get(point, point), "point", POSITION, own["t"], own)
+            if "a" in own:
+                known = ~np.isnan(np.stack([own[key] for key in (*POSITION, *ANGLES)], axis=1)).any(axis=1)
+                turned = np.stack([own[key] for key in ANGLES], axis=1)[known]
+                quaternions = Rotation.from_rotvec(turned).as_quat()
+                flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
+                quaternions[1:] *= np.cumprod(flips)[:, None]
+                at = np.stack([own[key] for key in POSITION], axis=1)[known]
+                placed = Signal(
+                    placed.name,
+                    "pose",
+                    (*POSITION, "qx", "qy", "qz", "qw"),
+                    own["t"][known],
+                    np.hstack([at, quaternions]),
+                )
+            found.append(placed)
+    return [one.shifted(one.time) for one in found if len(one)]
+
+
+def _signal(
+    name: str, kind: SignalKind, columns: tuple[str, ...], time: Array, values: Mapping[str, Array]
+) -> Signal:
+    table = np.stack([values[key] for key in columns], axis=1)
+    known = ~np.isnan(table).any(axis=1) & ~np.isnan(time)
+    return Signal(name, kind, columns, time[known], table[known])
 
 
 def _rows(text: str, profile: Profile, name: str) -> tuple[list[list[str]], list[int]]:

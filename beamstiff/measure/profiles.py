@@ -12,6 +12,9 @@ profile does, in YAML, with the unit of everything that has one.
     points: {SMR1: tool, SMR2: wrist}   # their points, our nodes; others are left out
     base: {B1: [0, 0, 0], B2: ["1 m", 0, 0], B3: [0, "1 m", 0]}   # points known in the robot's base frame
 
+With `samples: true` the rows are those of a running machine (`measure.logs`): columns t, joints, loads,
+points; the profiles `ur-rtde` and `kuka-rsi` come with the package.
+
 With `base` the list is carried to the base frame (`measure.registration`); without it, it is taken to be in
 it. Orientations: columns a b c with `orientation` (KUKA ABC, Euler ZYX, fixed XYZ, rotation vector), or a
 quaternion as columns qw qx qy qz.
@@ -67,6 +70,8 @@ class Profile(Described):
         Points known in the base frame, m.
     sigma_position : str or None
         Standard deviation, such as ``0.03 mm``, written along.
+    samples : bool
+        Whether the rows are samples of a running machine.
     """
 
     columns: Mapping[str, Annotated[int | str, BeforeValidator(_column)]]
@@ -79,6 +84,36 @@ class Profile(Described):
     points: Mapping[str, Name] | None = None
     base: Mapping[str, Point] | None = None
     sigma_position: str | None = None
+    samples: bool = False
+
+
+# Logs of controllers, whose columns are always called so.
+NAMED = {
+    # recorder of Universal Robots' RTDE client: rad, seconds since the controller started
+    "ur-rtde": """
+separator: whitespace
+samples: true
+columns: {t: timestamp, q1: actual_q_0, q2: actual_q_1, q3: actual_q_2, q4: actual_q_3, q5: actual_q_4,
+  q6: actual_q_5}
+units: {angle: rad, time: s, q1: rad, q2: rad, q3: rad, q4: rad, q5: rad, q6: rad}
+""",
+    # RobotSensorInterface: AIPos (deg) of a log in columns, IPOC in ms
+    "kuka-rsi": """
+separator: semicolon
+samples: true
+columns: {t: IPOC, q1: AIPos.A1, q2: AIPos.A2, q3: AIPos.A3, q4: AIPos.A4, q5: AIPos.A5, q6: AIPos.A6}
+units: {time: ms, q1: deg, q2: deg, q3: deg, q4: deg, q5: deg, q6: deg}
+""",
+}
+
+
+def named_profile(name: str) -> Profile:
+    """Return a profile that comes with the package, or that of a file.
+
+    >>> named_profile("kuka-rsi").columns["q1"]
+    'AIPos.A1'
+    """
+    return parse_profile(NAMED[name], name) if name in NAMED else read_profile(name)
 
 
 def read_profile(path: str | os.PathLike[str]) -> Profile:

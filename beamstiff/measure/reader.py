@@ -11,6 +11,7 @@ decided so:
 - ``a b c`` are a rotation vector, never longer than pi. Euler angles are refused unless declared:
   ``# orientation: KUKA ABC`` converts columns A B C (or a b c), R = Rz(A) Ry(B) Rx(C), to the rotation
   vector; ``# orientation: rotation vector`` says that columns A B C (or a b c) are one.
+- Orientations may be quaternions or matrices instead (`measure.pose_columns`).
 - ``q2_link`` is the reading of an encoder behind the gear of q2, ``tau_q2`` the measured torque (or force) of
   its drive; empty cells are unmeasured.
 - Semicolons or tabs separate where the header has these and no comma; decimal commas only after
@@ -36,6 +37,7 @@ from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of
 from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import KUKA
+from beamstiff.measure.pose_columns import with_rotation_vectors
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot
@@ -103,7 +105,7 @@ def parse_measurements(
     >>> float(table.displacement[0, 2]), table.sigma_position
     (-0.0015, 3.0e-05)
     """
-    raw = split_table(text, name)
+    raw = with_rotation_vectors(split_table(text, name))
     choices = {key: _choice(key, raw) for key in _CHOICES}
     columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)

@@ -1,0 +1,83 @@
+"""Sampled signals of a running machine: joints, points, poses, wrenches, each with times of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from beamstiff.se3 import Array
+
+SignalKind = Literal["joints", "torques", "point", "pose", "wrench"]
+# Quantity of the first three values of a reading, and of the rest where these are another.
+UNIT: Mapping[SignalKind, str] = {"joints": "rad", "torques": "N m", "point": "m", "pose": "m", "wrench": "N"}
+# Below this a standard deviation counts as this: finer than encoders, trackers and load cells resolve.
+LEAST_NOISE: Mapping[SignalKind, float] = {
+    "joints": 2e-6,
+    "torques": 1e-3,
+    "point": 1e-6,
+    "pose": 1e-6,
+    "wrench": 1e-2,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Readings of one source.
+
+    Attributes
+    ----------
+    name : str
+        Topic, or column group of a file.
+    kind : "joints", "torques", "point", "pose" or "wrench"
+        Of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
+    columns : tuple of str
+        Names of the values: joints by their names.
+    time : (N,) array, s
+        Not decreasing.
+    values : (N, D) array, SI
+    frame : str
+        Frame that the source names, empty where it names none.
+    """
+
+    name: str
+    kind: SignalKind
+    columns: tuple[str, ...]
+    time: Array
+    values: Array
+    frame: str = ""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def interval(self) -> float:
+        """Median time between readings, s."""
+        return float(np.median(np.diff(self.time))) if len(self) > 1 else np.inf
+
+    def shifted(self, time: Array) -> Signal:
+        """Return the signal at other times, in their order."""
+        order = np.argsort(time, kind="stable")
+        return replace(self, time=time[order], values=self.values[order])
+
+
+def white_noise(signal: Signal) -> Array:
+    """Return the standard deviation of one reading (D,), from where the signal stands still.
+
+    Second differences do not see a uniform motion; the tenth of all stretches in which they are smallest is
+    taken, so that a tenth of the record has to stand still.
+    """
+    least = LEAST_NOISE[signal.kind]
+    if len(signal) < 8:
+        return np.full(signal.values.shape[1], least)
+    second = np.diff(signal.values, n=2, axis=0) / np.sqrt(6.0)
+    length = int(np.clip(round(0.5 / max(signal.interval, 1e-4)), 6, len(second)))
+    stretches = second[: len(second) // length * length].reshape(-1, length, second.shape[1])
+    spread = np.sqrt((stretches**2).mean(axis=1))
+    steps = np.abs(np.diff(signal.values, axis=0))
+    # half a count: readings may stand still at one count, and toggle between two in the next posture
+    count = 0.5 * np.min(np.where(steps > 0, steps, np.inf), axis=0, initial=np.inf)
+    count = np.where(np.isfinite(count), count, 0.0)
+    return np.asarray(np.maximum(np.maximum(np.quantile(spread, 0.1, axis=0), count), least))

@@ -1,0 +1,52 @@
+"""Logs as tables. Truth: bags drawn by the study, whose generator shares no code with the detector."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from beamstiff.errors import BeamstiffError
+from beamstiff.measure.bags import read_bag
+from beamstiff.measure.clock_lag import LagError, clock_lag
+from beamstiff.measure.pose_columns import with_rotation_vectors
+from beamstiff.measure.signals import Signal
+from beamstiff.measure.text import split_table
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])  # an mcap, a db3, a bag
+def test_planted_lag_and_plateaus_are_recovered(seed: int) -> None:
+    pytest.importorskip("rosbags")
+    from benchmarks.logs_study import study
+
+    ((_, found),) = study(range(seed, seed + 1), show=False)
+    assert not found.failed
+    assert found.lag_error < 0.01
+    assert not found.moving
+    assert not found.lost
+
+
+def test_a_motion_that_repeats_itself_does_not_tell_the_lag() -> None:
+    t = np.arange(0.0, 60.0, 0.01)
+    q = np.sin(2 * np.pi * t / 4.0)[:, None]
+    x = np.hstack([q, q**2, 0 * q])
+    with pytest.raises(LagError, match=r"repeats itself|no motion|at any lag"):
+        clock_lag(Signal("j", "joints", ("q1",), t, q), Signal("p", "point", ("x", "y", "z"), t, x))
+
+
+def test_a_file_that_is_no_bag_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    (tmp_path / "run.mcap").write_bytes(b"no bag at all")
+    with pytest.raises(BeamstiffError, match="cannot be read as a bag"):
+        read_bag(tmp_path / "run.mcap")
+
+
+def test_matrices_are_the_rotation_vectors_of_scipy() -> None:
+    turned = Rotation.from_rotvec([0.3, -0.2, 0.9])
+    rows = np.hstack([turned.as_matrix(), [[1.0], [2.0], [3.0]]]).ravel()
+    header = ",".join(f"m{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4))
+    table = with_rotation_vectors(split_table(f"q1,{header}\n0,{','.join(map(repr, rows.tolist()))}\n", "t"))
+    assert table.header == ["q1", "x", "y", "z", "a [rad]", "b [rad]", "c [rad]"]
+    np.testing.assert_allclose([float(cell) for cell in table.cells[0][4:]], [0.3, -0.2, 0.9], rtol=1e-12)
+    with pytest.raises(BeamstiffError, match="at right angles"):
+        with_rotation_vectors(split_table(f"q1,{header}\n0,{','.join(['1'] * 12)}\n", "t"))
