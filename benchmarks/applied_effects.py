@@ -187,7 +187,7 @@ def taken(case: Case, file: Path) -> Iterator[str]:
 
 
 def pairs_by_turns(robots: list[str], arms: int) -> list[tuple[str, str]]:
-    """Return robots and effects, every robot with another effect before any has its next: fair if interrupted."""
+    """Return robots and effects by turns, another effect for each robot: fair where it is interrupted."""
     count, pairs = len(APPLIED), []
     for turn in range(count):
         pairs += [(name, APPLIED[(turn + 7 * at) % count]) for at, name in enumerate(robots)]
