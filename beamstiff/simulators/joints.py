@@ -159,9 +159,7 @@ class Assembly:
     def _compliance(self, element: Element, frame: Array, end: str, sign: float) -> Iterator[BodyJoint]:
         """Yield the springs of an element in the body in which the frame of its node `end` is placed."""
         if isinstance(element, Joint):
-            springs = [*self._joint_springs(element, frame, end, sign)]
-            # slides act along the first node's axes: from the second node on, after the hinges
-            yield from springs if sign > 0 else reversed(springs)
+            yield from self._joint_springs(element, frame, end, sign)
         elif isinstance(element, Beam):
             yield from self._beam_springs(element, frame, end, sign)
 
