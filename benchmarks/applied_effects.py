@@ -186,15 +186,22 @@ def taken(case: Case, file: Path) -> Iterator[str]:
     yield "map"
 
 
-def main() -> None:
-    """Print the counts."""
-    console = Console(width=150)
-    asked = [word for word in sys.argv[1:] if not word.isdigit()]
-    arms = next((int(word) for word in sys.argv[1:] if word.isdigit()), ARMS)
-    pairs = [(name, effect) for name in asked or robot_names() for effect in APPLIED]
-    pairs += [(f"{RANDOM}{at}", APPLIED[at % len(APPLIED)]) for at in range(arms)]
-    counts: dict[str, Counter[str]] = {effect: Counter() for effect in APPLIED}
-    robots: dict[str, Counter[str]] = {}
+def pairs_by_turns(robots: list[str], arms: int) -> list[tuple[str, str]]:
+    """Return robots and effects by turns, another effect for each robot: fair where it is interrupted."""
+    count, pairs = len(APPLIED), []
+    for turn in range(count):
+        pairs += [(name, APPLIED[(turn + 7 * at) % count]) for at, name in enumerate(robots)]
+        pairs += [(f"{RANDOM}{arm}", APPLIED[arm % count]) for arm in range(arms) if 7 * arm % count == turn]
+    return pairs
+
+
+def run(
+    pairs: list[tuple[str, str]],
+    counts: dict[str, Counter[str]],
+    robots: dict[str, Counter[str]],
+    console: Console,
+) -> None:
+    """Try cases one after the other; count what they did by effect and by robot."""
     for name, effect in pairs:
         begun, case, what = time.process_time(), case_of(name, effect), "writing"
         count, of_robot = counts[effect], robots.setdefault(name.rstrip("0123456789"), Counter())
@@ -221,6 +228,19 @@ def main() -> None:
             count["failed"] += 1
             console.print(f"{name} {effect}: after {what}: {type(error).__name__}: {error}", style="red")
         of_robot["s"] += round(time.process_time() - begun)
+
+
+def main() -> None:
+    """Print the counts."""
+    console = Console(width=150)
+    asked = [word for word in sys.argv[1:] if not word.isdigit()]
+    arms = next((int(word) for word in sys.argv[1:] if word.isdigit()), ARMS)
+    counts: dict[str, Counter[str]] = {effect: Counter() for effect in APPLIED}
+    robots: dict[str, Counter[str]] = {}
+    try:
+        run(pairs_by_turns(asked or list(robot_names()), arms), counts, robots, console)
+    except KeyboardInterrupt:
+        console.print("interrupted: the cases so far")
     for title, of, columns in (
         ("by effect", counts, ("cases", *COMMANDS, "none", "other verdict", "failed")),
         ("by robot", robots, ("cases", "no such place", "calls", "none", "other verdict", "failed", "s")),

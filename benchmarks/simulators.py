@@ -15,6 +15,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from beamstiff.report.tables import table
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
-from beamstiff.robot.parts import Mass
+from beamstiff.robot.parts import Beam, Mass, Node
 from beamstiff.robot.reference import sampled_postures
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.simulators.assemble import assemble
@@ -108,15 +109,18 @@ def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
     return cells
 
 
-def structures(count: int, force: float, weight: bool) -> tuple[list[float], int]:
-    """Return the errors of random structures of all kinds of parts, and how many found no equilibrium.
+def structures(
+    count: int, force: float, weight: float, pieces: int = 1, ours_too: bool = False
+) -> list[float]:
+    """Return the errors of random structures of all kinds of parts; inf where MuJoCo finds no equilibrium.
 
-    Under some `force`, N, at the TCP, with or without their own weight.
+    Under some `force`, N, at the TCP, and a share of their own weight. Beams of `pieces` in MuJoCo; or
+    `ours_too`: our own solution in pieces is held against that of whole beams.
     """
-    errors, refused, seed = list[float](), 0, 0
+    errors, seed = list[float](), 0
     while len(errors) < count:
         robot = machine_frame(seed, more=6, loops=3).robot()
-        robot = robot if weight else weightless(robot)
+        robot = robot.model_copy(update={"gravity": tuple(weight * one for one in robot.gravity)})
         wrench = force * np.array([[1, 2, 3, 0.1, 0.2, 0.3]])
         push = make_measurements([], [[]], tcp=robot.tcp, wrench=wrench)
         seed += 1
@@ -126,12 +130,27 @@ def structures(count: int, force: float, weight: bool) -> tuple[list[float], int
             continue  # a mechanism
         if not np.abs(ours[:, :3]).max() > 1e-10 * force:
             continue  # the tool cannot move
+        fine = in_pieces(robot, pieces)
         try:
-            errors.append(float(relative(ours, mujoco_deflection(robot, push)[0])[0][0]))
+            theirs = predict_displacements(fine, push, True) if ours_too else mujoco_deflection(fine, push)[0]
+            errors.append(float(relative(ours, theirs)[0][0]))
         except BeamstiffError:
-            refused += 1
             errors.append(np.inf)
-    return errors, refused
+    return errors
+
+
+def in_pieces(robot: Robot, pieces: int) -> Robot:
+    """Return a robot without variables with every beam in some pieces of equal length."""
+    places = {node.name: np.array(node.at) for node in robot.nodes}
+    nodes, beams = list(robot.nodes), list[Beam]()
+    for beam in robot.beams:
+        first, second = (places[name] for name in beam.nodes)
+        names = [beam.nodes[0], *(f"{beam.name}_{at}" for at in range(1, pieces)), beam.nodes[1]]
+        for at, name in enumerate(names[1:-1], start=1):
+            nodes.append(Node(name=name, frame="base", at=tuple(first + (second - first) * at / pieces)))
+        for at, ends in enumerate(pairwise(names)):
+            beams.append(beam.model_copy(update={"name": f"{beam.name}_{at}", "nodes": ends}))
+    return robot.model_copy(update={"nodes": tuple(nodes), "beams": tuple(beams)})
 
 
 @dataclass(frozen=True)
@@ -345,14 +364,28 @@ def main() -> None:
     arms = [in_arm(seed) for seed in range(count)]
     first.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
     console.print(first)
-    for what, force, weight in (("weightless", 1e-3, False), ("under their weight", 1.0, True)):
-        errors, refused = structures(count, force, weight)
-        largest = max(error for error in errors if np.isfinite(error))
-        console.print(
-            f"{count} random structures of all kinds of parts, with loops, {what}: median "
-            f"{np.median(errors):.0e}, {sum(error < 1e-3 for error in errors)} below 1e-3, largest "
-            f"{largest:.0e}, without equilibrium {refused}"
+    second = table(
+        f"{count} random structures of all kinds of parts, with loops: positions, of the deflection",
+        *("load", "against `deflect --preload`", "median", "90 %", "largest", "below 1e-3", "no equilibrium"),
+    )
+    for what, force, weight, pieces, ours in (
+        ("1e-3 N, weightless", 1e-3, 0.0, 1, False),
+        ("1 N, weight", 1.0, 1.0, 1, False),
+        ("1 N, weight", 1.0, 1.0, 4, False),
+        ("1 N, weight", 1.0, 1.0, 4, True),
+        ("0.1 N, weight/10", 0.1, 0.1, 1, False),
+        ("0.1 N, weight/10", 0.1, 0.1, 4, False),
+    ):
+        errors = np.array(structures(count, force, weight, pieces, ours))
+        found = errors[np.isfinite(errors)]
+        second.add_row(
+            what,
+            f"{'ours' if ours else 'MuJoCo'}, beams of {pieces}",
+            *(f"{value:.0e}" for value in np.percentile(found, [50, 90, 100])),
+            str((errors < 1e-3).sum()),
+            str(len(errors) - len(found)),
         )
+    console.print(second)
     for engine_name, make, wheel in (("Pinocchio", in_pinocchio, "pin"), ("Drake", in_drake, "drake")):
         try:
             console.print(second_engine(engine_name, make, count))

@@ -92,7 +92,7 @@ class Machine:
         if not len(q):  # no target within reach
             return {}
         heavy = self.real.model_copy(update={"gravity": tuple(2.0 * g for g in self.real.gravity)})
-        rows = self._rows(q, np.zeros((len(q), 6)))
+        rows = self.node_rows(q, np.zeros((len(q), 6)))
         bare = [bare_baseline(robot, rows) for robot in (self.real, heavy)] if self.real.effects else []
         found: dict[str, dict[str, float]] = {}
         for key in dict.fromkeys(map(_key, self.real.effects)):
@@ -118,9 +118,10 @@ class Machine:
     def rows(self, q: Array, wrench: Array, tip: Array) -> Measurements:
         """Return the states as rows, with the load at the `tcp` node; arguments as of `moved`."""
         node = tip @ np.linalg.inv(self.frames.tool)
-        return self._rows(q, transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3]))
+        return self.node_rows(q, transport_wrench(wrench, tip[:, :3, 3], node[:, :3, 3]))
 
-    def _rows(self, q: Array, wrench: Array) -> Measurements:
+    def node_rows(self, q: Array, wrench: Array) -> Measurements:
+        """Return states (N, A) as rows, under loads (N, 6) at the `tcp` node, base frame."""
         names = [variable.name for variable in self.real.actuated]
         count = len(q)
         kinematics = self._real_kinematics

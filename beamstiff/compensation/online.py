@@ -4,13 +4,14 @@ What the real tool does beside a command, ``D(command, load)``, is smooth. Aroun
 polynomial of second order in the pose of the command and the load, from one evaluation of the machine in 91
 states and checked in others; where the check fails the neighbourhood is made smaller, or given up. A call
 then solves ``command + D(command, load) = target`` within a known neighbourhood, else makes a new one,
-slowly.
+slowly. Backlash and other effects that follow a joint's torque have kinks: their slips are further variables
+of the polynomial, and come from a table by the torque (`slips`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from beamstiff.compensation.follow import follow, follow_path, six_freedoms, sol
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import Constant
+from beamstiff.compensation.slips import SlipLaw, joint_motions, slip_laws, tabulated
 from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
@@ -30,7 +32,6 @@ ENOUGH = 1e-6  # m and rad: error of the polynomial at its edge
 HALVINGS = 8
 CHECKED = 30  # states of each kind
 ITERATIONS, SETTLED = 5, 1e-8  # m and rad
-_UPPER = np.triu_indices(12, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,20 +48,20 @@ class OnlineCorrection:
 
 @dataclass(frozen=True, eq=False)
 class _Neighbourhood:
-    """A polynomial of ``[D, q]`` in scaled ``[way, turn, load]``."""
+    """A polynomial of ``[D, q, torques of slips]`` (T,) in scaled ``[way, turn, load, slips]`` (V,)."""
 
     position: Array  # (3,)
     rotation: Array  # (3, 3)
     load: Array  # (6,)
-    scale: Array  # (12,)
-    value: Array  # (6 + A,)
-    slope: Array  # (6 + A, 12)
-    bend: Array  # (6 + A, 12, 12), symmetric, of half the second derivative
+    scale: Array  # (V,)
+    value: Array  # (T,)
+    slope: Array  # (T, V)
+    bend: Array  # (T, V, V), symmetric, of half the second derivative
     columns: Array  # (K, 6): of uncertain parameters
     column_slopes: Array  # (K, 6, 6): by the load
 
     def at(self, scaled: Array) -> Array:
-        """Return ``[D, q]`` at a state (12,)."""
+        """Return ``[D, q, torques]`` at a state (V,)."""
         return np.asarray(self.value + self.slope @ scaled + (self.bend @ scaled) @ scaled)
 
 
@@ -79,6 +80,8 @@ class OnlineCompensation:
     _boxes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros((0, 9)), np.zeros((0, 9))))
     _last: _Neighbourhood | None = None
     _q: Array | None = None
+    _laws: tuple[SlipLaw, ...] = ()
+    _smooth: Machine | None = None  # without these
 
     def __post_init__(self) -> None:
         if not six_freedoms(self.machine.kinematics):
@@ -108,20 +111,35 @@ class OnlineCompensation:
         warm = near is not None
         if near is None and (near := self._add(target, wrench, self._start(target))) is None:
             return self._exact(target, wrench)
-        scaled = self._scaled(near, target, wrench)
-        first = scaled[:6].copy()
+        scaled = np.concatenate([self._scaled(near, target, wrench), np.zeros(len(near.scale) - 12)])
+        first, joints = scaled[:6].copy(), len(self.machine.controller.actuated)
+        torques = np.zeros(0)
         for _ in range(ITERATIONS):
-            before = scaled[:6].copy()
+            before = scaled.copy()
             found = near.at(scaled)
             scaled[:6] = first - found[:6] / near.scale[:6]
-        if not np.abs((scaled[:6] - before) * near.scale[:6]).max() <= SETTLED:
+            if self._laws:
+                torques = found[6 + joints :]
+                scaled[12:] = [
+                    law.at(at) / near.scale[12 + number]
+                    for number, (law, at) in enumerate(zip(self._laws, torques, strict=True))
+                ]
+            if np.abs((scaled - before) * near.scale).max() <= SETTLED:
+                break
+        else:
             return self._exact(target, wrench)
-        deviation = found[:6]
-        columns = near.columns + near.column_slopes @ scaled[6:]
-        loads = near.slope[:6, 6:] * (self.load_std / near.scale[6:])
-        std = np.sqrt((columns**2).sum(axis=0) + (loads**2).sum(axis=1))
-        self._last, self._q = near, found[6:]
-        return self._answer(target, -deviation, found[6:], std, warm)
+        q = found[6 : 6 + joints]
+        columns = near.columns + near.column_slopes @ scaled[6:12]
+        step = self.load_std / near.scale[6:12]
+        loads, variance = near.slope[:6, 6:12] * step, (columns**2).sum(axis=0)
+        for at, law in enumerate(self._laws):
+            motion = near.slope[:6, 12 + at] / near.scale[12 + at]
+            variance += motion**2 * law.variance(torques[at])
+            ahead = torques[at] + near.slope[6 + joints + at, 6:12] * step
+            loads += np.outer(motion, law.at(ahead) - law.at(torques[at]))
+        std = np.sqrt(variance + (loads**2).sum(axis=1))
+        self._last, self._q = near, q
+        return self._answer(target, -found[:6], q, std, warm)
 
     def _answer(self, target: Array, correction: Array, q: Array, std: Array, warm: bool) -> OnlineCorrection:
         if self.leave_doubtful and bool(doubtful(correction[None], std[None])[0]):
@@ -164,7 +182,7 @@ class OnlineCompensation:
         state[:3] = target[:3, 3] - one.position
         state[3:6] = _vector(target[:3, :3] @ one.rotation.T)
         state[6:] = wrench - one.load
-        state /= one.scale
+        state /= one.scale[:12]
         return state
 
     def _start(self, target: Array) -> Array:
@@ -178,7 +196,9 @@ class OnlineCompensation:
         """Make a neighbourhood about a target as a command, as large as its polynomial is good; or none."""
         load = np.maximum(LOADS, np.repeat([np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()], 3))
         way = np.repeat([REACH * self.machine.kinematics.size, TURN], 3)
-        scale = np.concatenate([way, load])
+        if self._smooth is None:
+            self._split(q, np.abs(wrench) + load)
+        scale = np.concatenate([way, load, [law.most for law in self._laws]])
         if self._known:  # what was good elsewhere is a good guess
             scale[:6] = self._known[-1].scale[:6]
         for _ in range(HALVINGS):
@@ -192,8 +212,16 @@ class OnlineCompensation:
                 return made
             single = max(by_pose, by_load) > ENOUGH
             narrower = [0.5 if by_pose > ENOUGH or not single else 1.0, 0.25 if by_load > ENOUGH else 1.0]
-            scale = scale * np.repeat(narrower, 6)
+            scale[:12] *= np.repeat(narrower, 6)
         return None
+
+    def _split(self, q: Array, load: Array) -> None:
+        """Part the machine's slips from what is smooth, seen at a posture under loads up to (6,)."""
+        real = self.machine.real
+        self._laws = slip_laws(self.machine, q, load)
+        moved = [one for law in self._laws for one in law.alone[0].effects]
+        left = tuple(one for one in real.effects if one not in moved)
+        self._smooth = replace(self.machine, actual=real.model_copy(update={"effects": left}))
 
     def _fitted(
         self, target: Array, wrench: Array, q: Array, scale: Array
@@ -202,26 +230,30 @@ class OnlineCompensation:
 
         Errors where the pose alone differs, the load alone, and both; infinite where a state is out of reach.
         """
-        eye = np.eye(12)
-        both = eye[_UPPER[0]] + eye[_UPPER[1]]
-        checks = self._checks(target, q)
-        states = np.vstack([np.zeros(12), eye, -eye, both, checks])
+        size = len(scale)
+        eye, (one, other) = np.eye(size), np.triu_indices(size, 1)
+        both, checks = eye[one] + eye[other], self._checks(target, q, size)
+        states = np.vstack([np.zeros(size), eye, -eye, both, checks])
         values = self._evaluated(target, wrench, q, states * scale)
-        middle, plus, minus = values[0], values[1:13], values[13:25]
-        mixed = values[25 : 25 + len(both)]
-        bend = np.zeros((values.shape[1], 12, 12))
-        bend[:, range(12), range(12)] = (0.5 * (plus + minus) - middle).T
-        half = 0.5 * (mixed - plus[_UPPER[0]] - plus[_UPPER[1]] + middle)
-        bend[:, _UPPER[0], _UPPER[1]] = bend[:, _UPPER[1], _UPPER[0]] = half.T
-        loads = wrench + np.vstack([np.zeros(6), np.diag(scale[6:])])
-        many = np.repeat(target[None], 7, axis=0)
-        columns = parameter_columns(self.machine, np.repeat(q[None], 7, axis=0), loads, many, self.std)
+        middle, plus, minus, mixed = np.split(values[: -len(checks)], np.cumsum([1, size, size]))
+        bend = np.zeros((values.shape[1], size, size))
+        bend[:, range(size), range(size)] = (0.5 * (plus + minus) - middle).T
+        bend[:, one, other] = bend[:, other, one] = 0.5 * (mixed - plus[one] - plus[other] + middle).T
+        if self._laws:
+            most = np.nanmax(np.abs(values[:, -len(self._laws) :]), axis=0).tolist()
+            self._laws = tuple(
+                law if largest <= law.torque[-1] else tabulated(self.machine, law, q, largest)
+                for law, largest in zip(self._laws, most, strict=True)
+            )
+        loads = wrench + np.vstack([np.zeros(6), np.diag(scale[6:12])])
+        many, smooth = np.repeat(target[None], 7, axis=0), self._smooth or self.machine
+        columns = parameter_columns(smooth, np.repeat(q[None], 7, axis=0), loads, many, self.std)
         made = _Neighbourhood(
             position=target[:3, 3].copy(),
             rotation=target[:3, :3].copy(),
             load=np.array(wrench, dtype=np.float64),
             scale=scale,
-            value=middle,
+            value=middle[0],
             slope=0.5 * (plus - minus).T,
             bend=bend,
             columns=columns[:, 0],
@@ -234,38 +266,42 @@ class OnlineCompensation:
         still, free = (~checks[:, part].any(axis=1) for part in (slice(0, 6), slice(6, 12)))
         return made, float(off[free].max()), float(off[still].max()), float(off.max())
 
-    def _checks(self, target: Array, q: Array) -> Array:
-        """Return states (K, 12) of the box: random ones, and the ends of every joint's torque in it.
+    def _checks(self, target: Array, q: Array, size: int) -> Array:
+        """Return states (K, V) of the box: random ones, and the ends of every joint's torque in it.
 
         What is not smooth goes with the torque of a joint: where both ends are right, no kink is between.
         """
-        random = np.random.default_rng(0).uniform(-1.0, 1.0, (3, CHECKED, 12))
-        random[0, :, 6:] = random[1, :, :6] = 0.0
+        random = np.random.default_rng(0).uniform(-1.0, 1.0, (3, CHECKED, size))
+        random[0, :, 6:12] = random[1, :, :6] = 0.0
         kinematics, tcp = self.machine.kinematics, self.machine.controller.tcp
         at = posture(kinematics, q)
         jacobian = twist_jacobian(kinematics, at, tcp)[0]
         arm = target[:3, 3] - pose_of(kinematics, at, tcp)[0, :3, 3]
         torque = jacobian + np.vstack([np.cross(jacobian[3:].T, arm).T, np.zeros_like(jacobian[3:])])
-        ends = np.zeros((2 * torque.shape[1], 12))
-        ends[:, 6:] = np.vstack([np.sign(torque.T), -np.sign(torque.T)])
+        ends = np.zeros((2 * torque.shape[1], size))
+        ends[:, 6:12] = np.vstack([np.sign(torque.T), -np.sign(torque.T)])
         tilted = ends.copy()
         tilted[:, :6] = np.sign(random[2, : len(ends), :6])
         return np.vstack([*random, ends, tilted])
 
     def _evaluated(self, target: Array, wrench: Array, q: Array, states: Array) -> Array:
-        """Return ``[D, q]`` (K, 6 + A) of the machine at states (K, 12) about a target; NaN out of reach."""
-        machine = self.machine
+        """Return ``[D, q, torques]`` (K, T) of the machine at states (K, V) of a box; NaN out of reach."""
+        machine, smooth = self.machine, self._smooth or self.machine
         commands = np.repeat(target[None], len(states), axis=0)
         commands[:, :3, 3] += states[:, :3]
         commands[:, :3, :3] = rotation_from_vector(states[:, 3:6]) @ commands[:, :3, :3]
         found = solve(machine.kinematics, machine.frames.node_poses(commands), q, restarts=0)
         if not found.reached[0]:
             raise BeamstiffError("the target is out of reach")
-        loads, undeformed = wrench + states[:, 6:], machine.undeformed(found.q)
-        tip = commands
+        loads, undeformed = wrench + states[:, 6:12], machine.undeformed(found.q)
+        tip, torques = commands, np.zeros((len(states), 0))
         for _ in range(2):  # the load acts where the real tool is
-            tip = machine.displaced(undeformed, machine.moved(found.q, loads, tip))
-        result = np.hstack([difference(tip, commands), found.q])
+            moved = smooth.moved(found.q, loads, tip)
+            if self._laws:
+                motions, torques = joint_motions(machine, self._laws, machine.rows(found.q, loads, tip))
+                moved += np.einsum("kal,kl->ka", motions, states[:, 12:])
+            tip = machine.displaced(undeformed, moved)
+        result = np.hstack([difference(tip, commands), found.q, torques])
         result[~found.reached] = np.nan
         return result
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from beamstiff.compensation.machine import Machine
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
@@ -31,7 +32,7 @@ def parameter_columns(
         as_is = machine.moved(q, wrench, tip)
         for robot, scale in _stiffness(machine.real, std):
             columns.append((replace(machine, actual=robot).moved(q, wrench, tip) - as_is) * scale)
-    alone = _effects(machine.real)
+    alone = uncertain_effects(machine.real, machine.real.effects)
     if alone:  # an effect is its parameters times its shapes
         bare = machine.real.model_copy(update={"effects": ()})
         without = replace(machine, actual=bare).moved(q, wrench, tip)
@@ -83,13 +84,13 @@ def _stiffness(robot: Robot, std: Mapping[str, float]) -> list[tuple[Robot, floa
     ]
 
 
-def _effects(robot: Robot) -> list[Robot]:
-    """Return robots with one effect alone, of the size of one parameter's standard deviation."""
+def uncertain_effects(robot: Robot, effects: Iterable[AddedEffect]) -> list[Robot]:
+    """Return robots with one of some effects alone, of the size of one parameter's standard deviation."""
     return [
         robot.model_copy(
             update={"effects": (effect.model_copy(update={"parameters": {name: sigma}, "std": {}}),)}
         )
-        for effect in robot.effects
+        for effect in effects
         for name, sigma in effect.std.items()
         if name in effect.parameters
     ]

@@ -8,6 +8,7 @@ import pytest
 from beamstiff import compensate, compensate_online, load_robot
 from beamstiff.compensation.stream import OnlineTargets
 from beamstiff.errors import BeamstiffError
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.stiffness import stiffness_parameters
 
 TEXT = "PTP {X 2500,Y 100,Z 1600,A 0,B 90,C 10,S 2}\nLIN {X 2500,Y 140,Z 1600,A 0,B 90,C 10}\n"
@@ -98,6 +99,42 @@ def test_the_protocol_answers_every_line(targets: OnlineTargets) -> None:
     assert "found target number 3, expected 1 to 2" in answers[4]
     assert "expected numbers, SI" in answers[5]
     assert "out of reach" in answers[7]
+
+
+BACKLASH = {
+    "effect": "backlash",
+    "component": "q3",
+    "shape": "flank within 0.03",
+    "parameters": {"half_width": 1e-4},
+    "std": {"half_width": 1e-5},
+    "scales": {"torque": 3000.0},
+}
+HARDENING = {
+    "effect": "hardening",
+    "component": "q2",
+    "shape": "cubic",
+    "parameters": {"softening_at_largest_torque": 3e-4},
+    "scales": {"torque": 3000.0},
+}
+
+
+def test_slips_by_a_torque_are_warm_on_both_sides_of_their_kink(program: Path) -> None:
+    effects = tuple(AddedEffect(**entry) for entry in (BACKLASH, HARDENING))
+    real = load_robot("kr500").model_copy(update={"effects": effects})
+    load_std = np.array([5.0, 5, 20, 1, 1, 1])
+    online = compensate_online("kr500", program, actual=real, load_std=load_std)
+    slips = []
+    for push in np.linspace(-200.0, 200.0, 9):  # through the torque's zero, in steps within the flank
+        load = np.array([0.2 * push, 0.0, push, 0, 0, 0])
+        answer = online.command(0, load)
+        exact = compensate("kr500", program, actual=real, wrench=load, load_std=load_std)
+        assert answer.warm
+        np.testing.assert_allclose(answer.command, exact.correction.commands[0], atol=1e-6)
+        assert exact.std is not None
+        np.testing.assert_allclose(answer.std, exact.std[0], rtol=0.05, atol=1e-7)
+        slips.append(answer.correction[2])
+    bends = np.abs(np.diff(slips, 2))
+    assert bends.max() > 1e-5  # the kink is in it
 
 
 def test_a_robot_of_fewer_joints_is_refused(program: Path) -> None:

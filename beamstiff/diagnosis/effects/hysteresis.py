@@ -88,7 +88,7 @@ def held_torque(
     >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
     array([ 0.5,  0.5, -0.5, -0.5])
     """
-    limit, grows, arrived = np.broadcast_arrays(*(np.asarray(each, float) for each in (limit, grows, arrived)))
+    limit, grows, arrived = np.broadcast_arrays(limit, grows, arrived)
     each = (-1, *(1,) * limit.ndim)
     most = limit + grows * np.abs(torque).reshape(each)
     unwound = limit + grows * np.abs(start).reshape(each)

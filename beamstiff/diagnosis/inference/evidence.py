@@ -280,7 +280,9 @@ def _log_upper(
     doubtful = (positive[:, None] & (mean[..., 0] < SURELY * spread)).any(axis=-1)  # (h, U)
     which = np.nonzero(doubtful)[0]
     pull = -(vectors @ projected)[which, :, 0] / scale  # -V^-1 m
-    result[doubtful, 0] += _log_not_negative(mean[doubtful, :, 0], covariance[doubtful], pull, positive[which])
+    result[doubtful, 0] += _log_not_negative(
+        mean[doubtful, :, 0], covariance[doubtful], pull, positive[which]
+    )
     return result
 
 
