@@ -78,9 +78,9 @@ def pruned(tree: LinkTree, tcp: str, held: Mapping[str, float] | None = None) ->
     notes = []
     if off:
         carried = f"; their links ({lumped:.4g} kg) are masses of the links that carry them" if lumped else ""
-        at = listed([f"{name} at {values[name]:.4g}" for name in off], 12)
+        where = listed([f"{name} at {values[name]:.4g}" for name in off], 12)
         notes.append(
-            f"pruned to the chain of {tcp}: held {at}{carried} (--hold NAME=VALUE holds one elsewhere)"
+            f"pruned to the chain of {tcp}: held {where}{carried} (--hold NAME=VALUE holds one elsewhere)"
         )
     remaining = tuple(one for name, one in links.items() if name not in branches)
     return replace(tree, links=remaining, joints=tuple(kept)), notes
