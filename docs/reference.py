@@ -66,6 +66,9 @@ COUPLED = '  - {name: q6, equals: "10 deg - 2*q5"}'  # no bundled robot has one
 LABEL_TEXTS = {
     "pose": "whole number: rows of one posture share it",
     "step": "number: order of loading within the pose",
+    "instrument": "socket, ball-bar, plane or gauge: a reading without a tracker",
+    "target": "name of the instrument's set-up; default the instrument, with its direction",
+    "direction": "axis (x, -z) or three numbers, of a plane or gauge, in the table's frame",
     "point": "node that was measured; default the TCP",
     "load_point": "node that was loaded; default the TCP",
     "remark": "your own text, ignored",

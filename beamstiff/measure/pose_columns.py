@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
@@ -23,8 +24,10 @@ BOTTOM = ("m41", "m42", "m43", "m44")
 ORTHOGONAL = 5e-3  # of a matrix as people write it: three digits
 
 
-def with_rotation_vectors(raw: RawTable) -> RawTable:
+def with_rotation_vectors(raw: RawTable, joints: Container[str] = ()) -> RawTable:
     r"""Return a table with such columns replaced by x y z and a b c; others are untouched.
+
+    `joints`: names of the robot's variables, whose columns are its own: a gantry's axes may be qx, qy and qz.
 
     >>> from beamstiff.measure.text import split_table
     >>> table = with_rotation_vectors(split_table("q1,qw,qx,qy,qz\n0,0,0,0,1\n", "t"))
@@ -32,7 +35,8 @@ def with_rotation_vectors(raw: RawTable) -> RawTable:
     (['q1', 'a [rad]', 'b [rad]', 'c [rad]'], ['0.0', '0.0'])
     """
     names = [re.split(r"\s*\[", cell)[0] for cell in raw.header]
-    found = [group for group in (QUATERNION, MATRIX, POSE) if set(group) & set(names)]
+    groups = (QUATERNION, MATRIX, POSE)
+    found = [group for group in groups if any(name in names and name not in joints for name in group)]
     if not found:
         return raw
     group = found[0]

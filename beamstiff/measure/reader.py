@@ -105,7 +105,7 @@ def parse_measurements(
     >>> float(table.displacement[0, 2]), table.sigma_position
     (-0.0015, 3.0e-05)
     """
-    raw = with_rotation_vectors(split_table(text, name))
+    raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
     choices = {key: _choice(key, raw) for key in _CHOICES}
     columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)

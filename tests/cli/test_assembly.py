@@ -9,19 +9,23 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.cli.main import app
-from beamstiff.cli.options import Assembly, RobotFile
+from beamstiff.cli.options import Assembly
 from beamstiff.robot.library import robot_path
 from tests.cli.conftest import Refused, Run
 from tests.robot.machines import four_bar_th3
 
 
 def test_commands_with_a_robot_take_its_assembly() -> None:
-    commands = [
-        inspect.signature(item.callback).parameters for item in app.registered_commands if item.callback
-    ]
-    with_robot = [known for known in commands if "robot" in known and known["robot"].annotation == RobotFile]
-    assert len(with_robot) == 11
-    assert all(known["assembly"].annotation == Assembly for known in with_robot)
+    commands = {
+        item.callback.__name__: inspect.signature(item.callback).parameters
+        for item in app.registered_commands
+        if item.callback
+    }
+    with_robot = {name for name, known in commands.items() if "robot" in known}
+    assert len(with_robot) == 13
+    taking = {name for name in with_robot if "assembly" in commands[name]}
+    assert with_robot - taking == {"exam"}  # which draws machines of a robot
+    assert all(commands[name]["assembly"].annotation == Assembly for name in taking)
 
 
 def test_stiffness_is_that_of_the_named_assembly(succeed: Run, folder: Path) -> None:

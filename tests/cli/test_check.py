@@ -22,7 +22,8 @@ def test_the_gap_of_each_result_is_the_one_it_states(run: Run, folder: Path, com
     assert beyond is None or (beyond.exit_code, beyond.stdout) == (3, "")
     within = run("check", "out.json", "--max-gap", f"{gap * 1.1 + 1e-9:.12f}mm", "--json", "checked.json")
     assert within.exit_code == 0
-    assert within.stdout.count("\n") == 1
+    assert within.stdout.count("\n") == 2
+    assert within.stdout.endswith("\nwritten: checked.json\n")
     checked = json.loads((folder / "checked.json").read_text())
     assert checked["gap_mm"] == pytest.approx(gap)
     assert checked["within"] is True

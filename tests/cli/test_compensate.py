@@ -205,7 +205,8 @@ def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Run) -> 
     result = run("compensate", "kr500", "path.csv", "--actual", "play.yaml")
     told = re.search(
         r"note: part of the correction assumes that backlash:q3 moves the unloaded tool too "
-        r"\(width_up (\S+) mm\): displacements, loaded minus unloaded, cannot confirm",
+        r"\(width_up (\S+) mm\): its file does not say from which readings it was found; "
+        "displacements, loaded minus unloaded, cannot confirm",
         result.stderr,
     )
     assert told is not None, result.stderr  # the torque is far from zero: none of the other side

@@ -8,6 +8,7 @@ from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
 from hypothesis import HealthCheck, event, given, settings
@@ -37,7 +38,22 @@ q1,fy,mz,dx,dy,dz,rx,ry,rz
 0,1000,0,0,1.1e-3,0,0,0,1.2e-3
 0.5,0,500,0,4e-4,0,0,0,7e-4
 """
+
+
+def log() -> str:
+    """Return a log of the crane at 25 Hz: three plateaus and two motions of one second between them."""
+    t = np.arange(200) / 25
+    part = np.clip(np.stack([t - 2, t - 5]), 0, 1)
+    q = (0.5, -0.8) @ (part**2 * (3 - 2 * part))
+    shaken = 1e-5 * np.sin(97.3 * np.arange(200) ** 2)
+    rows = np.stack([t, q, 1.5 * np.cos(q) + shaken, 1.5 * np.sin(q) - shaken, 0.9 + 0 * q], axis=1)
+    return "t,q1,x,y,z\n" + "".join(",".join(f"{cell:.6f}" for cell in row) + "\n" for row in rows)
+
+
 INPUTS = {
+    "log.csv": log(),
+    "samples.yaml": "samples: true\ncolumns: {t: t, q1: q1, x: x, y: y, z: z}\n"
+    "units: {length: m, q1: rad, t: s}\n",
     "crane.yaml": CRANE,
     "crane.csv": CRANE_DATA,
     "again.csv": CRANE_DATA.replace("1.5", "1.6"),
@@ -82,7 +98,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         ("kr500", "cell.src", "--wrench", "fz=-900N", "--process", "forces.yaml", "--measured", "run.csv"),
         {"out": "o.src", "learned": "p.yaml", "figure": "o.png", "html": "o.html"},
     ),
-    "convert": (("crane.yaml",), {"out": "o.urdf"}),
+    "convert": (("log.csv", "--profile", "samples.yaml"), {"out": "o.csv", "figure": "o.png"}),
     "exam": (
         ("crane.yaml", "--plan", "plan.csv", "--cases", "1", "--classes", "null", "--no-compare"),
         {"out": "o.jsonl", "reports": "reports", "figure": "o.png", "html": "o.html"},
@@ -96,8 +112,8 @@ OTHERS = (
     "reports/case-000000.json", ".beamstiff-mine", f".beamstiff-{12 * '0'}-{32 * '0'}",
 )  # fmt: skip
 INPUT_OPTIONS = {
-    "region", "plan", "sets", "process", "actual", "profile", "joints", "like", "test", "scheduler",
-    "orientation", "apply-to", "positions", "std",
+    "region", "plan", "sets", "process", "actual", "profile", "joints", "joints-profile", "like", "test",
+    "scheduler", "orientation", "apply-to", "positions", "std",
 }  # fmt: skip
 
 
