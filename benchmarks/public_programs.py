@@ -1,7 +1,7 @@
 """Programs of public repositories, read and written: ``python -m benchmarks.public_programs [FOLDER]``.
 
-FOLDER (default: what BEAMSTIFF_PROGRAMS names) holds clones of the repositories below, each as
-``owner+name``. None of their programs is part of this repository. Target: every program with targets comes
+FOLDER (default: what BEAMSTIFF_PROGRAMS names) holds clones of the repositories below (at a branch, where one
+is named), each as ``owner+name``. None of their programs is part of this repository. Target: every program with targets comes
 back byte for byte; where all its targets move, no byte beside their numbers changes and they are read where
 they were sent.
 """
@@ -34,7 +34,12 @@ REPOSITORIES = {
     "ABB RAPID": ("TPHugo/TimovyProjekt", "DanielPaans/SMR1", "XabierFernandez/MyPythonProjects"),
     "FANUC TP": ("Creearc/welding_project", "GilbertPan97/SnapMaster", "JuniorNatalin/VASC"),
     "URScript": ("salvacmp/SMR2", "condongilbert/UR5Projects", "ludwikas/RoboPops"),
-    "APT": ("aamorim1913/AptPostProcessor", "MichaHofft/CreoPost"),
+    "APT": (
+        "aamorim1913/AptPostProcessor",
+        "HumMan/CLSFProcessor",
+        "isaiahsaclayan/S25-38@genericParserPrototype",
+        "MichaHofft/CreoPost",
+    ),
 }
 MOST = 1000  # files of a repository
 LANGUAGE = {
@@ -42,7 +47,7 @@ LANGUAGE = {
     **dict.fromkeys((".mod", ".modx", ".prg"), "ABB RAPID"),
     ".ls": "FANUC TP",
     ".script": "URScript",
-    **dict.fromkeys((".apt", ".cls", ".cl", ".ncl"), "APT"),
+    **dict.fromkeys((".apt", ".cls", ".clsf", ".cl", ".ncl"), "APT"),
 }
 TEXTS = {"URscript.txt": ".script"}  # what a file is whose ending does not say it
 MOVED = np.array([1.3e-3, -0.7e-3, 0.9e-3])  # m
@@ -55,17 +60,21 @@ def programs(folder: Path) -> Iterator[tuple[str, str, str, bytes]]:
     A KRL .src comes with the .dat beside it, behind a seam, as `read_program` reads both.
     """
     for repository in sorted({name for names in REPOSITORIES.values() for name in names}):
-        clone = folder / repository.replace("/", "+")
+        name, _, branch = repository.partition("@")
+        clone, revision = folder / name.replace("/", "+"), branch or "HEAD"
         root = next((at for at in (clone, clone / "repo", clone / "repo" / ".git") if _is_git(at)), None)
         if root is None:
             continue
-        names = _git(root, "ls-tree", "-r", "-z", "--name-only", "HEAD").decode("utf-8").split("\0")
+        names = _git(root, "ls-tree", "-r", "-z", "--name-only", revision).decode("utf-8").split("\0")
         ours = [name for name in names if repository in REPOSITORIES.get(LANGUAGE.get(_ending(name), ""), ())]
         for name in ours[:MOST]:
-            content = _git(root, "show", f"HEAD:{name}")
+            try:
+                content = _git(root, "show", f"{revision}:{name}")
+            except subprocess.CalledProcessError:
+                continue  # listed, but left out of the clone
             points = str(Path(name).with_suffix(".dat"))
             if _ending(name) == ".src" and points in names:
-                content += SEAM.encode(ENCODING) + _git(root, "show", f"HEAD:{points}")
+                content += SEAM.encode(ENCODING) + _git(root, "show", f"{revision}:{points}")
             yield LANGUAGE[_ending(name)], repository, name, content
 
 

@@ -56,13 +56,14 @@ class _Neighbourhood:
     scale: Array  # (V,)
     value: Array  # (T,)
     slope: Array  # (T, V)
-    bend: Array  # (T, V, V), symmetric, of half the second derivative
+    bend: Array  # (T * V, V): of half the second derivative, (T, V, V) symmetric
     columns: Array  # (K, 6): of uncertain parameters
     column_slopes: Array  # (K, 6, 6): by the load
 
     def at(self, scaled: Array) -> Array:
         """Return ``[D, q, torques]`` at a state (V,)."""
-        return np.asarray(self.value + self.slope @ scaled + (self.bend @ scaled) @ scaled)
+        bend = (self.bend @ scaled).reshape(self.slope.shape)
+        return np.asarray(self.value + (self.slope + bend) @ scaled)
 
 
 @dataclass(eq=False)
@@ -255,7 +256,7 @@ class OnlineCompensation:
             scale=scale,
             value=middle[0],
             slope=0.5 * (plus - minus).T,
-            bend=bend,
+            bend=bend.reshape(-1, size),
             columns=columns[:, 0],
             column_slopes=(columns[:, 1:] - columns[:, :1]).swapaxes(1, 2),
         )

@@ -34,20 +34,20 @@ class SlipLaw:
     component: str
     alone: tuple[Robot, ...]  # the machine with this effect alone, and of each uncertain parameter's size
     torque: Array  # (K,), ascending, N m or N
-    slip: Array  # (K, 1 + S), rad or m
+    slip: Array  # (1 + S, K), rad or m
 
     def at(self, torque: ArrayLike) -> Array:
         """Return slips of torques."""
-        return np.asarray(np.interp(np.asarray(torque), self.torque, self.slip[:, 0]))
+        return np.asarray(np.interp(np.asarray(torque), self.torque, self.slip[0]))
 
     def variance(self, torque: float) -> float:
         """Return the variance of the slip, as far as the effect's standard deviations say."""
-        return float(sum(np.interp(torque, self.torque, one) ** 2 for one in self.slip[:, 1:].T))
+        return float(sum(np.interp(torque, self.torque, one) ** 2 for one in self.slip[1:]))
 
     @property
     def most(self) -> float:
         """The largest slip; 1 where there is none."""
-        return float(np.abs(self.slip[:, 0]).max()) or 1.0
+        return float(np.abs(self.slip[0]).max()) or 1.0
 
 
 def slip_laws(machine: Machine, q: Array, load: Array) -> tuple[SlipLaw, ...]:
@@ -102,7 +102,7 @@ def tabulated(machine: Machine, law: SlipLaw, q: Array, torque: float) -> SlipLa
         fine = np.insert(fine, open_ + 1, off < EXACT)
         fine[open_ + np.arange(len(open_))] = off < EXACT
         knots, values = np.insert(knots, open_ + 1, middle), np.insert(values, open_ + 1, between, axis=0)
-    return SlipLaw(law.component, law.alone, knots, values)
+    return SlipLaw(law.component, law.alone, knots, np.ascontiguousarray(values.T))
 
 
 def _followed(machine: Machine, law: SlipLaw, q: Array) -> bool:

@@ -69,16 +69,15 @@ def _writable(model: object) -> Fitted:
 def judged_notes(found: Models) -> list[str]:
     """Return how fitted models do on held-out rows beside constant springs, worse ones first."""
     unseen = ~found.split.fitted
-    by_name = {one.name: one for one in found.judged}
-    if PARAMETRIC not in by_name or (springs := by_name[PARAMETRIC].rms(unseen)) is None:
-        return []
+    springs = next((one for one in found.judged if one.name == PARAMETRIC), None)
     notes: list[str] = []
     for one in found.judged:
-        rms = one.rms(unseen)
-        if one.name not in KINDS or rms is None:
+        both = unseen & np.isfinite(one.error)  # where a model has no answer, nothing is held against it
+        rms, other = one.rms(both), None if springs is None else springs.rms(both)
+        if one.name not in KINDS or rms is None or other is None:
             continue
-        beside = f"{1e3 * rms:.4f} against {1e3 * springs:.4f} mm RMS on {int(unseen.sum())} held-out rows"
-        if rms > springs:
+        beside = f"{1e3 * rms:.4f} against {1e3 * other:.4f} mm RMS on {int(both.sum())} held-out rows"
+        if rms > other:
             notes.insert(0, f"the model {one.name} is worse than constant springs: {beside}")
         else:
             notes.append(f"the model {one.name} beside constant springs: {beside}")

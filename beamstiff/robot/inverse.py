@@ -7,6 +7,7 @@ closed, from the most promising of many seeded starts. A target that was not rea
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,24 +110,35 @@ def inverse_geometry(
     task = _Task(kinematics, loop_system(kinematics), at, positions, rotations, lower, upper)
     unlimited = replace(task, lower=np.full(len(lower), -np.inf), upper=np.full(len(upper), np.inf))
     poses, actuated = len(positions), len(lower)
-    pool = _pool(task, seed)
-    order = _most_promising(task, pool, restarts + 1, seed)
-    first = pool[order[:, 0]]
-    if start is not None:
+
+    @cache
+    def pooled() -> tuple[Array, NDArray[np.intp]]:
+        pool = _pool(task, seed)  # of closed loops, which take their time: made when first asked for
+        return pool, _most_promising(task, pool, restarts + 1, seed)
+
+    def promising(rows: NDArray[np.intp], attempt: int) -> Array:
+        pool, order = pooled()
+        return np.asarray(pool[order[rows, attempt]])
+
+    if start is None:
+        first = promising(np.arange(poses), 0)
+    else:
         given = np.clip(actuated_values(robot, start), lower, upper)
         if len(given) not in (1, poses):
             raise BeamstiffError(f"found {len(given)} starts for {poses} targets, expected one or as many")
         closed = close_loops(kinematics, given, strict=False)
-        usable = np.broadcast_to(closed.closed, poses)
-        values = np.broadcast_to(_free_of(kinematics, closed.values), first.shape)
-        first = np.where(usable[:, None], values, first)
+        values = _free_of(kinematics, closed.values)
+        first = np.broadcast_to(values, (poses, values.shape[1])).copy()
+        open_ = np.flatnonzero(~np.broadcast_to(closed.closed, poses))
+        if open_.size:
+            first[open_] = promising(open_, 0)
     best, cost = first.copy(), np.full(poses, np.inf)
     result = _result(task, best[:, :actuated], tolerance)
     for attempt in range(restarts + 1):
         todo = np.flatnonzero(~result.reached)
         if not todo.size or not actuated:
             break
-        begin = first[todo] if attempt == 0 else pool[order[todo, attempt]]
+        begin = promising(todo, attempt) if attempt else first[todo]
         if attempt % 2 and not kinematics.loops:  # a limit in the way is passed a turn later
             begin = _turned_within(task, _approach(unlimited, todo, begin, tolerance, patient=False)[0])
         found, found_cost = _approach(task, todo, begin, tolerance, patient=False)

@@ -16,7 +16,7 @@ ENDINGS = {
     **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx"), rapid.read),
     ".ls": fanuc.read,
     **dict.fromkeys((".script", ".urscript"), urscript.read),
-    **dict.fromkeys((".apt", ".cls", ".cl", ".ncl", ".aptsource", ".cldata"), apt.read),
+    **dict.fromkeys((".apt", ".cls", ".clsf", ".cl", ".ncl", ".aptsource", ".cldata"), apt.read),
 }
 
 CREO = re.compile(r"\.\d+")  # at the end of file names, counts versions: part.ncl.3
