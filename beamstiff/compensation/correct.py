@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from beamstiff.compensation.follow import follow_path, shortfall, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.process.load import NoLoad, Process
+from beamstiff.compensation.process.load import Process, Together
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
@@ -83,7 +83,7 @@ def correct_path(
     `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
     six joints.
     """
-    load = load or NoLoad()
+    load = load or Together()
     whole = six_freedoms(machine.kinematics)
     if whole and not path.stated:
         raise BeamstiffError(
@@ -139,7 +139,7 @@ def errors_of(
 
     Where the robot cannot follow: NaN.
     """
-    load = load or NoLoad()
+    load = load or Together()
     found = solve(machine.kinematics, machine.frames.node_poses(commands), correction.q, restarts=0)
     rows = np.flatnonzero(found.reached & ~np.isnan(correction.before[:, 0]))
     errors = np.full((len(commands), 6), np.nan)

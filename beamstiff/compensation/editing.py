@@ -34,12 +34,15 @@ _PARTS = re.compile(
 class Slot:
     """A number in a text."""
 
-    # start, end: where it stands
-    start: int
-    end: int
+    start: int  # where it stands
     text: str
     unit: float  # what 1 is in SI
     decimals: int  # that a corrected number needs at least, in the unit of the file
+
+    @property
+    def end(self) -> int:
+        """Where the text after it begins."""
+        return self.start + len(self.text)
 
     @property
     def value(self) -> float:

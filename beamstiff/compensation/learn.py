@@ -181,12 +181,22 @@ def _fit(
             ]
         )
 
+    def derived() -> Array:
+        """Return how what is predicted follows the parameters, (R, 3, c)."""
+        columns = []
+        for at, parameter in enumerate(parameters):
+            stepped = values.copy()
+            step = STEP * prior[at]
+            stepped[at] += step if values[at] + step <= parameter.most else -step
+            columns.append((residual - off(stepped)) / (stepped[at] - values[at]))
+        return np.stack(columns, axis=-1)
+
     values = nominal.copy()
     residual = off(values)
     moved = np.full(len(values), np.inf)
     for _ in range(ITERATIONS):
         if moved.max() > NEAR:
-            jacobian = _jacobian(off, values, residual, parameters, prior) * prior
+            jacobian = derived() * prior
         spread = _spread(residual, sigma, len(values))
         weighted = jacobian.reshape(-1, len(values)) / spread
         information = weighted.T @ weighted + np.eye(len(values))
@@ -220,23 +230,6 @@ def _state(machine: Machine, path: ToolPath, run: Run, start: Array | None) -> _
 def _settled(machine: Machine, state: _State, process: Process) -> Array:
     """Return where the model says the tool of a run was, (R, 4, 4)."""
     return settled(machine, state.q, lambda at: process.wrench(at, state.path), state.near)
-
-
-def _jacobian(
-    off: Callable[[Array], Array],
-    values: Array,
-    residual: Array,
-    parameters: Sequence[Parameter],
-    prior: Array,
-) -> Array:
-    """Return how what is predicted follows the parameters, (R, 3, c)."""
-    columns = []
-    for at, parameter in enumerate(parameters):
-        moved = values.copy()
-        step = STEP * prior[at]
-        moved[at] += step if values[at] + step <= parameter.most else -step
-        columns.append((residual - off(moved)) / (moved[at] - values[at]))
-    return np.stack(columns, axis=-1)
 
 
 def _spread(residual: Array, sigma: float | None, count: int) -> float:

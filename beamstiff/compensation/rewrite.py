@@ -136,8 +136,7 @@ def compensate_program(
     path = with_joint_targets(program.path, machine)
     if steps is not None:
         path = resample(path, *steps)
-    parts = [FromPath(), *([process] if process is not None else [])]
-    load = Together(tuple(parts))
+    load = Together((FromPath(), *([] if process is None else [process])))
     correction = correct_path(
         machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
     )

@@ -107,8 +107,7 @@ def prepared(
 ) -> OnlineTargets:
     """Return a program's targets, made ready under the loads that path and process say."""
     path = online.machine.frames.to_base(with_joint_targets(program.path, online.machine))
-    parts = (FromPath(), *(() if load is None else (load,)))
-    wrench = Together(parts).wrench(path.poses, path)
+    wrench = Together((FromPath(), *([] if load is None else [load]))).wrench(path.poses, path)
     if reasons := online.prepare(path, wrench, start):
         row, reason = next(iter(reasons.items()))
         raise BeamstiffError(f"{path.place(row)}: {reason}")

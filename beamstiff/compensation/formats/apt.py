@@ -47,7 +47,7 @@ def read(text: str, source: str) -> Program:
             unit = UNITS[name]
         elif word == "GOTO":
             name = f"GOTO {len(places) + 1}"
-            slots = _numbers(tail, at + match.end(), text, source, number, name, unit)
+            slots = _numbers(tail, at + match.end(), source, number, name, unit)
             place = Place(name, number, slots[:3], slots[3:], () if slots[3:] else axis, base=moved)
             if place.orientation:
                 axis = tuple(slot.value for slot in place.orientation)  # type: ignore[assignment]
@@ -81,9 +81,7 @@ def _statements(text: str) -> list[tuple[int, int, str]]:
     return result
 
 
-def _numbers(
-    tail: str, at: int, text: str, source: str, line: int, name: str, unit: float
-) -> tuple[Slot, ...]:
+def _numbers(tail: str, at: int, source: str, line: int, name: str, unit: float) -> tuple[Slot, ...]:
     slots: list[Slot] = []
     pieces = tail.split(",")
     if len(pieces) not in (3, 6):
@@ -92,16 +90,7 @@ def _numbers(
         bare = piece.strip()
         if not _NUMBER.fullmatch(bare):
             refuse(source, line, name, f"found {shown(bare)}, expected a number")
-        start = at + len(piece) - len(piece.lstrip())
-        is_axis = number >= 3
-        slots.append(
-            Slot(
-                start,
-                start + len(bare),
-                text[start : start + len(bare)],
-                1.0 if is_axis else unit,
-                AXIS_DECIMALS if is_axis else DECIMALS[unit],
-            )
-        )
+        form = (unit, DECIMALS[unit]) if number < 3 else (1.0, AXIS_DECIMALS)
+        slots.append(Slot(at + len(piece) - len(piece.lstrip()), bare, *form))
         at += len(piece) + 1
     return tuple(slots)

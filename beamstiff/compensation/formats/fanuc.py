@@ -51,26 +51,17 @@ def read(text: str, source: str) -> Program:
         for key, part in parts.items():
             if key[0] == "E" and _NUMBER.fullmatch(part["value"]) and float(part["value"]):
                 travelling.append(name)
-        slots = [_slot(parts, key, at, text, source, name) for key in POSITION + ROTATION]
+        position, rotation = (
+            tuple(_slot(parts, key, at, text, source, name) for key in keys) for keys in (POSITION, ROTATION)
+        )
         frames = {
             what: StatedFrame(f"{what} : {number}", line, np.eye(4) if number == "0" else None)
             for what, number in _FRAME.findall(body)
         }
         config = _CONFIG.search(body)
         posture = _stated(config["text"]) if config else None
-        places.append(
-            Place(
-                name,
-                line,
-                tuple(slots[:3]),
-                tuple(slots[3:]),
-                (),
-                (),
-                frames.get("UF"),
-                frames.get("UT"),
-                posture,
-            )
-        )
+        base, tool = frames.get("UF"), frames.get("UT")
+        places.append(Place(name, line, position, rotation, base=base, tool=tool, posture=posture))
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0"
@@ -110,7 +101,7 @@ def _slot(parts: dict[str, re.Match[str]], key: str, at: int, text: str, source:
         refuse(
             source, line_of(text, start), name, f"{key}: found {match['unit'] or 'no unit'}, expected {unit}"
         )
-    return Slot(start, start + len(match["value"]), match["value"], UNITS[unit], DECIMALS[unit])
+    return Slot(start, match["value"], UNITS[unit], DECIMALS[unit])
 
 
 def _stated(text: str) -> StatedPosture:

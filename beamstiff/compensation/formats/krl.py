@@ -112,8 +112,7 @@ def read(text: str, source: str, points: str = "") -> Program:
             elif label := name or motion:
                 if _EXTERNAL.search(inner):
                     left["external axes, which are not followed,"].append(here)
-                at_place = at + start + 1
-                place = _target(inner, at_place, label, number, file, text, places, name is None)
+                place = _target(inner, at + start + 1, label, number, file, places, name is None)
                 followed = name is not None or motion in ("PTP", "SPTP")
                 posture = place.posture if followed else None
                 place = replace(place, posture=posture, file=points if above else "")
@@ -192,28 +191,24 @@ def _before(text: str) -> tuple[str | None, str | None]:
 
 
 def _keys(inner: str) -> list[str]:
-    _, parts = _parts(inner)
-    return [match["key"].upper() for _, match in parts if match is not None]
+    return [match["key"].upper() for _, match in _parts(inner) if match is not None]
 
 
-def _parts(inner: str) -> tuple[int, list[tuple[int, re.Match[str] | None]]]:
-    """Return where the components begin (after ``E6POS:``), and each with its place."""
+def _parts(inner: str) -> Iterator[tuple[int, re.Match[str] | None]]:
+    """Yield the components (after ``E6POS:``), each with its place."""
     prefix = re.match(r"\s*[A-Za-z_]\w*\s*:", inner)
-    begin = at = prefix.end() if prefix else 0
-    parts = []
-    for piece in inner[begin:].split(","):
-        parts.append((at, _COMPONENT.fullmatch(piece)))
+    at = prefix.end() if prefix else 0
+    for piece in inner[at:].split(","):
+        yield at, _COMPONENT.fullmatch(piece)
         at += len(piece) + 1
-    return begin, parts
 
 
 def _target(
-    inner: str, at: int, name: str, line: int, source: str, text: str, before: list[Place], motion: bool
+    inner: str, at: int, name: str, line: int, source: str, before: list[Place], motion: bool
 ) -> Place:
     slots: dict[str, Slot] = {}
     stated: dict[str, int] = {}
-    _, parts = _parts(inner)
-    for offset, match in parts:
+    for offset, match in _parts(inner):
         if match is None or match["value"] is None:
             end = inner.find(",", offset)
             piece = inner[offset : end if end >= 0 else len(inner)].strip()
@@ -229,9 +224,8 @@ def _target(
         if key in slots:
             refuse(source, line, name, f"{key}: found twice, expected once")
         kind = "position" if key in POSITION else "orientation"
-        start = at + offset + match.start("value")
         unit = MILLIMETRE if kind == "position" else DEGREE
-        slots[key] = Slot(start, start + len(value), text[start : start + len(value)], unit, DECIMALS[kind])
+        slots[key] = Slot(at + offset + match.start("value"), value, unit, DECIMALS[kind])
     missing = [key for key in POSITION + ROTATION if key not in slots]
     inherited: tuple[float, ...] = ()
     if missing == list(ROTATION) and motion and before:

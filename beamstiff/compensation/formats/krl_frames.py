@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.compensation.formats.program import Place
+from beamstiff.compensation.formats.program import Place, common_frame
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.measure.orientation import KUKA
 from beamstiff.se3 import Array, transform
@@ -93,14 +93,9 @@ class FrameState:
 
     def common(self, states: Sequence[FrameState], place: Place) -> FrameState:
         """Return what holds at all motions to a place; where they differ, frames of unknown pose."""
-        found: dict[str, StatedFrame | None] = {}
-        for what in ("base", "tool"):
-            used = {one.name if (one := getattr(state, what)) else "": one for state in states}
-            found[what] = next(iter(used.values()), None)
-            if len(used) > 1:
-                names = " and ".join(name or "none" for name in used)
-                found[what] = StatedFrame(f"several for {place.name} ({names})", place.line, None)
-        return FrameState(self.literals, found["base"], found["tool"])
+        base = common_frame([state.base for state in states], place.name, place.line)
+        tool = common_frame([state.tool for state in states], place.name, place.line)
+        return FrameState(self.literals, base, tool)
 
     def _of_data(self, value: str, line: int) -> FrameState | None:
         data = self.literals.by_name.get(_plain(value), value)

@@ -206,7 +206,7 @@ def _orientation(
     if len(present) > 1:
         refuse(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
     if not present:
-        return angles, ()
+        return RotationVector(), ()
     columns, kind = present[0]
     if missing := [name for name in columns if name not in names]:
         refuse(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
@@ -231,18 +231,11 @@ def _program(
                 hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
                 refuse(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
-            slots[name] = Slot(start, start + len(cell), cell, column.unit, decimals)
+            slots[name] = Slot(start, cell, column.unit, decimals)
         label = proper(cells[at["name"]][1]) if "name" in at else ""
-        rest = () if turning else (0.0,) * orientation.count
-        places.append(
-            Place(
-                label or f"row {len(places) + 1}",
-                line,
-                tuple(slots[name] for name in POSITION),
-                tuple(slots[name] for name in turning),
-                rest,
-            )
-        )
+        position, rotation = (tuple(slots[name] for name in names) for names in (POSITION, turning))
+        known = () if turning else (0.0, 0.0, 0.0)
+        places.append(Place(label or f"row {len(places) + 1}", line, position, rotation, known))
     wrench, columns = None, {}
     if any(name in at for name in WRENCH):
         wrench = np.zeros((len(rows), 6))
@@ -254,9 +247,6 @@ def _program(
             values = _numbers(column, at[column.name], rows, source, strict=False)
             if values is not None:
                 columns[column.name] = values
-    if not turning:
-        orientation = RotationVector()
-        places = [Place(p.name, p.line, p.position, (), (0.0, 0.0, 0.0)) for p in places]
     return make_program(
         text, source, places, orientation, read, stated=bool(turning), wrench=wrench, columns=columns
     )

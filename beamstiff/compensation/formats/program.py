@@ -116,6 +116,14 @@ class Program:
         return replace(self, path=path, places=tuple(self.places[row] for row in rows), chosen=chosen)
 
 
+def common_frame(frames: Sequence[StatedFrame | None], name: str, line: int) -> StatedFrame | None:
+    """Return what holds at all motions to a target; where it differs, a frame of unknown pose."""
+    found = dict.fromkeys(one.name if one else "none" for one in frames)
+    if len(found) > 1:
+        return StatedFrame(f"several for {name} ({' and '.join(found)})", line, None)
+    return frames[0] if frames else None
+
+
 def refuse(source: str, line: int, name: str, message: str) -> NoReturn:
     """Raise an error at a line of a file, and at a target or column of it where one has a name."""
     raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")

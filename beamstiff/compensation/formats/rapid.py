@@ -154,10 +154,7 @@ def _target(
         travelling.append(line)
     units = (MILLIMETRE, 1.0)
     slots = [
-        tuple(
-            Slot(start, start + len(number), text[start : start + len(number)], unit, decimals)
-            for start, number in part
-        )
+        tuple(Slot(start, number, unit, decimals) for start, number in part)
         for part, unit, decimals in zip(item[:2], units, DECIMALS, strict=True)
     ]
     configuration = tuple(int(float(number)) for _, number in item[2])

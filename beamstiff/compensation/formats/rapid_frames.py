@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.compensation.editing import line_of
-from beamstiff.compensation.formats.program import Place
+from beamstiff.compensation.formats.program import Place, common_frame
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.measure.orientation import Quaternion
 from beamstiff.measure.text import RowError
@@ -74,21 +74,16 @@ class Motions:
         else:
             used = self._to.get(place.name.lower().partition("{")[0], [])
         kinds = {"L" if motion.linear else "J" for motion in used}
-        base = self._common([(motion.work_object, motion.line) for motion in used], place)
         return replace(
             place,
-            base=self._displaced or base,
-            tool=self._common([(motion.tool, motion.line) for motion in used], place),
+            base=self._displaced or self._common([(one.work_object, one.line) for one in used], place),
+            tool=self._common([(one.tool, one.line) for one in used], place),
             posture=None if used and kinds <= self._off else place.posture,
         )
 
     def _common(self, used: list[tuple[str, int]], place: Place) -> StatedFrame | None:
-        names = list(dict.fromkeys(name for name, _ in used))
-        if not names:
-            return None
-        if len(names) > 1:
-            return StatedFrame(f"several for {place.name} ({' and '.join(names)})", place.line, None)
-        return StatedFrame(names[0], used[0][1], self._frames.get(names[0]))
+        frames = [StatedFrame(name, line, self._frames.get(name)) for name, line in used]
+        return common_frame(frames, place.name, place.line)
 
     def _declare(self, code: str, name: str, usable: bool, numbers: list[list[str]]) -> None:
         set_often = len(re.findall(rf"\b{name}\b(?:\.\w+)*\s*:=", code, re.IGNORECASE)) > 1

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
-from beamstiff.compensation.formats.program import Place, Program, make_program
+from beamstiff.compensation.formats.program import Place, Program, common_frame, make_program
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.orientation import RotationVector
@@ -170,17 +170,9 @@ def _meanings(script: _Script, match: re.Match[str], line: int) -> list[tuple[st
             else [("relative" if "relative" in kinds else "unused", Place(name, line))]
         )
     base, tool = (
-        _common([where(goal) for goal in goals], name, line) for where in (script.frame, script.tool)
+        common_frame([where(goal) for goal in goals], name, line) for where in (script.frame, script.tool)
     )
     return [("target", Place(name, line, base=base, tool=tool))]
-
-
-def _common(frames: list[StatedFrame | None], name: str, line: int) -> StatedFrame | None:
-    """Return what holds at all motions to a target; where it differs, a frame of unknown pose."""
-    found = {one.name if one else "none": one for one in frames}
-    if len(found) > 1:
-        return StatedFrame(f"several for {name} ({' and '.join(found)})", line, None)
-    return frames[0]
 
 
 def _filled(place: Place, slots: tuple[Slot, ...], pose: bool) -> Place:
@@ -200,7 +192,6 @@ def _slots(inner: str, at: int, pose: bool) -> tuple[Slot, ...] | None:
         kind = "number" if match["number"] is not None else "degrees"
         decimals = DECIMALS["position" if pose and number < 3 else "rotation"]
         unit = 1.0 if kind == "number" else DEGREE
-        start = at + match.start(kind)
-        slots.append(Slot(start, at + match.end(kind), match[kind], unit, decimals))
+        slots.append(Slot(at + match.start(kind), match[kind], unit, decimals))
         at += len(piece) + 1
     return tuple(slots) if len(slots) == 6 else None

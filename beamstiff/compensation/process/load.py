@@ -1,4 +1,4 @@
-"""What every process model offers, and the simplest: nothing, a constant, columns of the path, a sum."""
+"""What every process model offers, and the simplest: a constant, columns of the path, a sum."""
 
 from __future__ import annotations
 
@@ -25,15 +25,6 @@ class Process(Protocol):
 
 
 @dataclass(frozen=True)
-class NoLoad:
-    """The tool moves in air."""
-
-    def wrench(self, tool: Array, path: ToolPath) -> Array:  # noqa: ARG002 (the protocol's)
-        """Return zeros (N, 6)."""
-        return np.zeros((len(tool), 6))
-
-
-@dataclass(frozen=True)
 class Constant:
     """The same load everywhere, such as a weight: ``[f, m]`` at the tool's tip, base frame, N and N m."""
 
@@ -55,9 +46,9 @@ class FromPath:
 
 @dataclass(frozen=True)
 class Together:
-    """Loads that act at the same time."""
+    """Loads that act at the same time; none where the tool moves in air."""
 
-    parts: tuple[Process, ...]
+    parts: tuple[Process, ...] = ()
 
     def wrench(self, tool: Array, path: ToolPath) -> Array:
         """Return the sum of the loads (N, 6)."""

@@ -55,20 +55,18 @@ def parameters_of(process: Process) -> list[tuple[int | None, Parameter]]:
     found: list[Parameter] = []
     if isinstance(process, Cantilever):
         found = [
-            Parameter("friction", "", process.friction, FRICTION, 0.0, 1.0, _friction),
-            Parameter("process stiffness", "", 1.0, BENDING, 0.1, 10.0, _bending),
+            Parameter("friction", "", process.friction, FRICTION, 0.0, 1.0, _with("friction")),
+            Parameter("process stiffness", "", 1.0, BENDING, 0.1, 10.0, _times("modulus")),
             *(
                 Parameter(f"clamp {axis}", "m", 0.0, PLACE, -0.1, 0.1, _clamp(at))
                 for at, axis in enumerate("xyz")
             ),
         ]
     elif isinstance(process, CuttingTable):
-        found = [Parameter("process stiffness", "", 1.0, FORCES, 0.0, 10.0, _forces)]
+        found = [Parameter("process stiffness", "", 1.0, FORCES, 0.0, 10.0, _times("loads"))]
     elif isinstance(process, LoadCell):
         found = [
-            Parameter(
-                "load-cell gain", "", 1.0, GAIN, 0.5, 2.0, lambda part, value: replace(part, gain=value)
-            ),
+            Parameter("load-cell gain", "", 1.0, GAIN, 0.5, 2.0, _with("gain")),
             *(
                 Parameter(f"load-cell turn {axis}", "rad", 0.0, TURN, -0.5, 0.5, _cell(at))
                 for at, axis in enumerate("xyz")
@@ -87,16 +85,12 @@ def with_values(
     return Together(tuple(parts)) if isinstance(process, Together) else parts[0]
 
 
-def _friction(part: Cantilever, value: float) -> Cantilever:
-    return replace(part, friction=value)
+def _with(name: str) -> Callable[[Any, float], Any]:
+    return lambda part, value: replace(part, **{name: value})
 
 
-def _bending(part: Cantilever, value: float) -> Cantilever:
-    return replace(part, modulus=part.modulus * value)
-
-
-def _forces(part: CuttingTable, value: float) -> CuttingTable:
-    return replace(part, loads=part.loads * value)
+def _times(name: str) -> Callable[[Any, float], Any]:
+    return lambda part, factor: replace(part, **{name: getattr(part, name) * factor})
 
 
 def _clamp(axis: int) -> Callable[[Cantilever, float], Cantilever]:
