@@ -29,7 +29,7 @@ from benchmarks.compensation_study import START, krl_program, real_kr240
 
 MOST = 0.5  # ms a warm call
 LOADS = np.array([600.0, 600.0, 900.0, 60.0, 60.0, 60.0])  # N and N m: largest component
-ROUNDS = 40
+ROUNDS, REPEATED = 40, 3
 STD = {f"J{axis}.torsional": 0.05 for axis in range(1, 7)}  # of the stiffness
 
 
@@ -45,6 +45,7 @@ class Row:
     late: float  # 99 %
     longest: float
     own: float  # longest by the processor's clock: what others of the machine take is left out
+    work: float  # the same, of every call the fastest of three: without caches that others emptied
     cold: float  # median of the others
     error: float
 
@@ -63,18 +64,25 @@ def measured(name: str, machine: Machine, path: ToolPath, rounds: int = ROUNDS, 
         poses = between(poses[:-1], poses[1:], np.full(len(poses) - 1, 0.5))
     random = np.random.default_rng(0)
     times: dict[bool, list[float]] = {True: [], False: []}
-    own = 0.0
-    error = 0.0
+    own = work = error = 0.0
     for _ in range(rounds):
         loads = random.uniform(-1.0, 1.0, (len(poses), 6)) * LOADS
         commands = np.empty_like(poses)
+        clock, warmed = np.zeros((REPEATED, len(poses))), np.zeros(len(poses), np.bool_)
         for row, (pose, load) in enumerate(zip(poses, loads, strict=True)):
             begin, mine = perf_counter(), thread_time()
             answer = online.correct(pose, load)
-            mine = 1e3 * (thread_time() - mine)
+            clock[0, row] = 1e3 * (thread_time() - mine)
             times[answer.warm].append(1e3 * (perf_counter() - begin))
-            own = max(own, mine) if answer.warm else own
+            warmed[row] = answer.warm
             commands[row] = answer.command
+        for again in range(1, REPEATED):  # in turn, so that each has to find its neighbourhood anew
+            for row, (pose, load) in enumerate(zip(poses, loads, strict=True)):
+                mine = thread_time()
+                online.correct(pose, load)
+                clock[again, row] = 1e3 * (thread_time() - mine)
+        own = max(own, clock[0, warmed].max(initial=0.0))
+        work = max(work, clock[:, warmed].min(axis=0).max(initial=0.0))
         exact = correct_path(machine, _table(poses, loads), FromPath(), start=START).commands
         error = max(error, 1e6 * float(np.abs(difference(commands, exact)).max()))
     warm = np.array(times[True])
@@ -85,6 +93,7 @@ def measured(name: str, machine: Machine, path: ToolPath, rounds: int = ROUNDS, 
         len(warm) / (len(warm) + len(times[False])),
         *(float(value) for value in np.percentile(warm, [50, 99, 100])),
         own,
+        work,
         float(np.median(times[False])) if times[False] else 0.0,
         error,
     )
@@ -110,14 +119,15 @@ def rows() -> list[Row]:
 
 def main() -> None:
     """Print the table."""
-    console = Console(width=118)
+    console = Console(width=130)
     columns = (
         "calls",
         "warm, %",
         "median",
         "99 %",
         "longest",
-        "its own",
+        "processor",
+        "of three",
         "cold",
         "prepare",
         "error, um or urad",
@@ -130,7 +140,7 @@ def main() -> None:
             row.name,
             str(row.calls),
             f"{100 * row.warm:.0f}",
-            *(f"{value:.2f}" for value in (row.median, row.late, row.longest, row.own)),
+            *(f"{value:.2f}" for value in (row.median, row.late, row.longest, row.own, row.work)),
             f"{row.cold:.0f}",
             f"{row.prepare:.0f}",
             f"{row.error:.3f}",

@@ -1,9 +1,9 @@
 """Programs of public repositories, read and written: ``python -m benchmarks.public_programs [FOLDER]``.
 
 FOLDER (default: what BEAMSTIFF_PROGRAMS names) holds clones of the repositories below (at a branch, where one
-is named), each as ``owner+name``. None of their programs is part of this repository. Target: every program with targets comes
-back byte for byte; where all its targets move, no byte beside their numbers changes and they are read where
-they were sent.
+is named), each as ``owner+name``. None of their programs is part of this repository. Target: every program
+with targets comes back byte for byte; where all its targets move, no byte beside their numbers changes and
+they are read where they were sent.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ in the robot's base frame reads where the tool is in 60 postures, and how five l
 The real arm runs both programs under the load; how far its tool ends from the targets is printed before and
 after. No target stood in the tracker's table.
 
-Run `python examples/urdf_to_corrected_program.py [FOLDER]` (a minute); files go to FOLDER (default
-`examples/output`).
+Run `python examples/urdf_to_corrected_program.py [FOLDER [MACHINE]]` (a minute); files go to FOLDER (default
+`examples/output`), another MACHINE (a number, default 3) has other drives, play and floor.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ def run(*words: str) -> str:
     return result.stdout
 
 
-def hidden(robot: Robot) -> tuple[Robot, list[Truth]]:
+def hidden(robot: Robot, seed: int = 3) -> tuple[Robot, list[Truth]]:
     """Return the arm with the stiffness that its drives have, and what its model lacks."""
-    random = np.random.default_rng(3)
+    random = np.random.default_rng(seed)
     real = robot.with_parameters(draw_stiffness(random, robot))
     return real, [
         Truth("geometry-error", "a3", "single", {"error": 1.2e-3}),
@@ -128,7 +128,7 @@ def errors(robot: Robot, real: Robot, truths: list[Truth], sent: Array, meant: A
     return np.asarray(np.linalg.norm(reached - meant[:, :3, 3], axis=1))
 
 
-def main(folder: Path) -> float:
+def main(folder: Path, machine: int = 3) -> float:
     folder.mkdir(parents=True, exist_ok=True)
     names = ("arm.urdf", "arm.yaml", "elastic.yaml", "real.yaml", "loads.csv", "unloaded.csv", "fresh.csv")
     arm, file, elastic, actual, loads, unloaded, fresh = (str(folder / name) for name in names)
@@ -136,7 +136,7 @@ def main(folder: Path) -> float:
     Path(arm).write_text(urdf(), encoding="utf-8")
     run("convert", arm, "--joint-stiffness", "1.5e6 N*m/rad", "--out", file)
     robot = load_robot(file)
-    real, truths = hidden(robot)
+    real, truths = hidden(robot, machine)
     stands = postures(POSTURES, 1)
     q = np.repeat(stands, 5, axis=0)
     wrench = np.zeros((len(q), 6))
@@ -170,4 +170,4 @@ def _told(error: Array) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "output")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "output", *map(int, sys.argv[2:]))

@@ -109,8 +109,9 @@ def compensate(
     for byte. The error after correction is that of the numbers as they are written.
 
     --stream prepares the targets and answers one line each: `target NAME fx fy fz mx my mz` or
-    `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path) with `ok`, the
-    command likewise, its standard deviation, the joint values, and whether it was warm.
+    `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path; loads in the
+    base frame) with `ok`, the command likewise, its standard deviation, the joint values, and
+    whether it was warm.
 
     --measured learns from a run: friction, stiffness and clamp of a beam, size of tabulated
     forces, gain and frame of a load cell, from where the tool really went. Give all runs made

@@ -8,7 +8,7 @@ follows the tool and the tool the load.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
 from beamstiff.se3 import Array, rotation_from_vector
 
 CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, beside a singular posture
+PARTLY = 0.1  # of the error: what the best command may leave where none is exact, since the machine jumps
 ROUNDS = 40
 SETTLED = 1e-10  # m and rad
 LONGEST_STEP = 3.0  # of the error that it is to take away
@@ -50,6 +51,8 @@ class Correction:
     reasons: dict[int, str]  # targets that are not corrected
     switched: Integers  # (S,) int: targets before which the joints have to jump
     rounds: int  # of the iteration
+    # targets that no command is exact for, and what the best one leaves, m or rad: a machine that jumps
+    partly: dict[int, float] = field(default_factory=dict)
 
     @property
     def corrected(self) -> NDArray[np.bool_]:
@@ -100,8 +103,7 @@ def correct_path(
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are
         path = _as_they_are(machine, path, first.q, rows)
-    reasons = dict(first.reasons)
-    count = len(path)
+    reasons, partly, count = dict(first.reasons), dict[int, float](), len(path)
     before, after, wrench = np.full((count, 6), np.nan), np.full((count, 6), np.nan), np.zeros((count, 6))
     commands, q, targets, rounds = path.poses.copy(), first.q.copy(), path.poses.copy(), 0
     if rows.size:
@@ -116,6 +118,7 @@ def correct_path(
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
+        partly = {int(rows[row]): left for row, left in found.partly.items()}
         after[rows] = difference(settled(machine, q[rows], load_at, meant), meant)
     return Correction(
         path=path,
@@ -129,6 +132,7 @@ def correct_path(
         reasons=dict(sorted(reasons.items())),
         switched=first.switched,
         rounds=rounds,
+        partly=partly,
     )
 
 
@@ -164,6 +168,7 @@ class _Commands:
     q: Array
     reasons: dict[int, str]
     rounds: int
+    partly: dict[int, float]
 
 
 def _commands(
@@ -176,6 +181,7 @@ def _commands(
     """
     commands, first, q = start.copy(), q, q.copy()
     best, best_q, least = start.copy(), q.copy(), np.full(len(targets), np.inf)
+    whole = least
     reasons: dict[int, str] = {}
     left = np.arange(len(targets))
     error, step = np.zeros((len(targets), 6)), np.zeros((len(targets), 6))
@@ -194,6 +200,7 @@ def _commands(
         better = left[size < least[left]]
         best[better], best_q[better] = commands[better], q[better]
         least[left] = np.minimum(size, least[left])
+        whole = size if count == 1 else whole
         left = left[size > CLOSE]
         if not left.size:
             break
@@ -209,11 +216,15 @@ def _commands(
         left = left[found.reached]
         if not left.size:
             break
+    partly: dict[int, float] = {}
     for row in left[least[left] > ENOUGH].tolist():
-        reasons[row] = f"no command found: {1e3 * least[row]:.3g} mm (or mrad) remain"
+        if least[row] <= PARTLY * whole[row]:
+            partly[row] = float(least[row])
+        else:
+            reasons[row] = f"no command found: {1e3 * least[row]:.3g} mm (or mrad) remain"
     for row in reasons:
         best[row], best_q[row] = start[row], first[row]
-    return _Commands(best, best_q, reasons, count)
+    return _Commands(best, best_q, reasons, count, partly)
 
 
 def _steps(inverse: Array, error: Array) -> Array:

@@ -1,6 +1,7 @@
 """Targets of a program on line, and the line protocol that a controller's program speaks.
 
-Lines in, SI, blanks between; the frame is that of the path, the orientation a rotation vector::
+Lines in, SI, blanks between; poses in the frame of the path, their orientation a rotation vector, loads on
+the tool's tip in the base frame of the robot::
 
     target NAME [fx fy fz mx my mz]       of the path, by name (or #3, the third); default: its own load
     pose x y z a b c [fx fy fz mx my mz]  any other pose

@@ -342,6 +342,12 @@ def _notes(
                 f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
                 f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
             )
+    if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
+        names = [found.path.names[row] for row in partly]
+        said.append(
+            f"no command is exact for {len(names)} of {len(found.path)} targets, the real robot jumps there: "
+            f"at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
+        )
     if result.left_alone:
         names = [found.path.names[row] for row in result.left_alone]
         said.append(

@@ -70,6 +70,38 @@ def test_the_corrected_tool_is_at_its_targets_in_position_and_rotation() -> None
     assert found.rounds <= 6
 
 
+@dataclass(frozen=True, eq=False)
+class Jumping(Machine):
+    """A rigid robot whose tool sags by 1 mm, or by less where it is sent more than a step above 1 m."""
+
+    step: float = 0.97e-3
+    less: float = 0.95e-3
+
+    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:  # noqa: ARG002 (the machine's)
+        sag = np.zeros((len(q), 6))
+        sag[:, 2] = np.where(self.undeformed(q)[:, 2, 3] > 1.0 + self.step, -self.less, -1e-3)
+        return sag
+
+
+@pytest.mark.parametrize(("step", "less", "kept"), [(0.97e-3, 0.95e-3, True), (0.8e-3, 0.6e-3, False)])
+def test_where_no_command_is_exact_the_best_is_taken_if_it_leaves_little(
+    step: float, less: float, kept: bool
+) -> None:
+    """To be at 1 m it has to be sent 1 mm above, where it sags less; or less far, where it sags by 1 mm."""
+    path = path_of(kr500(), 1)
+    poses = path.poses.copy()
+    poses[0, 2, 3] = 1.0
+    found = correct_path(Jumping(kr500(), step=step, less=less), path.moved_to(poses), start=START)
+    assert found.before[0, 2] == pytest.approx(-1e-3)
+    assert found.corrected.tolist() == [kept]
+    if kept:
+        assert found.partly[0] == pytest.approx(abs(found.after[0, 2]))
+        assert 0.02e-3 <= found.partly[0] < 0.05e-3
+    else:
+        assert "no command found" in found.reasons[0]
+        assert not found.partly
+
+
 def test_the_first_fake_pose_takes_away_most_and_the_next_the_rest() -> None:
     machine, path = Machine(kr500(), heavy()), path_of(kr500())
     found = correct_path(machine, path, LOAD, start=START)
