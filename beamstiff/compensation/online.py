@@ -154,8 +154,10 @@ class OnlineCompensation:
         """Return the answer where no polynomial is good: at a kink, or beside the end of a joint's range."""
         path = ToolPath("on line", ("target",), np.ones(1, np.int64), target[None], np.ones(1, np.bool_))
         found = correct_path(self.machine, path, Constant(tuple(wrench.tolist())), start=self._q)
-        if found.reasons:
-            raise BeamstiffError(f"the target is not corrected: {found.reasons[0]}")
+        if found.reasons or found.partly:
+            left = 1e3 * found.partly.get(0, 0.0)
+            why = found.reasons.get(0, f"no command is exact, {left:.3g} mm (or mrad) remain")
+            raise BeamstiffError(f"the target is not corrected: {why}")
         std = correction_std(self.machine, found.q, wrench[None], target[None], self.std, self.load_std)
         self._q = found.q[0]
         correction = difference(found.commands, target[None])[0]

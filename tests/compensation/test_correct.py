@@ -7,6 +7,7 @@ import pytest
 
 from beamstiff.compensation.correct import correct_path, errors_of
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, ToolPath
 from beamstiff.compensation.process.load import Constant, FromPath, Together
 from beamstiff.errors import BeamstiffError
@@ -91,9 +92,12 @@ def test_where_no_command_is_exact_the_best_is_taken_if_it_leaves_little(
     path = path_of(kr500(), 1)
     poses = path.poses.copy()
     poses[0, 2, 3] = 1.0
-    found = correct_path(Jumping(kr500(), step=step, less=less), path.moved_to(poses), start=START)
+    machine = Jumping(kr500(), step=step, less=less)
+    found = correct_path(machine, path.moved_to(poses), start=START)
     assert found.before[0, 2] == pytest.approx(-1e-3)
     assert found.corrected.tolist() == [kept]
+    with pytest.raises(BeamstiffError, match=r"not corrected: no command (is exact|found)"):
+        OnlineCompensation(machine, _q=START).correct(poses[0], np.zeros(6))
     if kept:
         assert found.partly[0] == pytest.approx(abs(found.after[0, 2]))
         assert 0.02e-3 <= found.partly[0] < 0.05e-3
