@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.causes import NOISE
+from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
@@ -134,7 +134,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     at = by_candidate(library.hypotheses)
     known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
-    if several.causes and closes_unselected(stated, prior, seed) > 0.0:
+    if several.causes and closes_unselected(stated, prior, seed) >= QUARTER:
         return diagnosis_of(several, found.notes)
     return found
 

@@ -61,8 +61,13 @@ class Cause:
 
     @property
     def named(self) -> bool:
-        """Whether it is surely this cause, and more than what the form of another may leave."""
-        return self.present >= PRESENT and self.probability >= NAMED and self.closes >= MINOR
+        """Whether it is likely this cause, and more than what the form of another may leave.
+
+        What closes much is named as the likeliest of what looks like it: without it neither the rest of the
+        list nor what remains would be that of the robot as it will be written.
+        """
+        likely = self.probability >= NAMED or self.closes >= QUARTER
+        return self.present >= PRESENT and likely and self.closes >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:

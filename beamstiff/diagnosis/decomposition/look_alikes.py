@@ -86,6 +86,8 @@ def rival_of(
         key = choice.forms[number].key
         best[key] = min(found.bic, best.get(key, np.inf))
         form.setdefault(key, number)
+    # what fits better and has not taken its place was no better on held-out postures: no likelier
+    best |= {key: max(best[key], step.bic) for key in form}
     least = min(best.values())
     weight = {
         key: 1.0 if value == least else float(np.exp(-(value - least) / (2.0 * tempering)))

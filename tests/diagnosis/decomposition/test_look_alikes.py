@@ -73,3 +73,21 @@ def test_a_fit_that_no_machine_allows_without_the_cause_leaves_a_probability(mad
     rival = rival_of(bounded, step, (0,), held_out)
     assert 0.0 <= rival.probability <= 1.0
     assert 0.0 <= rival.present <= 1.0
+
+
+def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier() -> None:
+    """A cause whose rival was found by the fitted rows alone: both are as likely."""
+    rng = np.random.default_rng(11)
+    first, off = rng.standard_normal((2, VALUES))
+    rival = first + 0.3 * off
+    size = Quantity("size", "1", 1.0)
+    forms = [
+        replace(form(column[:, None], size), effect="angle-curve", component=name)
+        for name, column in (("q1", first), ("q2", rival))
+    ]
+    choice = choice_of(20.0 * rival + rng.standard_normal(VALUES), *forms)
+    mine, theirs = fit_step(choice, (0,)), fit_step(choice, (1,))
+    assert theirs.bic < mine.bic  # the rows fitted speak for the rival
+    judged = rival_of(choice, mine, (0,), held_out)
+    assert judged.indistinguishable == ("angle-curve:q2",)
+    assert judged.probability == pytest.approx(0.5, abs=1e-6)

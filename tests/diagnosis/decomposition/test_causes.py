@@ -1,0 +1,33 @@
+"""Which causes are named, and which of them is the verdict."""
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
+from beamstiff.diagnosis.effects import Quantity
+from tests.diagnosis.decomposition.test_selection import VALUES, form
+
+
+def cause(probability: float, present: float, closes: float) -> Cause:
+    one = form(np.ones((VALUES, 1)), Quantity("size", "1", 1.0))
+    nothing = (np.zeros(1),)
+    interval = (closes, closes)
+    return Cause((one,), nothing, nothing, probability, present, closes, interval, 0.0, (), ())
+
+
+@pytest.mark.parametrize("closes", [0.04, 0.2])
+def test_a_small_cause_is_named_where_it_is_likelier_than_not(closes: float) -> None:
+    assert cause(NAMED, PRESENT, closes).named
+    assert not cause(NAMED - 0.01, PRESENT, closes).named
+
+
+def test_what_closes_much_is_named_as_the_likeliest_of_what_looks_like_it() -> None:
+    assert cause(0.3, PRESENT, QUARTER).named
+
+
+def test_what_may_be_a_little_of_everything_is_not_named_whatever_it_closes() -> None:
+    assert not cause(PRESENT - 0.01, PRESENT - 0.01, 0.9).named
+
+
+def test_what_the_form_of_another_may_leave_is_not_named() -> None:
+    assert not cause(1.0, 1.0, MINOR - 0.001).named
