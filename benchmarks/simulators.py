@@ -370,11 +370,10 @@ def main() -> None:
     )
     for what, force, weight, pieces, ours in (
         ("1e-3 N, weightless", 1e-3, 0.0, 1, False),
+        ("0.1 N, weight/10", 0.1, 0.1, 1, False),
         ("1 N, weight", 1.0, 1.0, 1, False),
         ("1 N, weight", 1.0, 1.0, 4, False),
         ("1 N, weight", 1.0, 1.0, 4, True),
-        ("0.1 N, weight/10", 0.1, 0.1, 1, False),
-        ("0.1 N, weight/10", 0.1, 0.1, 4, False),
     ):
         errors = np.array(structures(count, force, weight, pieces, ours))
         found = errors[np.isfinite(errors)]

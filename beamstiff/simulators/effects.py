@@ -21,8 +21,8 @@ from beamstiff.measure.table import make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect, AddedShape, Beam, Mass, Rigid
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, transform
-from beamstiff.simulators.bodies import Body, BodyJoint, Tendon
-from beamstiff.simulators.joints import MOST_JOINTS, Assembly, free_name
+from beamstiff.simulators.bodies import BodyJoint, Tendon, free_name
+from beamstiff.simulators.joints import Assembly
 from beamstiff.units import unit_size, with_unit
 
 ROUNDING = 1e-6  # of a compliance: what is less is none
@@ -118,7 +118,8 @@ def _compliance(made: Assembly, effect: AddedEffect) -> bool:
     springs = [*springs_of(local[0], own, _label(effect))]
     if not springs:
         return False
-    insert(made, body, springs)
+    for spring in springs:
+        made.join(body, spring)
     return True
 
 
@@ -180,16 +181,6 @@ def springs_of(compliance: Array, frame: Array, name: str) -> Iterator[BodyJoint
         place = frame[:3, :3] @ point + frame[:3, 3]
         turn = frame[:3, :3] @ axis
         yield BodyJoint(f"{name}.turn.{at + 1}", "hinge", place, turn, "spring", 1.0 / float(value))
-
-
-def insert(made: Assembly, body: int, springs: list[BodyJoint]) -> None:
-    """Add springs behind the joints of a body, in a body of their own where it has too many."""
-    own = made.bodies[body]
-    if len(own.joints) + len(springs) > MOST_JOINTS:
-        made.bodies.append(Body(free_name(own.name, made.body_names), own.parent, own.placed, [*own.joints]))
-        made.bodies[body] = replace(own, parent=len(made.bodies) - 1, placed=np.eye(4), joints=[])
-    for spring in springs:
-        made.join(body, spring)
 
 
 # -- laws of drives
@@ -267,12 +258,6 @@ def _exchange(made: Assembly, body: int, old: BodyJoint, new: list[BodyJoint]) -
         for one in new
     ]
     joints[at : at + 1] = named
-    if len(joints) > MOST_JOINTS:
-        rest = joints[MOST_JOINTS:]
-        del joints[MOST_JOINTS:]
-        own = made.bodies[body]
-        made.bodies.append(Body(free_name(own.name, made.body_names), own.parent, own.placed, joints))
-        made.bodies[body] = replace(own, parent=len(made.bodies) - 1, placed=np.eye(4), joints=rest)
 
 
 def _balancer(
