@@ -32,6 +32,7 @@ class BodyJoint:
     limits: tuple[float, float] | None = None
     leader: str = ""  # of a follower
     factor: float = 1.0  # of a follower, by which it moves as its leader does
+    rest: float = 0.0  # m or rad: where a spring pulls nothing
     cubic: float = 0.0  # N/m^3 or N m/rad^3: of a spring whose force is k x + c x^3
     deadband: float = 0.0  # rad or m: half of the way between its stops; 0 where there are none
     friction: float = 0.0  # N or N m: what it takes to move it against its spring

@@ -274,15 +274,30 @@ def _balancer(
     length = np.sqrt(1 + ratio**2 + 2 * ratio * np.cos(around))
     first = -ratio * np.sin(around) / length
     stretch = length - free * (1 - ratio)
-    curve = first**2 + stretch * (-ratio * np.cos(around) - first**2) / length  # U'' for k_s a^2 = 1
+    torque = stretch * first  # U' for k_s a^2 = 1
+    curve = first**2 + stretch * (-ratio * np.cos(around) - first**2) / length  # U''
     size = parameters.get("largest_stiffness", 0.0) / float(np.abs(curve).max())
-    curve = size * curve
+    curve, torque = size * curve, size * torque
     angles, counts = (np.atleast_1d(effect.scales.get(key, 0.0)) for key in ("angles", "counts"))
     if not counts.any() or size <= 0.0:
         return False
     # the drive's stiffness in the file holds what the balancer adds on average
     usual = float(np.average(np.interp(angles - phase, around, curve, period=2 * np.pi), weights=counts))
-    made.bodies[body].joints[own.joints.index(spring)] = replace(spring, stiffness=spring.stiffness - usual)
+    k, q = spring.stiffness - usual, made.machine.value(drive.name)
+
+    def pull(turn: float) -> float:
+        return float(np.interp(q + turn - phase, around, torque, period=2 * np.pi))
+
+    # the drive winds up by what the effect says of its torque, in this posture: the rest is taken back
+    share = parameters.get("largest_torque", 0.0) / float(np.abs(torque).max())
+    rest = (pull(-share * pull(0.0) / k) - share * pull(0.0)) / k
+    wound = replace(spring, stiffness=k, rest=rest * float(np.sign(drive.axis @ spring.axis)))
+    made.bodies[body].joints[own.joints.index(spring)] = wound
+    made.varies = True
+    made.lost.append(
+        f"{_label(effect)}: torque right at {drive.name} = {q:.4g} rad alone, over all angles it turns "
+        f"the drive by {abs(1 - share) * np.ptp(torque) / k:.2g} rad too much"
+    )
     axis = drive.axis / np.linalg.norm(drive.axis)
     side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     side /= np.linalg.norm(side)

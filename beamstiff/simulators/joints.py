@@ -1,10 +1,10 @@
 """Bodies and joints of a machine while it is put together: variables, springs of joints and beams.
 
-A beam of constant length bends at its two Gauss points, L/2 -+ L/sqrt(12), by half of its compliance L/EI
-each: its bending moment is linear, so Gauss's rule of two points makes ``integral M(x) m(x)/EI dx`` exact. What
-is constant along it (axial force, shear, torsion) is compliant at the middle. Bent by a moment at its end a beam
-draws its ends together by theta^2 L/6; with two such hinges by 7 % more, with one at the middle by 50 %: this
-part of what an axial load does to the stiffness is wrong.
+A beam of constant length bends at its two Gauss points, L/2 -+ L/sqrt(12), by half of its compliance
+L/EI each: its bending moment is linear, so Gauss's rule of two points makes ``integral M(x) m(x)/EI dx``
+exact. What is constant along it (axial force, shear, torsion) is compliant at the middle. Bent by a
+moment at its end a beam draws its ends together by theta^2 L/6; with two such hinges by 7 % more, with
+one at the middle by 50 %: this part of what an axial load does to the stiffness is wrong.
 """
 
 from __future__ import annotations

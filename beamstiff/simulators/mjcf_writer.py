@@ -147,6 +147,8 @@ def joint_text(joint: BodyJoint, settle: float, springs: float) -> str:
         k = float(joint.stiffness)
         hard = f" 0 {float(joint.cubic)!r}" if joint.cubic else ""
         said += f' stiffness="{k!r}{hard}" damping="{2 * k * settle!r}" armature="{k * settle**2!r}"'
+        if joint.rest:
+            said += f' springref="{float(joint.rest)!r}"'
         if joint.friction:
             said += f' frictionloss="{float(joint.friction)!r}"'
         if joint.deadband:
