@@ -32,8 +32,8 @@ def convert(
         str,
         typer.Argument(
             metavar="IN",
-            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
-            ".bag). With --profile: a list of points, or a log in columns.",
+            help="Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, "
+            ".db3, .bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
