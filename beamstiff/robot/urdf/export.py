@@ -62,7 +62,7 @@ def urdf_skeleton(robot: Robot) -> str:
     masses = _masses(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     for link in ["base", *(step.child for step in steps)]:
-        lines += _link_lines(link, *masses[link]) if link in masses else [f"  <link name={quoteattr(link)}/>"]
+        lines += link_lines(link, *masses[link]) if link in masses else [f"  <link name={quoteattr(link)}/>"]
     names: set[str] = set(joined.free)
     for step in steps:
         lines += _joint_lines(robot, step, own, names)
