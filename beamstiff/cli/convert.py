@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamstiff.cli.options import option, robot_file
-from beamstiff.cli.output import Outputs, note, write
+from beamstiff.cli.output import Outputs, write
 from beamstiff.errors import BeamstiffError, listed, shown
-from beamstiff.files import read_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from beamstiff.measure.logs import LogTable
-    from beamstiff.robot.description import Robot
 
 WRITTEN = {
     ".yaml": "robot file",
@@ -34,8 +32,8 @@ def convert(
         str,
         typer.Argument(
             metavar="IN",
-            help="Robot: YAML, URDF, SDF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
-            ".bag). With --profile: a list of points, or a log in columns.",
+            help="Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, "
+            ".db3, .bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
@@ -157,57 +155,27 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    read, pruning = read_pruned(source, tcp, hold or []) or (None, [])
-    machine = read or read_robot(source, tcp, convention, written=ending)
+    from beamstiff.cli.variables import parse_variables
+    from beamstiff.functions.convert import missing_stiffness_notes, read_any, with_joint_stiffness
+    from beamstiff.functions.written import robot_text
+    from beamstiff.robot.kinematics import actuated_values
+    from beamstiff.units import in_unit
+
+    file = robot_file(source)
+    of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input
+    machine, left_out = read_any(file, tcp=tcp, convention=of_input, hold=hold or ())
     robot = with_joint_stiffness(machine, joint_stiffness or [])
-    notes = [*pruning, *_notes(robot)]
-    if series:
-        if ending not in (".urdf", ".sdf"):
-            raise BeamstiffError("--series: goes with an --out that ends in .urdf or .sdf")
-        from beamstiff.simulators.series_joints import robot_to_series
-
-        text, lost = robot_to_series(robot, ending[1:])
-        notes += lost
-    elif ending == ".urdf":
-        from beamstiff.robot.urdf.writer import robot_to_urdf
-
-        text = robot_to_urdf(robot, None if like is None else read_text(like))
-        if robot.loops:
-            notes.append("URDF knows no loops: its passive joints look free to other readers")
-    elif ending == ".sdf":
-        from beamstiff.robot.sdf_writer import robot_to_sdf
-
-        written = robot_to_sdf(robot)
-        text = written.text
-        notes += written.lost
-    elif ending == ".xml":
-        from beamstiff.simulators.mjcf_writer import robot_to_mjcf
-
-        if like is not None:
-            from beamstiff.simulators.mjcf_edit import mjcf_like
-
-            text, lost = mjcf_like(robot, read_text(like), like)
-        else:
-            from beamstiff.cli.variables import parse_variables
-            from beamstiff.robot.kinematics import actuated_values
-            from beamstiff.units import in_unit
-
-            where = actuated_values(robot, parse_variables(robot, q))[0] if q else None
-            text, lost = robot_to_mjcf(robot, where, in_unit(settle, "s"))
-        notes += lost
-    elif ending == ".csv":
-        from beamstiff.robot.dh_output import robot_to_table
-
-        if convention is None:
-            raise BeamstiffError("--convention: is missing, expected classic, modified or khalil-kleinfinger")
-        made = robot_to_table(robot, convention)
-        text, notes = made.text, list(made.notes)
-    else:
-        from beamstiff.robot.yaml_edit import robot_yaml
-
-        text = robot_yaml(robot, robot_file(source))
-    if like is not None and ending not in (".urdf", ".xml"):
-        raise BeamstiffError("--like: goes with an --out that ends in .urdf or .xml")
+    text, lost = robot_text(
+        robot,
+        out,
+        file,
+        like=like,
+        series=series,
+        q=actuated_values(robot, parse_variables(robot, q))[0] if q else None,
+        settle=in_unit(settle, "s"),
+        convention=convention,
+    )
+    notes = [*left_out, *(() if ending == ".csv" else missing_stiffness_notes(robot)), *lost]
     write(out, text, as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
@@ -217,38 +185,6 @@ def convert(
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)
-
-
-def read_pruned(source: str, tcp: str | None, hold: list[str]) -> tuple[Robot, list[str]] | None:
-    """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
-    from beamstiff.cli.options import parse_quantity
-    from beamstiff.robot.link_tree import tree_robot
-    from beamstiff.robot.pruning import pruned
-    from beamstiff.robot.urdf.reader import read_tree
-    from beamstiff.robot.xml_text import parse_xml
-
-    file = robot_file(source)
-    if file.suffix.lower() != ".urdf":
-        if hold:
-            raise BeamstiffError("--hold: goes with a URDF")
-        return None
-    if tcp is None:
-        if hold:
-            raise BeamstiffError("--hold: goes with --tcp LINK")
-        return None
-    tree = read_tree(parse_xml(read_text(file), str(file)))
-    kinds = {joint.name: joint.kind for joint in tree.joints}
-    values = {}
-    for text in hold:
-        name, equals, value = (word.strip() for word in text.partition("="))
-        if not equals:
-            raise BeamstiffError(f"--hold: found {shown(text)}, expected NAME=VALUE such as q7=30deg")
-        kind = "length" if kinds.get(name) == "prismatic" else "angle"
-        values[name] = parse_quantity("--hold", value, kind)
-    if not values and tcp not in {link.name for link in tree.links}:
-        return None  # the reader says what is wrong
-    chain, notes = pruned(tree, tcp, values)
-    return (tree_robot(chain, tcp), notes) if notes or values else None
 
 
 def draw_log(table: LogTable) -> Figure:
@@ -267,114 +203,3 @@ def point_nodes(texts: list[str]) -> dict[str, str]:
                 f"--point: found {shown(text)}, expected NODE=TOPIC such as smr1=/tracker/smr1"
             )
     return {topic.strip(): node.strip() for node, _, topic in pairs}
-
-
-def read_robot(source: str, tcp: str | None, convention: str | None, written: str = "") -> Robot:
-    """Return the robot of any file that one can be read from.
-
-    `tcp`: node at the TCP. `convention`: of a table that does not say. `written`: ending of the output: a
-    convention given for a table to be written is none of the input.
-    """
-    from beamstiff.functions.robots import check_known, load_robot
-    from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
-    from beamstiff.robot.sdf import read_sdf
-    from beamstiff.robot.urdf.reader import read_urdf
-    from beamstiff.robot.yaml_text import parse_yaml
-
-    file = robot_file(source)
-    ending = file.suffix.lower()
-    of_input = convention if written != ".csv" else None
-    if ending == ".urdf":
-        return check_known(read_urdf(file, tcp=tcp), file)
-    if ending == ".sdf":
-        return read_sdf(file, tcp=tcp)
-    if ending == ".xml":
-        from beamstiff.simulators.mjcf_reader import read_mjcf
-
-        read = read_mjcf(file, tcp=tcp)
-        for item in read.lost:
-            note(item)
-        return read.robot
-    if ending == ".csv":
-        robot = read_table(file, of_input)
-    elif ending in (".yaml", ".yml"):
-        text = read_text(file)
-        table = "rows" in text and is_table(parse_yaml(text, str(file))[0])
-        robot = parse_yaml_table(text, of_input, str(file)) if table else load_robot(file)
-    else:
-        robot = load_robot(source)
-    if tcp is None:
-        return robot
-    from beamstiff.robot.link_tree import robot_of
-
-    def fail(message: str) -> Any:
-        raise BeamstiffError(f"--tcp: {message}")
-
-    return robot_of(fail, {key: getattr(robot, key) for key in type(robot).model_fields} | {"tcp": tcp})
-
-
-def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
-    """Return the robot with a stiffness about or along the axis of joints that are rigid there."""
-    from beamstiff.robot.coupling import variable_kinds
-    from beamstiff.robot.stiffness import stiffness_parameters
-    from beamstiff.units import quantity
-
-    if not texts:
-        return robot
-    kinds = variable_kinds(robot)
-    own = {
-        joint.name: "axial" if kinds[joint.variable] == "length" else "torsional"
-        for joint in robot.joints
-        if joint.variable is not None
-    }
-    given: dict[str, float] = {}
-    for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
-        name, named, value = text.rpartition("=")
-        name = name.strip()
-        if named and name not in own:
-            from beamstiff.errors import suggest
-
-            raise BeamstiffError(
-                f"--joint-stiffness: there is no moving joint {name!r}{suggest(name, own)}, expected one of "
-                f"{listed(own, 12)}"
-            )
-        found: dict[str, float] = {}
-        problems: dict[str, BeamstiffError] = {}
-        for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
-            try:
-                found[direction] = quantity(value, kind)
-            except BeamstiffError as error:
-                problems[direction] = error
-        if len(found) != 1:  # a plain number fits both
-            meant = own.get(name, "torsional" if "torsional" in own.values() else "axial")
-            why = f": {problems[meant]}" if not found else ""
-            raise BeamstiffError(
-                f"--joint-stiffness: found {shown(text)}, expected a stiffness with its unit, such as "
-                f"'1e6 N*m/rad' or '1e8 N/m'{why}"
-            )
-        ((direction, size),) = found.items()
-        fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
-        if not fitting or own[fitting[0]] != direction:
-            raise BeamstiffError(
-                f"--joint-stiffness: found {shown(text)}, which is {direction}; no joint "
-                f"{'of this name ' if named else ''}moves so"
-            )
-        rigid = [
-            joint for joint in fitting if named or robot.parameter(f"{joint}.{direction}") == float("inf")
-        ]
-        given |= {f"{joint}.{direction}": size for joint in rigid}
-    wanted = {*robot.identify, *given}
-    ordered = [name for name in stiffness_parameters(robot) if name in wanted]
-    return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
-
-
-def _notes(robot: Robot) -> list[str]:
-    from beamstiff.robot.stiffness import missing_stiffness
-
-    missing = missing_stiffness(robot)
-    if not missing:
-        return []
-    return [
-        f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
-        "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
-    ]

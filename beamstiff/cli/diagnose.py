@@ -103,7 +103,7 @@ def diagnose(
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
-        from beamstiff.functions.written import as_written
+        from beamstiff.functions.written import applied_text
         from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply):
@@ -115,7 +115,7 @@ def diagnose(
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
             if simulator:
-                text, lost = as_written(larger, apply, file)
+                text, lost = applied_text(larger, apply, file)
                 for item in lost:
                     note(item)
             else:  # the error's text is one line

@@ -30,7 +30,7 @@ RobotFile = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="YAML, URDF or SDF file, or the name of a bundled robot.",
+        help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot.",
         autocompletion=robots_beginning,
     ),
 ]

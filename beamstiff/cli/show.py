@@ -18,7 +18,7 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML, URDF or SDF file, or the name of a bundled robot; without it these are listed.",
+            help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot; without it these are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,

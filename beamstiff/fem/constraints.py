@@ -85,10 +85,23 @@ def ranks(rows: Array, scale: Array) -> NDArray[np.int64]:
 
 def count_ranks(singular: Array, scale: Array) -> NDArray[np.int64]:
     """Return the rank of rows of each pose, (P,), from their singular values (P, k), scaled as in `ranks`."""
+    counts: NDArray[np.int64] = _independent(singular, scale).sum(axis=1)
+    return counts
+
+
+def _independent(singular: Array, scale: Array) -> NDArray[np.bool_]:
+    """Return which singular values (P, k) are more than rounding."""
     # a loop of rigids alone leaves rows of rounding errors: nothing to compare with but the machine's size
     largest = singular.max(axis=1, initial=scale.max(initial=1.0), keepdims=True)
-    counts: NDArray[np.int64] = (singular > RANK_TOLERANCE * largest).sum(axis=1)
-    return counts
+    return np.asarray(singular > RANK_TOLERANCE * largest)
+
+
+def scaled_inverse(rows: Array, scale: Array) -> Array:
+    """Return the pseudo-inverse (P, n, k) of ``rows * scale``, of the rank that `ranks` finds."""
+    left, singular, right = np.linalg.svd(rows * scale, full_matrices=False)
+    kept = _independent(singular, scale)
+    inverse = np.divide(1.0, singular, out=np.zeros_like(singular), where=kept)
+    return np.asarray(right.swapaxes(-1, -2) @ (inverse[..., None] * left.swapaxes(-1, -2)))
 
 
 def null_space(rows: Array, scale: Array, what: str) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from beamstiff.fem.assembly import assemble, element_blocks, element_deformation, gather, scatter
 from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.beam_column import beam_bending
-from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
+from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_inverse, unknown_sizes
 from beamstiff.fem.geometry import Geometry, node_terms, strut_directions
 from beamstiff.fem.initial_stress import beam_initial_stress, joint_initial_stress, strut_initial_stress
 from beamstiff.fem.response import solve_constrained
@@ -45,7 +45,7 @@ def second_order(structure: Structure, geometry: Geometry, unknowns: Array, by_l
     force, closing = -scatter(structure, geometry, nodal), np.zeros_like(unknowns)
     if has_constraints(structure):
         units = unknown_sizes(structure)
-        inverse = np.linalg.pinv(constraint_rows(structure, geometry) * units, rcond=RANK_TOLERANCE)
+        inverse = scaled_inverse(constraint_rows(structure, geometry), units)
         gaps = _gaps(structure, geometry, linear, curved)
         closing = -units * (inverse @ gaps[..., None])[..., 0]
         stiffness = assemble(structure, geometry)[0] + by_load

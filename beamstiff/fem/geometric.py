@@ -25,7 +25,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import node_map, scatter
 from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, stability_change
 from beamstiff.fem.condensation import CHUNK
-from beamstiff.fem.constraints import RANK_TOLERANCE, constraint_rows, has_constraints, unknown_sizes
+from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_inverse, unknown_sizes
 from beamstiff.fem.finite_displacement import displaced, finite_displacement, second_order
 from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
@@ -223,10 +223,8 @@ def _add_constraints(
     missing = scatter(structure, geometry, rest)
     missing[:, structure.springs] -= structure.spring_values * unknowns[:, structure.springs]
     units = unknown_sizes(structure)
-    left, singular, right = np.linalg.svd(constraint_rows(structure, geometry) * units, full_matrices=False)
-    largest = singular.max(axis=1, initial=units.max(initial=1.0), keepdims=True)
-    inverse = np.where(singular > RANK_TOLERANCE * largest, 1 / np.maximum(singular, RANK_TOLERANCE), 0.0)
-    forces = (left @ (inverse[..., None] * (right @ (units * missing)[..., None])))[..., 0]
+    inverse = scaled_inverse(constraint_rows(structure, geometry), units)
+    forces = ((units * missing)[:, None] @ inverse)[:, 0]
     rigid_of = [joint_values(robot.joints[at]) == RIGID for at in numbering.chord_joints]
     rigid_struts = [at for at, strut in enumerate(robot.struts) if strut.rigid]
     sizes = [6] * (numbering.held.size + numbering.chord_rigids.size)

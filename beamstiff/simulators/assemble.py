@@ -15,7 +15,15 @@ from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array, transform
-from beamstiff.simulators.bodies import BodyJoint, BodyTree, Closure, Kind, parents_first, placed_bodies
+from beamstiff.simulators.bodies import (
+    BodyJoint,
+    BodyTree,
+    Closure,
+    Kind,
+    few_joints,
+    parents_first,
+    placed_bodies,
+)
 from beamstiff.simulators.effects import add_effects, bare
 from beamstiff.simulators.joints import Assembly, Element
 from beamstiff.simulators.paths import machine_of
@@ -49,7 +57,7 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
         robot.name,
         robot.tcp,
         robot.gravity,
-        tuple(parents_first(made.bodies)),
+        tuple(parents_first(few_joints(made.bodies))),
         tuple(made.closures),
         tuple(made.tendons),
         made.reference,

@@ -13,6 +13,7 @@ import numpy as np
 
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
+MOST_JOINTS = 6  # of a body, in MuJoCo
 Kind = Literal["hinge", "slide"]
 # drive: an actuated variable; passive: one that loops set; spring: compliance; follower: led by another
 Role = Literal["drive", "passive", "spring", "follower"]
@@ -31,6 +32,7 @@ class BodyJoint:
     limits: tuple[float, float] | None = None
     leader: str = ""  # of a follower
     factor: float = 1.0  # of a follower, by which it moves as its leader does
+    rest: float = 0.0  # m or rad: where a spring pulls nothing
     cubic: float = 0.0  # N/m^3 or N m/rad^3: of a spring whose force is k x + c x^3
     deadband: float = 0.0  # rad or m: half of the way between its stops; 0 where there are none
     friction: float = 0.0  # N or N m: what it takes to move it against its spring
@@ -107,6 +109,17 @@ def placed_bodies(bodies: list[Body] | tuple[Body, ...], values: dict[str, float
     return poses
 
 
+def few_joints(bodies: list[Body]) -> list[Body]:
+    """Return bodies of at most six joints: one with more rides on bodies that have the first of them."""
+    bodies, names = [*bodies], {body.name for body in bodies}
+    for number in range(len(bodies)):
+        while len((own := bodies[number]).joints) > MOST_JOINTS:
+            first, rest = own.joints[:MOST_JOINTS], own.joints[MOST_JOINTS:]
+            bodies.append(Body(free_name(own.name, names), own.parent, own.placed, first))
+            bodies[number] = replace(own, parent=len(bodies) - 1, placed=np.eye(4), joints=rest)
+    return bodies
+
+
 def parents_first(bodies: list[Body]) -> list[Body]:
     """Return bodies in an order in which parents precede their children."""
     order: list[int] = []
@@ -114,3 +127,12 @@ def parents_first(bodies: list[Body]) -> list[Body]:
         order += [at for at, body in enumerate(bodies) if at not in order and body.parent in (-1, *order)]
     places = {at: number for number, at in enumerate(order)} | {-1: -1}
     return [replace(bodies[at], parent=places[bodies[at].parent]) for at in order]
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name that is not taken yet, and take it."""
+    number, own = 2, name
+    while own in taken:
+        own, number = f"{name} {number}", number + 1
+    taken.add(own)
+    return own

@@ -15,11 +15,13 @@ from beamstiff.simulators.mjcf_writer import write_mjcf
 from beamstiff.simulators.statics import MujocoModel
 
 
-def mujoco_deflection(robot: Robot, rows: Measurements) -> tuple[Array, tuple[str, ...]]:
+def mujoco_deflection(
+    robot: Robot, rows: Measurements, *, anew: bool = True
+) -> tuple[Array, tuple[str, ...]]:
     """Return displacements (N, 6), loaded minus unloaded, in MuJoCo's equilibria; and what the model lacks.
 
     Drives are held exactly, gravity acts. A robot that is not the same in every posture (beams whose length
-    follows a slide) is written anew for each.
+    follows a slide) is written `anew` for each, or once in its reference posture.
     """
     kinematics = compile_kinematics(robot)
     values = close_loops(kinematics, rows.q).values
@@ -29,7 +31,7 @@ def mujoco_deflection(robot: Robot, rows: Measurements) -> tuple[Array, tuple[st
     for row in history_order(rows).tolist():
         if rows.pose[row] != at_pose:
             at_pose, q = rows.pose[row], rows.q[row]
-            if tree.varies:
+            if tree.varies and anew:
                 model = MujocoModel(write_mjcf(assemble(robot, q)))
             held = dict(zip(names, q.tolist(), strict=True))
             start = model.at(dict(zip(kinematics.coupling.names, values[row].tolist(), strict=True)))

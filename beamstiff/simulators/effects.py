@@ -21,8 +21,8 @@ from beamstiff.measure.table import make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect, AddedShape, Beam, Mass, Rigid
 from beamstiff.se3 import Array, displacement_transport, rotate_screw, transform
-from beamstiff.simulators.bodies import Body, BodyJoint, Tendon
-from beamstiff.simulators.joints import MOST_JOINTS, Assembly, free_name
+from beamstiff.simulators.bodies import BodyJoint, Tendon, free_name
+from beamstiff.simulators.joints import Assembly
 from beamstiff.units import unit_size, with_unit
 
 ROUNDING = 1e-6  # of a compliance: what is less is none
@@ -118,7 +118,8 @@ def _compliance(made: Assembly, effect: AddedEffect) -> bool:
     springs = [*springs_of(local[0], own, _label(effect))]
     if not springs:
         return False
-    insert(made, body, springs)
+    for spring in springs:
+        made.join(body, spring)
     return True
 
 
@@ -180,16 +181,6 @@ def springs_of(compliance: Array, frame: Array, name: str) -> Iterator[BodyJoint
         place = frame[:3, :3] @ point + frame[:3, 3]
         turn = frame[:3, :3] @ axis
         yield BodyJoint(f"{name}.turn.{at + 1}", "hinge", place, turn, "spring", 1.0 / float(value))
-
-
-def insert(made: Assembly, body: int, springs: list[BodyJoint]) -> None:
-    """Add springs behind the joints of a body, in a body of their own where it has too many."""
-    own = made.bodies[body]
-    if len(own.joints) + len(springs) > MOST_JOINTS:
-        made.bodies.append(Body(free_name(own.name, made.body_names), own.parent, own.placed, [*own.joints]))
-        made.bodies[body] = replace(own, parent=len(made.bodies) - 1, placed=np.eye(4), joints=[])
-    for spring in springs:
-        made.join(body, spring)
 
 
 # -- laws of drives
@@ -267,12 +258,6 @@ def _exchange(made: Assembly, body: int, old: BodyJoint, new: list[BodyJoint]) -
         for one in new
     ]
     joints[at : at + 1] = named
-    if len(joints) > MOST_JOINTS:
-        rest = joints[MOST_JOINTS:]
-        del joints[MOST_JOINTS:]
-        own = made.bodies[body]
-        made.bodies.append(Body(free_name(own.name, made.body_names), own.parent, own.placed, joints))
-        made.bodies[body] = replace(own, parent=len(made.bodies) - 1, placed=np.eye(4), joints=rest)
 
 
 def _balancer(
@@ -289,15 +274,30 @@ def _balancer(
     length = np.sqrt(1 + ratio**2 + 2 * ratio * np.cos(around))
     first = -ratio * np.sin(around) / length
     stretch = length - free * (1 - ratio)
-    curve = first**2 + stretch * (-ratio * np.cos(around) - first**2) / length  # U'' for k_s a^2 = 1
+    torque = stretch * first  # U' for k_s a^2 = 1
+    curve = first**2 + stretch * (-ratio * np.cos(around) - first**2) / length  # U''
     size = parameters.get("largest_stiffness", 0.0) / float(np.abs(curve).max())
-    curve = size * curve
+    curve, torque = size * curve, size * torque
     angles, counts = (np.atleast_1d(effect.scales.get(key, 0.0)) for key in ("angles", "counts"))
     if not counts.any() or size <= 0.0:
         return False
     # the drive's stiffness in the file holds what the balancer adds on average
     usual = float(np.average(np.interp(angles - phase, around, curve, period=2 * np.pi), weights=counts))
-    made.bodies[body].joints[own.joints.index(spring)] = replace(spring, stiffness=spring.stiffness - usual)
+    k, q = spring.stiffness - usual, made.machine.value(drive.name)
+
+    def pull(turn: float) -> float:
+        return float(np.interp(q + turn - phase, around, torque, period=2 * np.pi))
+
+    # the drive winds up by what the effect says of its torque, in this posture: the rest is taken back
+    share = parameters.get("largest_torque", 0.0) / float(np.abs(torque).max())
+    rest = (pull(-share * pull(0.0) / k) - share * pull(0.0)) / k
+    wound = replace(spring, stiffness=k, rest=rest * float(np.sign(drive.axis @ spring.axis)))
+    made.bodies[body].joints[own.joints.index(spring)] = wound
+    made.varies = True
+    made.lost.append(
+        f"{_label(effect)}: torque right at {drive.name} = {q:.4g} rad alone, over all angles it turns "
+        f"the drive by {abs(1 - share) * np.ptp(torque) / k:.2g} rad too much"
+    )
     axis = drive.axis / np.linalg.norm(drive.axis)
     side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     side /= np.linalg.norm(side)

@@ -1,7 +1,10 @@
 """Bodies and joints of a machine while it is put together: variables, springs of joints and beams.
 
-A beam of constant length is compliant at its middle, where its six directions do not couple (Przemieniecki,
-eq. 5.116, carried to L/2): three slides and three hinges are exact.
+A beam of constant length bends at its two Gauss points, L/2 -+ L/sqrt(12), by half of its compliance
+L/EI each: its bending moment is linear, so Gauss's rule of two points makes ``integral M(x) m(x)/EI dx``
+exact. What is constant along it (axial force, shear, torsion) is compliant at the middle. Bent by a
+moment at its end a beam draws its ends together by theta^2 L/6; with two such hinges by 7 % more, with
+one at the middle by 50 %: this part of what an axial load does to the stiffness is wrong.
 """
 
 from __future__ import annotations
@@ -17,11 +20,11 @@ from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Beam, Joint, Rigid
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array
-from beamstiff.simulators.bodies import Body, BodyJoint, Closure, Kind, Role, Tendon, placed_bodies
+from beamstiff.simulators.bodies import Body, BodyJoint, Closure, Kind, Role, Tendon, free_name, placed_bodies
 from beamstiff.simulators.paths import Machine, Move, constant, moves_between, over_a_loop
 
 PARALLEL = 1e-6  # m and rad a unit rate: nearer than this, motions are the same
-MOST_JOINTS = 6  # of a body, in MuJoCo
+GAUSS = 12**-0.5  # of the length: from a beam's middle to where it bends
 Element = Rigid | Joint | Beam
 
 
@@ -118,7 +121,7 @@ class Assembly:
         else:
             body, frame, anew = self.move(root, frame, one, other, element.name)
         springs = [*self._compliance(element, frame, end, sign)]
-        if springs and (not anew or len(self.bodies[body].joints) + len(springs) > MOST_JOINTS):
+        if springs and not anew:
             body, frame = self.body(element.name, body, frame), np.eye(4)
             springs = [*self._compliance(element, frame, end, sign)]
         if closing and not any(joint.stiffness == 0.0 for joint in springs):
@@ -205,23 +208,22 @@ class Assembly:
             )
         section, material = section_properties(robot.sections[beam.section]), robot.materials[beam.material]
         E, G = material.E, material.G
-        shear = [
-            12 * E * second / (G * (area or np.inf) * length**2)
-            for second, area in ((section.Iz, section.Ay), (section.Iy, section.Az))
-        ]
-        values = {
+        bending = {"bending.y": 2 * E * section.Iy / length, "bending.z": 2 * E * section.Iz / length}
+        constant_along = {
             "axial": E * section.A / length,
-            "shear.y": 12 * E * section.Iz / (length**3 * (1 + shear[0])),
-            "shear.z": 12 * E * section.Iy / (length**3 * (1 + shear[1])),
+            "shear.y": G * (section.Ay or np.inf) / length,
+            "shear.z": G * (section.Az or np.inf) / length,
             "torsion": G * section.J / length,
-            "bending.y": E * section.Iy / length,
-            "bending.z": E * section.Iz / length,
         }
-        for direction, (name, value) in enumerate(values.items()):
-            if np.isfinite(value):
-                of: Kind = "slide" if direction < 3 else "hinge"
-                axis = sign * axes[:, direction % 3]
-                yield BodyJoint(f"{beam.name}.{name}", of, middle, axis, "spring", float(value))
+        # hinges in reverse order behind the middle: what their order does cancels
+        order = (bending, constant_along, dict(reversed(bending.items())))
+        for values, place in zip(order, (-GAUSS, 0.0, GAUSS), strict=True):
+            at = middle + sign * axes[:, 0] * length * place
+            for name, value in values.items():
+                if np.isfinite(value):
+                    of: Kind = "slide" if name in ("axial", "shear.y", "shear.z") else "hinge"
+                    axis = sign * axes[:, "yz".find(name[-1]) + 1]
+                    yield BodyJoint(f"{beam.name}.{name}", of, at, axis, "spring", float(value))
 
 
 def twist(joint: BodyJoint, pose: Array, at: Array) -> Array:
@@ -249,12 +251,3 @@ def _letters(local: Array) -> str:
         letter = max(left, key=lambda one: abs(axis["xyz".index(one)]))
         left, found = left.replace(letter, ""), found + letter
     return found
-
-
-def free_name(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken yet, and take it."""
-    number, own = 2, name
-    while own in taken:
-        own, number = f"{name} {number}", number + 1
-    taken.add(own)
-    return own

@@ -43,6 +43,11 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
     if tree.closures or tree.tendons:
         lost.append("struts, balancers and elements that close loops: the file keeps those that it has")
     (model, poses), ours = _placed(file), placed_bodies(tree.bodies, {})
+    known_springs = _springs(model)
+    for name, (own, _) in known_springs.items():
+        if own in elements:
+            elements.setdefault(name, elements[own])
+    tree = _without(tree, known_springs)
     data, edits = text.encode("utf-8"), list[Edit]()
     added: dict[tuple[int, str], list[str]] = {}  # of a place in the text, and what stands around a line
     for name, before, number, springs in _groups(tree, elements):
@@ -62,11 +67,10 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
         there = np.linalg.inv(poses[at]) @ ours[number]
         for spring in springs:
             if (known := elements.get(spring.name)) is not None:
-                edits += _restiffened(data, known, spring)
+                edits.append(_restiffened(data, known, spring))
                 continue
-            moved = replace(
-                spring, at=there[:3, :3] @ spring.at + there[:3, 3], axis=there[:3, :3] @ spring.axis
-            )
+            at_home, axis = there[:3, :3] @ spring.at + there[:3, 3], there[:3, :3] @ spring.axis
+            moved = replace(spring, at=at_home, axis=axis, rest=0.0)  # the balancer's tendon is not written
             added.setdefault(place, []).append(joint_text(moved, settle, 0.0))
     edits += [
         Edit(at, at, "".join(around.format(line) for line in lines)) for (at, around), lines in added.items()
@@ -74,6 +78,30 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
     edits += _at_tool(robot, tree, root, data, elements, settle, lost)
     result = apply_edits(data, edits) if edits else text
     return result, tuple(lost)
+
+
+def _springs(model: Any) -> dict[str, tuple[str, float]]:
+    """Return the file's own springs by the names that a robot read from it gives them: name and stiffness."""
+    found: dict[str, tuple[str, float]] = {}
+    for at in np.flatnonzero((model.jnt_type >= 2) & (model.jnt_stiffness > 0.0)):
+        name = model.joint(at).name
+        own, direction = name or f"joint_{at}", "axial" if model.jnt_type[at] == 2 else "torsional"
+        for called in (own, f"{own}.{direction}"):
+            found[called] = name, float(model.jnt_stiffness[at])
+    return found
+
+
+def _without(tree: BodyTree, springs: dict[str, tuple[str, float]]) -> BodyTree:
+    """Return a machine without the springs that the file has as they are."""
+
+    def stands(joint: BodyJoint) -> bool:
+        known = springs.get(joint.name, ("", np.inf))[1]
+        return joint.role == "spring" and abs(known - joint.stiffness) <= SAME * joint.stiffness
+
+    bodies = [
+        replace(body, joints=[joint for joint in body.joints if not stands(joint)]) for body in tree.bodies
+    ]
+    return replace(tree, bodies=tuple(bodies))
 
 
 def _groups(tree: BodyTree, elements: dict[str, Element]) -> Iterator[tuple[str, bool, int, list[BodyJoint]]]:
@@ -118,11 +146,9 @@ def _placed(file: str) -> tuple[Any, list[Array]]:
     return model, [transform(*placed) for placed in zip(turned, data.xpos, strict=True)]
 
 
-def _restiffened(data: bytes, element: Element, spring: BodyJoint) -> Iterator[Edit]:
-    """Yield the edit that gives a joint of the file another stiffness, if it has another one."""
-    said = element.attributes.get("stiffness", "0").split()
-    if abs(float(said[0]) - spring.stiffness) > SAME * spring.stiffness:
-        yield set_attribute(data, element, "stiffness", repr(float(spring.stiffness)))
+def _restiffened(data: bytes, element: Element, spring: BodyJoint) -> Edit:
+    """Return the edit that gives a joint of the file another stiffness."""
+    return set_attribute(data, element, "stiffness", repr(float(spring.stiffness)))
 
 
 def _at_tool(
@@ -138,9 +164,8 @@ def _at_tool(
     tools = [(number, body) for number, body in enumerate(tree.bodies) if body.name == "tool-compliance"]
     sites = [item for item in _all(root, "site") if item.attributes.get("name") == robot.tcp]
     for number, body in tools:
-        if body.joints and body.joints[0].name in elements:
-            for joint in body.joints:
-                yield from _restiffened(data, elements[joint.name], joint)
+        if all(joint.name in elements for joint in body.joints):
+            yield from (_restiffened(data, elements[joint.name], joint) for joint in body.joints)
             continue
         holder = [item for item in _all(root, "body") if sites and sites[0] in item.children]
         if not holder:

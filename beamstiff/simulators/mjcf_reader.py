@@ -20,7 +20,7 @@ from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import Kind, LinkTree, Mimic, TreeJoint, TreeLink, robot_data, robot_of
 from beamstiff.se3 import Array, rotation_from_vector, transform
-from beamstiff.simulators.joints import free_name
+from beamstiff.simulators.bodies import free_name
 from beamstiff.simulators.mjcf_writer import TCP
 from beamstiff.simulators.statics import engine
 

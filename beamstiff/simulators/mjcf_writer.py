@@ -10,6 +10,7 @@ import numpy as np
 
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sdf_writer import DRAWN
+from beamstiff.robot.urdf.export import mass_of_points
 from beamstiff.robot.xml_text import parse_xml
 from beamstiff.se3 import Array
 from beamstiff.simulators.assemble import assemble
@@ -117,15 +118,11 @@ def _text(values: Array) -> str:
 
 def mass_of(masses: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
     """Return mass, centre and inertia about it of point masses; the least that simulators take for none."""
-    mass = float(sum(one for one, _ in masses))
-    inertia = LEAST_MASS * np.eye(3)
-    if not mass > 0.0:
-        return LEAST_MASS, np.zeros(3), inertia
-    centre = np.asarray(np.sum([one * at for one, at in masses], axis=0) / mass)
-    for one, at in masses:
-        arm = at - centre
-        inertia += one * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return mass, centre, inertia
+    least = LEAST_MASS * np.eye(3)
+    if not any(mass > 0.0 for mass, _ in masses):
+        return LEAST_MASS, np.zeros(3), least
+    mass, centre, inertia = mass_of_points(masses)
+    return mass, centre, inertia + least
 
 
 def _inertial(body: Body) -> str:
@@ -147,6 +144,8 @@ def joint_text(joint: BodyJoint, settle: float, springs: float) -> str:
         k = float(joint.stiffness)
         hard = f" 0 {float(joint.cubic)!r}" if joint.cubic else ""
         said += f' stiffness="{k!r}{hard}" damping="{2 * k * settle!r}" armature="{k * settle**2!r}"'
+        if joint.rest:
+            said += f' springref="{float(joint.rest)!r}"'
         if joint.friction:
             said += f' frictionloss="{float(joint.friction)!r}"'
         if joint.deadband:

@@ -14,7 +14,7 @@ import numpy as np
 
 from beamstiff.robot.description import Robot
 from beamstiff.robot.placement import roll_pitch_yaw
-from beamstiff.robot.urdf.export import FARTHEST, numbers_text
+from beamstiff.robot.urdf.export import FARTHEST, link_lines, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyJoint, BodyTree
@@ -87,14 +87,7 @@ def _urdf(tree: BodyTree, links: list[SeriesLink]) -> str:
     said = f"stiffness of the joints in series, N/m and N m/rad:{listed}".replace("--", "- -")
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(tree.name)}>", f"  <!-- {said} -->"]
     for link in links:
-        mass, centre, inertia = _inertial(tree, link)
-        moments = " ".join(
-            f'i{"xyz"[i]}{"xyz"[j]}="{float(inertia[i, j])!r}"' for i in range(3) for j in range(i, 3)
-        )
-        lines.append(
-            f'  <link name={quoteattr(link.name)}><inertial><origin xyz="{numbers_text(centre)}"/>'
-            f'<mass value="{mass!r}"/><inertia {moments}/></inertial></link>'
-        )
+        lines += link_lines(link.name, *_inertial(tree, link))
     for link in links[1:]:
         joint, placed = link.joint, link.placed
         kind, name = "fixed", f"{link.name} in {link.parent}"

@@ -152,13 +152,14 @@ class MujocoModel:
             G, gap = constraints()
             if multipliers.size != len(G):
                 multipliers = np.zeros(len(G))
-            balance = residual + G.T @ multipliers
             tangent = np.empty((free.size, free.size))
             for column, place in enumerate(places):
-                moved = qpos.copy()
-                moved[place] += STEP
-                ahead = forces(moved) + constraints()[0].T @ multipliers
-                tangent[:, column] = (balance - ahead) / STEP
+                sides = []
+                for way in (-STEP, STEP):
+                    moved = qpos.copy()
+                    moved[place] += way
+                    sides.append(forces(moved) + constraints()[0].T @ multipliers)
+                tangent[:, column] = (sides[0] - sides[1]) / (2 * STEP)
             step, multipliers = _solve(tangent, G, residual, gap)
             before, longest = longest, float(np.abs(step).max(initial=0.0))
             qpos[places] += step * min(1.0, LONGEST / max(longest, 1e-300))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
-from beamstiff.cli.convert import with_joint_stiffness
 from beamstiff.errors import BeamstiffError
+from beamstiff.functions.convert import with_joint_stiffness
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.cli.conftest import Refused, Run
 from tests.robot.urdf_texts import EVERYTHING

@@ -6,8 +6,11 @@ import pytest
 from beamstiff.fem.geometric import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import compile_structure
+from beamstiff.measure import make_measurements
+from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
 from tests.fem.builders import STEEL, at_rest, frame, relative_error, some_rotation
+from tests.fem.random_frames import machine_frame
 from tests.fem.rigid_bodies import RigidBodies
 from tests.fem.test_geometric import MACHINES
 
@@ -81,3 +84,12 @@ def test_the_compliance_is_that_where_the_weight_has_moved_the_machine(name: str
     one, half = (difference(name, share, moved=False) for share in (1.0, 0.5))
     assert half < one / 3.2
     assert one < 0.2 * difference(name, 1.0, moved=True)
+
+
+def test_loops_that_no_load_strains_leave_no_rounding() -> None:
+    """Rigid parts close a loop by rows of mere rounding: under weight a small force moves in proportion."""
+    robot = machine_frame(65, more=6, loops=3).robot()
+    wrench = np.outer([1e-2, 1.0], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    push = make_measurements([], [[], []], tcp=robot.tcp, wrench=wrench)
+    small, large = predict_displacements(robot, push, True)
+    np.testing.assert_allclose(100 * small[:3], large[:3], rtol=1e-4)

@@ -130,6 +130,23 @@ def test_springs_of_the_file_get_the_robots_stiffness(arm: Path) -> None:
     assert softer == once.replace('stiffness="1000000.0"', 'stiffness="500000.0"')
 
 
+def test_springs_of_any_name_and_class_stand(arm: Path) -> None:
+    """One called as it likes, one without a name, and one whose stiffness its class says."""
+    springs = (
+        '<joint name="soft" type="slide" stiffness="1e6"/><joint axis="1 0 0" stiffness="2e6"/>'
+        '<joint name="sprung" class="spring" axis="0 1 0"/>'
+    )
+    text = ARM.replace(
+        "<worldbody>",
+        '<default><default class="spring"><joint stiffness="3e6"/></default></default><worldbody>',
+    ).replace('<inertial pos="0.3 0 0"', f'{springs}<inertial pos="0.3 0 0"')
+    arm.write_text(text)
+    robot = load_any(arm)
+    assert mjcf_like(robot, text, str(arm))[0] == text
+    softer = robot.with_parameters({"soft.axial": 5e5})
+    assert mjcf_like(softer, text, str(arm))[0] == text.replace('"1e6"', '"500000.0"')
+
+
 def test_a_file_with_other_joints_is_refused(arm: Path) -> None:
     with pytest.raises(BeamstiffError, match="expected joints named as the robot's variables"):
         mjcf_like(load_robot("kr240-2"), ARM.replace("q", "joint"), str(arm))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.functions.written import SERIES, as_written
+from beamstiff.functions.written import SERIES, applied_text
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.sdf_writer import robot_to_sdf
@@ -54,7 +54,7 @@ def test_an_sdf_that_is_diagnosed_gets_its_effect_as_joints_of_its_own(tmp_path:
     play = {"effect": "backlash", "component": "q2", "shape": "flank within 0.03"}
     more = {"parameters": {"half_width": 4e-4}, "scales": {"torque": 4000.0}}
     robot = load_robot(start).model_copy(update={"effects": (AddedEffect.model_validate(play | more),)})
-    text, lost = as_written(robot, str(tmp_path / "out.sdf"), start)
+    text, lost = applied_text(robot, str(tmp_path / "out.sdf"), start)
     assert lost == (SERIES,)
     names = [item.get("name") for item in ET.fromstring(text).iter() if item.tag in ("link", "joint")]
     assert len(names) == len(set(names))

@@ -62,7 +62,7 @@ def urdf_skeleton(robot: Robot) -> str:
     masses = _masses(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     for link in ["base", *(step.child for step in steps)]:
-        lines += _link_lines(link, *masses[link]) if link in masses else [f"  <link name={quoteattr(link)}/>"]
+        lines += link_lines(link, *masses[link]) if link in masses else [f"  <link name={quoteattr(link)}/>"]
     names: set[str] = set(joined.free)
     for step in steps:
         lines += _joint_lines(robot, step, own, names)
@@ -122,19 +122,22 @@ def _masses(robot: Robot) -> dict[str, tuple[float, Array, Array]]:
     for item in robot.masses:
         node = nodes[item.node]
         points.setdefault(node.frame, []).append((item.mass, np.add(node.at, item.at)))
-    result = {}
-    for frame, some in points.items():
-        total = sum(mass for mass, _ in some)
-        centre = np.sum([mass * at for mass, at in some], axis=0) / total
-        inertia = np.zeros((3, 3))
-        for mass, at in some:
-            arm = at - centre
-            inertia += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        result[frame] = total, centre, inertia
-    return result
+    return {frame: mass_of_points(some) for frame, some in points.items()}
 
 
-def _link_lines(name: str, mass: float, centre: Array, inertia: Array) -> list[str]:
+def mass_of_points(points: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
+    """Return mass, centre (3,) and inertia about it (3, 3) of point masses: kg, and where, m."""
+    total = float(sum(mass for mass, _ in points))
+    centre = np.asarray(np.sum([mass * at for mass, at in points], axis=0) / total)
+    inertia = np.zeros((3, 3))
+    for mass, at in points:
+        arm = at - centre
+        inertia += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return total, centre, inertia
+
+
+def link_lines(name: str, mass: float, centre: Array, inertia: Array) -> list[str]:
+    """Return a link of a URDF with its inertial."""
     moments = " ".join(
         f'i{"xyz"[i]}{"xyz"[j]}="{numbers_text(inertia[i, j : j + 1])}"'
         for i in range(3)

@@ -1,0 +1,142 @@
+"""A robot of any file that describes one, and the stiffness that conversion gives its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
+from beamstiff.files import read_text
+from beamstiff.functions.robots import check_known, load_robot
+from beamstiff.robot.coupling import variable_kinds
+from beamstiff.robot.description import Robot
+from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
+from beamstiff.robot.link_tree import robot_of, tree_robot
+from beamstiff.robot.pruning import pruned
+from beamstiff.robot.sdf import read_sdf
+from beamstiff.robot.stiffness import missing_stiffness, stiffness_parameters
+from beamstiff.robot.urdf.reader import read_tree, read_urdf
+from beamstiff.robot.xml_text import parse_xml
+from beamstiff.robot.yaml_text import parse_yaml
+from beamstiff.units import quantity
+
+
+def read_any(
+    file: Path, *, tcp: str | None = None, convention: str | None = None, hold: Sequence[str] = ()
+) -> tuple[Robot, list[str]]:
+    """Return the robot of any file that one can be read from, and notes on what of it was left out.
+
+    `tcp`: node at the TCP; a URDF is pruned to the chain that leads there, with joints held at values such as
+    ``"q7=30deg"`` (`hold`). `convention`: of a table of frames that does not say.
+    """
+    ending = file.suffix.lower()
+    if hold and ending != ".urdf":
+        raise OptionError("hold", "goes with a URDF")
+    if hold and tcp is None:
+        raise OptionError("hold", "goes with --tcp LINK")
+    if ending == ".urdf":
+        return _pruned(file, tcp, hold) or (check_known(read_urdf(file, tcp=tcp), file), [])
+    if ending == ".sdf":
+        return read_sdf(file, tcp=tcp), []
+    if ending == ".xml":
+        from beamstiff.simulators.mjcf_reader import read_mjcf
+
+        read = read_mjcf(file, tcp=tcp)
+        return read.robot, list(read.lost)
+    if ending == ".csv":
+        robot = read_table(file, convention)
+    else:
+        text = read_text(file) if ending in (".yaml", ".yml") else ""
+        table = "rows" in text and is_table(parse_yaml(text, str(file))[0])
+        robot = parse_yaml_table(text, convention, str(file)) if table else load_robot(file)
+    if tcp is None:
+        return robot, []
+
+    def fail(message: str) -> Any:
+        raise OptionError("tcp", message)
+
+    return robot_of(fail, {key: getattr(robot, key) for key in type(robot).model_fields} | {"tcp": tcp}), []
+
+
+def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, list[str]] | None:
+    """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
+    if tcp is None:
+        return None
+    tree = read_tree(parse_xml(read_text(file), str(file)))
+    kinds = {joint.name: joint.kind for joint in tree.joints}
+    values = {}
+    for text in hold:
+        name, equals, value = (word.strip() for word in text.partition("="))
+        if not equals:
+            raise OptionError("hold", f"found {shown(text)}, expected NAME=VALUE such as q7=30deg")
+        try:
+            values[name] = quantity(value, "length" if kinds.get(name) == "prismatic" else "angle")
+        except BeamstiffError as error:
+            raise OptionError("hold", str(error)) from None
+    if not values and tcp not in {link.name for link in tree.links}:
+        return None  # the reader says what is wrong
+    chain, notes = pruned(tree, tcp, values)
+    return (tree_robot(chain, tcp), notes) if notes or values else None
+
+
+def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
+    """Return the robot with a stiffness about or along the axis of joints that are rigid there."""
+    if not texts:
+        return robot
+    kinds = variable_kinds(robot)
+    own = {
+        joint.name: "axial" if kinds[joint.variable] == "length" else "torsional"
+        for joint in robot.joints
+        if joint.variable is not None
+    }
+    given: dict[str, float] = {}
+    for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
+        name, named, value = text.rpartition("=")
+        name = name.strip()
+        if named and name not in own:
+            raise OptionError(
+                "joint_stiffness",
+                f"there is no moving joint {name!r}{suggest(name, own)}, expected one of {listed(own, 12)}",
+            )
+        found: dict[str, float] = {}
+        problems: dict[str, BeamstiffError] = {}
+        for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
+            try:
+                found[direction] = quantity(value, kind)
+            except BeamstiffError as error:
+                problems[direction] = error
+        if len(found) != 1:  # a plain number fits both
+            meant = own.get(name, "torsional" if "torsional" in own.values() else "axial")
+            why = f": {problems[meant]}" if not found else ""
+            raise OptionError(
+                "joint_stiffness",
+                f"found {shown(text)}, expected a stiffness with its unit, such as "
+                f"'1e6 N*m/rad' or '1e8 N/m'{why}",
+            )
+        ((direction, size),) = found.items()
+        fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
+        if not fitting or own[fitting[0]] != direction:
+            raise OptionError(
+                "joint_stiffness",
+                f"found {shown(text)}, which is {direction}; no joint "
+                f"{'of this name ' if named else ''}moves so",
+            )
+        rigid = [
+            joint for joint in fitting if named or robot.parameter(f"{joint}.{direction}") == float("inf")
+        ]
+        given |= {f"{joint}.{direction}": size for joint in rigid}
+    wanted = {*robot.identify, *given}
+    ordered = [name for name in stiffness_parameters(robot) if name in wanted]
+    return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
+
+
+def missing_stiffness_notes(robot: Robot) -> list[str]:
+    """Return a note on the joints that are rigid, where there are some."""
+    missing = missing_stiffness(robot)
+    if not missing:
+        return []
+    return [
+        f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
+        "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
+    ]
