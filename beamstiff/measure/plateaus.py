@@ -20,7 +20,10 @@ from beamstiff.se3 import Array
 
 CELL = 0.05  # s: pieces begin and end on such a grid
 MOST_CELLS = 600  # in a stretch; longer ones have longer cells
-CHUNK, BLOCK = 1.0, 0.15  # s: over which the noise is read, and its means
+CHUNK = 1.0  # s: over which the noise is read
+USUAL = 2.0  # times the median variance, up to which a chunk counts
+LIKELIER = 0.1  # in log likelihood of a chunk: slow noise
+SLOW = tuple((share, lasts) for share in (0.2, 0.5, 0.8) for lasts in (0.03, 0.06, 0.12, 0.25, 0.5))  # 1, s
 SHORTEST = 0.3  # s of a window that is kept
 # Faster than this is a motion, whatever the noise: rad/s, m/s; forces alone do not tell one.
 FAST: Mapping[SignalKind, float] = {"joints": 0.01, "point": 5e-3, "pose": 5e-3}
@@ -29,8 +32,8 @@ OVER = 0.1  # s, in which the speed is read
 DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6, "wrench": 1e-2}
 SHAKES = 2.0  # times the variance of the noise
 RINGS = 2.5  # standard deviations of the squared residuals of a block, beyond which it rings
-GOES_ON = 3.0  # standard deviations of a slope along that of a neighbour that creeps
-GUARD, MOST_GUARD = 5.0, 0.25  # intervals of the slowest signal behind a motion, between which it rings; s
+GOES_ON = 4.0  # standard deviations of a slope along that of a neighbour that creeps
+GUARD, MOST_GUARD = 5.0, 0.4  # intervals of the slowest signal behind a motion, between which it rings; s
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
 
@@ -191,7 +194,8 @@ def _misfit(one: _Sums, high: int) -> Array:
     count, _, slope, residual = _line(one, np.arange(high), high)
     values = np.maximum(count * slope.shape[-1], 1.0)
     excess = np.maximum(residual / values, 1.0)
-    return np.asarray((residual / excess + values * np.log(excess)) / one.alike)
+    # as of white noise: cuts that slow noise makes are undone when pieces are judged
+    return np.asarray(residual / excess + values * np.log(excess))
 
 
 def _slow_noise(
@@ -199,28 +203,43 @@ def _slow_noise(
 ) -> tuple[Array, float]:
     """Return the noise of a signal (D,) over a second, and how many alike readings count for one.
 
-    From the median second of what does not move quickly, a line taken off; means of blocks vary more than
-    single readings say where the noise is slow.
+    From the seconds of what does not move quickly, a line taken off each; those that vary much more than
+    the median creep along a curve, and do not count. The noise is white, a part of it correlated over a
+    time, both by maximum likelihood of what a line leaves (its own share would hide slow noise else).
     """
-    variance, ratio = [], []
-    block = max(round(BLOCK / signal.interval), 3)
+    length = max(round(CHUNK / signal.interval), 12)
+    away: list[Array] = []
     for low, high in stretches:
         inside = slice(*np.searchsorted(signal.time, [low, high]))
-        time, values = signal.time[inside], signal.values[inside]
-        length = max(round(CHUNK / signal.interval), 4 * block) // block * block
-        for at in range(0, len(time) - length + 1, length):
-            t = time[at : at + length] - time[at : at + length].mean()
-            y = values[at : at + length] - values[at : at + length].mean(axis=0)
-            y = y - t[:, None] * (t @ y) / (t @ t)
-            means = y.reshape(-1, block, y.shape[1]).mean(axis=1)
-            own = (y**2).sum(axis=0) / (length - 2)
-            variance.append(own)
-            of_blocks = (means**2).sum(axis=0) / (len(means) - 2) * block
-            ratio.append(float(of_blocks.sum() / max(own.sum(), 1e-30)))
-    if len(variance) < 3:
+        values = signal.values[inside]
+        away += [values[at : at + length] for at in range(0, len(values) - length + 1, length)]
+    if len(away) < 3:
         return noise, 1.0
-    sigma = np.maximum(np.sqrt(np.median(variance, axis=0)), noise)
-    return sigma, float(np.clip(np.median(ratio), 1.0, block))
+    time = np.arange(length) - 0.5 * (length - 1)
+    lines = np.stack([np.full(length, length**-0.5), time / np.linalg.norm(time)], axis=1)
+    beside = np.linalg.qr(np.concatenate([lines, np.eye(length)], axis=1))[0][:, 2:]  # (n, n - 2)
+    left = np.einsum("nk,cnd->cdk", beside, np.array(away))
+    variance = (left**2).mean(axis=2)
+    median = np.median(variance, axis=0)
+    sigma = np.maximum(np.sqrt(median), noise)
+    usual = left[(variance > 0) & (variance < USUAL * median) & (median > 0.25 * noise**2)]
+    if len(usual) < 3 or signal.kind == "joints":  # encoders stand at a count
+        return sigma, 1.0
+    apart = np.abs(np.subtract.outer(time, time)) * signal.interval
+
+    def likelihood(share: float, lasts: float) -> Array:
+        covariance = beside.T @ ((1.0 - share) * np.eye(length) + share * np.exp(-apart / lasts)) @ beside
+        factor = np.linalg.cholesky(covariance)
+        square = (np.linalg.solve(factor, usual.T) ** 2).mean(axis=0)
+        # of the best size of the noise in each chunk
+        return np.asarray(-np.log(np.diag(factor)).sum() - 0.5 * (length - 2) * np.log(square))
+
+    white = likelihood(0.0, 1.0)  # medians: what rings or creeps in a chunk looks like slow noise
+    better, share, lasts = max((float(np.median(likelihood(*one) - white)), *one) for one in SLOW)
+    if better < LIKELIER:
+        return sigma, 1.0
+    kept = float(np.exp(-signal.interval / lasts))
+    return sigma, 1.0 + 2.0 * share * kept / (1.0 - kept)
 
 
 def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard: float) -> list[Window]:
@@ -251,7 +270,7 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard:
         if not reason:
             reason = next((why for one in beside if (why := _goes_on(sums, edges, (low, high), one))), "")
         # the cells at its ends may hold the end of a motion, and ringing between two readings
-        start = float(edges[low]) + max(CELL * (2 if low > cuts[0] else 1), guard)
+        start = max(float(edges[low]) + CELL * (2 if low > cuts[0] else 1), float(edges[borders[at]]) + guard)
         end = float(edges[high]) - CELL * (2 if high < cuts[-1] else 1)
         if not reason and end - start < shortest:
             reason = f"stands still for {max(end - start, 0.0):.2f} s, expected {shortest:g} s at least"
@@ -286,19 +305,21 @@ def _calm(sums: Sequence[_Sums], step: float, low: int, high: int) -> tuple[int,
     noise.
     """
     begin, end = low, high
-    most, last = (high - low) // 2, (high - low) // 4
-    for block in (0.8, 0.4, 0.2, 0.1, 0.05, 0.8):
-        cells = max(round(block / step), 1)
-        while begin + cells <= low + most and any(
-            _rings(one, begin, begin + cells, (begin + cells, end)) for one in sums
-        ):
-            begin += max(cells // 2, 1)
-        begin = begin + (2 if begin > low and block == 0.05 else 0)  # it dies away below the noise
-        while end - cells >= high - last and any(
-            _rings(one, end - cells, end, (begin, end - cells)) for one in sums
-        ):
-            end -= max(cells // 2, 1)
-    return min(begin, low + most), end
+    most, last = low + (high - low) // 2, high - (high - low) // 4
+    before = None
+    while before != (begin, end):  # a short block may lie where the ringing passes through zero
+        before = begin, end
+        for block in (0.8, 0.4, 0.2, 0.1, 0.05):
+            cells = max(round(block / step), 1)
+            while begin + cells <= most and any(
+                _rings(one, begin, begin + cells, (begin + cells, end)) for one in sums
+            ):
+                begin += max(cells // 2, 1)
+            while end - cells >= last and any(
+                _rings(one, end - cells, end, (begin, end - cells)) for one in sums
+            ):
+                end -= max(cells // 2, 1)
+    return min(begin + (2 if begin > low else 0), most), end  # it dies away below the noise
 
 
 def _rings(one: _Sums, low: int, high: int, others: tuple[int, int]) -> bool:
