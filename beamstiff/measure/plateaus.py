@@ -33,7 +33,7 @@ DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6
 SHAKES = 2.0  # times the variance of the noise
 RINGS = 2.5  # standard deviations of the squared residuals of a block, beyond which it rings
 GOES_ON = 4.0  # standard deviations of a slope along that of a neighbour that creeps
-GUARD, MOST_GUARD = 5.0, 0.4  # intervals of the slowest signal behind a motion, between which it rings; s
+GUARD, MOST_GUARD = 5.0, 0.25  # intervals of the slowest signal behind a motion, between which it rings; s
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
 
@@ -251,7 +251,7 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard:
         low, middle, high = borders[at - 1 : at + 2]
         whole = _why(sums, edges, low, high)
         apart = _leap(sums, low, middle, high)
-        if not whole and not apart:
+        if (not whole and not apart) or _one_line(sums, low, middle, high):
             del borders[at]
             at = max(at - 1, 1)
         else:
@@ -371,6 +371,16 @@ def _leap(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
         if sigmas > len(apart) + SURE * np.sqrt(2.0 * len(apart)) + SURE**2 and np.abs(apart).max() > 1.0:
             return True
     return False
+
+
+def _one_line(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
+    """Tell whether slow noise alone may be why two lines fit better than one."""
+    gain, unknowns = 0.0, 0.0
+    for one in sums:
+        whole, after = _misfit(one, high)[[low, middle]]
+        gain += float(whole - after - _misfit(one, middle)[low]) / np.sqrt(one.alike)
+        unknowns += 2.0 * one.value.shape[1]
+    return gain < unknowns + 4.0 * np.log(len(sums[0].count))
 
 
 def _said(one: _Sums, does: str, moved: float, spent: float) -> str:
