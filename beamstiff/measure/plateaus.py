@@ -15,15 +15,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.measure.signals import Signal, SignalKind, white_noise
+from beamstiff.measure.signals import Signal, SignalKind, slow_noise, white_noise
 from beamstiff.se3 import Array
 
 CELL = 0.05  # s: pieces begin and end on such a grid
 MOST_CELLS = 600  # in a stretch; longer ones have longer cells
-CHUNK = 1.0  # s: over which the noise is read
-USUAL = 2.0  # times the median variance, up to which a chunk counts
-LIKELIER = 0.1  # in log likelihood of a chunk: slow noise
-SLOW = tuple((share, lasts) for share in (0.2, 0.5, 0.8) for lasts in (0.03, 0.06, 0.12, 0.25, 0.5))  # 1, s
 SHORTEST = 0.3  # s of a window that is kept
 # Faster than this is a motion, whatever the noise: rad/s, m/s; forces alone do not tell one.
 FAST: Mapping[SignalKind, float] = {"joints": 0.01, "point": 5e-3, "pose": 5e-3}
@@ -91,7 +87,7 @@ def still_windows(signals: Sequence[Signal], shortest: float = SHORTEST) -> list
             moving |= _moving_cells(signal, sigma, edges)
     stretches = [(low, high) for low, high in _runs(~moving) if CELL * (high - low) >= shortest - CELL / 2]
     spans = [(float(edges[low]), float(edges[high])) for low, high in stretches]
-    slow = [_slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
+    slow = [slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
     guard = min(GUARD * max(signal.interval for signal in signals if signal.kind in FAST), MOST_GUARD)
     windows: list[Window] = []
     for low, high in spans:
@@ -196,50 +192,6 @@ def _misfit(one: _Sums, high: int) -> Array:
     excess = np.maximum(residual / values, 1.0)
     # as of white noise: cuts that slow noise makes are undone when pieces are judged
     return np.asarray(residual / excess + values * np.log(excess))
-
-
-def _slow_noise(
-    signal: Signal, noise: Array, stretches: Sequence[tuple[float, float]]
-) -> tuple[Array, float]:
-    """Return the noise of a signal (D,) over a second, and how many alike readings count for one.
-
-    From the seconds of what does not move quickly, a line taken off each; those that vary much more than
-    the median creep along a curve, and do not count. The noise is white, a part of it correlated over a
-    time, both by maximum likelihood of what a line leaves (its own share would hide slow noise else).
-    """
-    length = max(round(CHUNK / signal.interval), 12)
-    away: list[Array] = []
-    for low, high in stretches:
-        inside = slice(*np.searchsorted(signal.time, [low, high]))
-        values = signal.values[inside]
-        away += [values[at : at + length] for at in range(0, len(values) - length + 1, length)]
-    if len(away) < 3:
-        return noise, 1.0
-    time = np.arange(length) - 0.5 * (length - 1)
-    lines = np.stack([np.full(length, length**-0.5), time / np.linalg.norm(time)], axis=1)
-    beside = np.linalg.qr(np.concatenate([lines, np.eye(length)], axis=1))[0][:, 2:]  # (n, n - 2)
-    left = np.einsum("nk,cnd->cdk", beside, np.array(away))
-    variance = (left**2).mean(axis=2)
-    median = np.median(variance, axis=0)
-    sigma = np.maximum(np.sqrt(median), noise)
-    usual = left[(variance > 0) & (variance < USUAL * median) & (median > 0.25 * noise**2)]
-    if len(usual) < 3 or signal.kind == "joints":  # encoders stand at a count
-        return sigma, 1.0
-    apart = np.abs(np.subtract.outer(time, time)) * signal.interval
-
-    def likelihood(share: float, lasts: float) -> Array:
-        covariance = beside.T @ ((1.0 - share) * np.eye(length) + share * np.exp(-apart / lasts)) @ beside
-        factor = np.linalg.cholesky(covariance)
-        square = (np.linalg.solve(factor, usual.T) ** 2).mean(axis=0)
-        # of the best size of the noise in each chunk
-        return np.asarray(-np.log(np.diag(factor)).sum() - 0.5 * (length - 2) * np.log(square))
-
-    white = likelihood(0.0, 1.0)  # medians: what rings or creeps in a chunk looks like slow noise
-    better, share, lasts = max((float(np.median(likelihood(*one) - white)), *one) for one in SLOW)
-    if better < LIKELIER:
-        return sigma, 1.0
-    kept = float(np.exp(-signal.interval / lasts))
-    return sigma, 1.0 + 2.0 * share * kept / (1.0 - kept)
 
 
 def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard: float) -> list[Window]:
@@ -380,7 +332,7 @@ def _one_line(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
         whole, after = _misfit(one, high)[[low, middle]]
         gain += float(whole - after - _misfit(one, middle)[low]) / np.sqrt(one.alike)
         unknowns += 2.0 * one.value.shape[1]
-    return gain < unknowns + 4.0 * np.log(len(sums[0].count))
+    return bool(gain < unknowns + 4.0 * np.log(len(sums[0].count)))
 
 
 def _said(one: _Sums, does: str, moved: float, spent: float) -> str:
