@@ -130,9 +130,8 @@ class CampaignFolder:
         known = [str(k) for k, one in enumerate(batches, 1) if not one.withdrawn]
         for number in numbers:
             if number not in known:
-                raise BeamstiffError(
-                    f"{self.folder}: found batch {number!r}, expected {listed(known, 20) or 'none: there are none'}"
-                )
+                expected = listed(known, 20) or "none: there are none"
+                raise BeamstiffError(f"{self.folder}: found batch {number!r}, expected {expected}")
             batches[int(number) - 1] = replace(batches[int(number) - 1], withdrawn=True)
         return replace(self, batches=tuple(batches))
 

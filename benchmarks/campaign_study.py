@@ -119,7 +119,7 @@ def strategies(case: Case, seed: int) -> dict[str, Proposed]:
         some = np.arange(BATCH * number, min(BATCH * (number + 1), len(rows)))
         return subset(rows, some) if len(some) else None
 
-    def loop(number: int, state: CampaignState | None) -> Measurements | None:
+    def loop(_: int, state: CampaignState | None) -> Measurements | None:
         if state is None:
             return of(fixed, 0)
         if not state.proposal:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from beamstiff.cli.output import Outputs, working, write
 from beamstiff.errors import BeamstiffError
 
 
-class Action(str, Enum):
+class Action(StrEnum):
     """What to do with a campaign."""
 
     new = "new"
@@ -32,7 +32,7 @@ def campaign(
     ] = None,
     out: str | None = option("CSV", "Of next: the rows to measure, a table to fill in."),
     region: Region = None,
-    rows: int = typer.Option(10, help="Of new: rows of a proposal, in whole load cycles.", min=1),
+    rows: int = typer.Option(10, help="Of new: rows of a proposal at most; a load cycle stays whole.", min=1),
     seed: int = typer.Option(0, help="Of new: of simulated campaigns and held-out postures.", min=0),
 ) -> None:
     """Keep a campaign: after every batch what it tells, what to measure next, whether to stop.

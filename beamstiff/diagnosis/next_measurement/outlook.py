@@ -76,10 +76,9 @@ def outlook(result: Diagnosis) -> Outlook:
     told = sum(one["discrimination"] for one in result.next)
     odds = {one.key: one.probability for one in result.candidates if one.key in separates}
     weight = sum(a * b for a, b in combinations(odds.values(), 2))
-    if not separates:
-        square = 2.0 * told  # information in nats: at most so far apart
-    else:
-        square = told / max(weight, probability * (1.0 - probability), 1e-3)
+    # where nothing is to be told apart, information in nats: at most so far apart
+    by = max(weight, probability * (1.0 - probability), 1e-3) if separates else 0.5
+    square = told / by
     settles, turns = chances(probability, square)
     enough = len(result.baseline.rows) >= NONE_FOR * max(len(result.next), 1)
     return Outlook(
