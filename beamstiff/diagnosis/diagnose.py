@@ -231,7 +231,8 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     fold, _ = folds(linear, used, np.random.default_rng(seed))
     left_out: list[str] = []
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
-    if judged.probabilities[NONE] > LEAST_NONE:  # states in which a cause would show, if there is one
+    # states in which a cause would show, if there is one
+    if len(rivals) > 1 and judged.probabilities[NONE] > LEAST_NONE:
         rivals.append((NONE, judged.probabilities[NONE], []))
     test_plan = None
     with optional("what to measure next", left_out.append):
