@@ -147,7 +147,8 @@ def report(lines: list[dict[str, Any]]) -> None:
     """Print the figures of all campaigns."""
     count = len(lines)
     rows = {
-        name: np.array([one[name]["rows"] or np.inf for one in lines]) for name in ("loop", "plan", "random")
+        name: np.array([one[name]["rows"] if 0 < one[name]["rows"] <= MOST else np.inf for one in lines])
+        for name in ("loop", "plan", "random")
     }
     for name, values in rows.items():
         print(
