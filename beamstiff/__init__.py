@@ -11,6 +11,7 @@ from beamstiff.errors import BeamstiffError
 if TYPE_CHECKING:
     from beamstiff.fem.structure import compile_structure
     from beamstiff.functions.calibrate import calibrate
+    from beamstiff.functions.campaign import campaign
     from beamstiff.functions.compare import compare
     from beamstiff.functions.compare_runs import compare_runs
     from beamstiff.functions.compensate import compensate, compensate_online
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 # Imported when first used: together they take a second, `beamstiff --help` needs none of them.
 _MODULES = {
     "fem.structure": "compile_structure",
-    **{f"functions.{name}": name for name in ("calibrate", "compare", "compare_runs")},
+    **{f"functions.{name}": name for name in ("calibrate", "campaign", "compare", "compare_runs")},
     **{f"functions.{name}": name for name in ("diagnose", "examine")},
     **{f"functions.{name}": name for name in ("identify", "plan", "predict", "verify")},
     "functions.compensate": "compensate compensate_online",
@@ -84,6 +85,7 @@ __all__ = [
     "Variable",
     "__version__",
     "calibrate",
+    "campaign",
     "compare",
     "compare_runs",
     "compensate",

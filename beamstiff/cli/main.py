@@ -8,6 +8,7 @@ import typer
 
 from beamstiff._version import __version__
 from beamstiff.cli.calibrate import calibrate
+from beamstiff.cli.campaign import campaign
 from beamstiff.cli.check import check
 from beamstiff.cli.compare import compare
 from beamstiff.cli.compare_runs import compare_runs
@@ -82,6 +83,7 @@ for command in (
     compare,
     compare_runs,
     diagnose,
+    campaign,
     verify,
     check,
     plan,

@@ -53,6 +53,7 @@ NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
 REPORTED = 8  # candidates whose held-out gap is computed
 RIVALS = 3  # candidates that the next measurements are to tell apart
+LEAST_NONE = 0.05  # probability of no cause, from which it is one of them
 
 
 @dataclass(frozen=True)
@@ -230,6 +231,9 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     fold, _ = folds(linear, used, np.random.default_rng(seed))
     left_out: list[str] = []
     rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
+    # states in which a cause would show, if there is one
+    if len(rivals) > 1 and judged.probabilities[NONE] > LEAST_NONE:
+        rivals.append((NONE, judged.probabilities[NONE], []))
     test_plan = None
     with optional("what to measure next", left_out.append):
         test_plan = propose_tests(linear, used, rivals, scale, seed)

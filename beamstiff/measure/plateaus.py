@@ -15,12 +15,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.measure.signals import Signal, SignalKind, white_noise
+from beamstiff.measure.signals import Signal, SignalKind, slow_noise, white_noise
 from beamstiff.se3 import Array
 
 CELL = 0.05  # s: pieces begin and end on such a grid
 MOST_CELLS = 600  # in a stretch; longer ones have longer cells
-CHUNK, BLOCK = 1.0, 0.15  # s: over which the noise is read, and its means
 SHORTEST = 0.3  # s of a window that is kept
 # Faster than this is a motion, whatever the noise: rad/s, m/s; forces alone do not tell one.
 FAST: Mapping[SignalKind, float] = {"joints": 0.01, "point": 5e-3, "pose": 5e-3}
@@ -29,7 +28,7 @@ OVER = 0.1  # s, in which the speed is read
 DRIFT: Mapping[SignalKind, float] = {"joints": 1e-6, "point": 1e-6, "pose": 1e-6, "wrench": 1e-2}
 SHAKES = 2.0  # times the variance of the noise
 RINGS = 2.5  # standard deviations of the squared residuals of a block, beyond which it rings
-GOES_ON = 3.0  # standard deviations of a slope along that of a neighbour that creeps
+GOES_ON = 4.0  # standard deviations of a slope along that of a neighbour that creeps
 GUARD, MOST_GUARD = 5.0, 0.25  # intervals of the slowest signal behind a motion, between which it rings; s
 SURE = 5.0  # standard deviations of a slope beyond which it is one
 Flags = NDArray[np.bool_]
@@ -88,7 +87,7 @@ def still_windows(signals: Sequence[Signal], shortest: float = SHORTEST) -> list
             moving |= _moving_cells(signal, sigma, edges)
     stretches = [(low, high) for low, high in _runs(~moving) if CELL * (high - low) >= shortest - CELL / 2]
     spans = [(float(edges[low]), float(edges[high])) for low, high in stretches]
-    slow = [_slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
+    slow = [slow_noise(signal, sigma, spans) for signal, sigma in zip(signals, noise, strict=True)]
     guard = min(GUARD * max(signal.interval for signal in signals if signal.kind in FAST), MOST_GUARD)
     windows: list[Window] = []
     for low, high in spans:
@@ -191,36 +190,8 @@ def _misfit(one: _Sums, high: int) -> Array:
     count, _, slope, residual = _line(one, np.arange(high), high)
     values = np.maximum(count * slope.shape[-1], 1.0)
     excess = np.maximum(residual / values, 1.0)
-    return np.asarray((residual / excess + values * np.log(excess)) / one.alike)
-
-
-def _slow_noise(
-    signal: Signal, noise: Array, stretches: Sequence[tuple[float, float]]
-) -> tuple[Array, float]:
-    """Return the noise of a signal (D,) over a second, and how many alike readings count for one.
-
-    From the median second of what does not move quickly, a line taken off; means of blocks vary more than
-    single readings say where the noise is slow.
-    """
-    variance, ratio = [], []
-    block = max(round(BLOCK / signal.interval), 3)
-    for low, high in stretches:
-        inside = slice(*np.searchsorted(signal.time, [low, high]))
-        time, values = signal.time[inside], signal.values[inside]
-        length = max(round(CHUNK / signal.interval), 4 * block) // block * block
-        for at in range(0, len(time) - length + 1, length):
-            t = time[at : at + length] - time[at : at + length].mean()
-            y = values[at : at + length] - values[at : at + length].mean(axis=0)
-            y = y - t[:, None] * (t @ y) / (t @ t)
-            means = y.reshape(-1, block, y.shape[1]).mean(axis=1)
-            own = (y**2).sum(axis=0) / (length - 2)
-            variance.append(own)
-            of_blocks = (means**2).sum(axis=0) / (len(means) - 2) * block
-            ratio.append(float(of_blocks.sum() / max(own.sum(), 1e-30)))
-    if len(variance) < 3:
-        return noise, 1.0
-    sigma = np.maximum(np.sqrt(np.median(variance, axis=0)), noise)
-    return sigma, float(np.clip(np.median(ratio), 1.0, block))
+    # as of white noise: cuts that slow noise makes are undone when pieces are judged
+    return np.asarray(residual / excess + values * np.log(excess))
 
 
 def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard: float) -> list[Window]:
@@ -232,7 +203,7 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard:
         low, middle, high = borders[at - 1 : at + 2]
         whole = _why(sums, edges, low, high)
         apart = _leap(sums, low, middle, high)
-        if not whole and not apart:
+        if (not whole and not apart) or _one_line(sums, low, middle, high):
             del borders[at]
             at = max(at - 1, 1)
         else:
@@ -251,7 +222,7 @@ def _judged(piece: tuple[list[_Sums], Array, list[int]], shortest: float, guard:
         if not reason:
             reason = next((why for one in beside if (why := _goes_on(sums, edges, (low, high), one))), "")
         # the cells at its ends may hold the end of a motion, and ringing between two readings
-        start = float(edges[low]) + max(CELL * (2 if low > cuts[0] else 1), guard)
+        start = max(float(edges[low]) + CELL * (2 if low > cuts[0] else 1), float(edges[borders[at]]) + guard)
         end = float(edges[high]) - CELL * (2 if high < cuts[-1] else 1)
         if not reason and end - start < shortest:
             reason = f"stands still for {max(end - start, 0.0):.2f} s, expected {shortest:g} s at least"
@@ -286,19 +257,21 @@ def _calm(sums: Sequence[_Sums], step: float, low: int, high: int) -> tuple[int,
     noise.
     """
     begin, end = low, high
-    most, last = (high - low) // 2, (high - low) // 4
-    for block in (0.8, 0.4, 0.2, 0.1, 0.05, 0.8):
-        cells = max(round(block / step), 1)
-        while begin + cells <= low + most and any(
-            _rings(one, begin, begin + cells, (begin + cells, end)) for one in sums
-        ):
-            begin += max(cells // 2, 1)
-        begin = begin + (2 if begin > low and block == 0.05 else 0)  # it dies away below the noise
-        while end - cells >= high - last and any(
-            _rings(one, end - cells, end, (begin, end - cells)) for one in sums
-        ):
-            end -= max(cells // 2, 1)
-    return min(begin, low + most), end
+    most, last = low + (high - low) // 2, high - (high - low) // 4
+    before = None
+    while before != (begin, end):  # a short block may lie where the ringing passes through zero
+        before = begin, end
+        for block in (0.8, 0.4, 0.2, 0.1, 0.05):
+            cells = max(round(block / step), 1)
+            while begin + cells <= most and any(
+                _rings(one, begin, begin + cells, (begin + cells, end)) for one in sums
+            ):
+                begin += max(cells // 2, 1)
+            while end - cells >= last and any(
+                _rings(one, end - cells, end, (begin, end - cells)) for one in sums
+            ):
+                end -= max(cells // 2, 1)
+    return min(begin + (2 if begin > low else 0), most), end  # it dies away below the noise
 
 
 def _rings(one: _Sums, low: int, high: int, others: tuple[int, int]) -> bool:
@@ -350,6 +323,16 @@ def _leap(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
         if sigmas > len(apart) + SURE * np.sqrt(2.0 * len(apart)) + SURE**2 and np.abs(apart).max() > 1.0:
             return True
     return False
+
+
+def _one_line(sums: Sequence[_Sums], low: int, middle: int, high: int) -> bool:
+    """Tell whether slow noise alone may be why two lines fit better than one."""
+    gain, unknowns = 0.0, 0.0
+    for one in sums:
+        whole, after = _misfit(one, high)[[low, middle]]
+        gain += float(whole - after - _misfit(one, middle)[low]) / np.sqrt(one.alike)
+        unknowns += 2.0 * one.value.shape[1]
+    return bool(gain < unknowns + 4.0 * np.log(len(sums[0].count)))
 
 
 def _said(one: _Sums, does: str, moved: float, spent: float) -> str:

@@ -14,6 +14,7 @@ from beamstiff.cli.main import app
 from tests.cli.conftest import Run
 
 WITHOUT_FRAMES = (
+    "campaign",
     "check",
     "compare",
     "compare-runs",

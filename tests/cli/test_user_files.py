@@ -63,6 +63,10 @@ INPUTS = {
     "forces.yaml": "kind: cutting-table\nvariable: way\nvalues: [0, 1]\nfz: [-900, -900]\n",
     "run.csv": "x,y,z\n1.5,-0.2,0.899\n1.5,0,0.899\n1.5,0.2,0.899\n",
     "cell.src": PROGRAM,
+    "camp/robot.yaml": CRANE,
+    "camp/batch-1.csv": CRANE_DATA,
+    "camp/campaign.json": '{"format": "beamstiff-campaign/1", "region": null, "rows": 10, "seed": 0, '
+    '"batches": [{"file": "batch-1.csv", "source": "crane.csv", "withdrawn": false}]}',
     "plan.csv": "q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n",
 }
 # each command with all of its outputs, an option and the name of a file each
@@ -89,6 +93,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
         ("crane.yaml", "crane.csv"),
         {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
     ),
+    "campaign": (("next", "camp"), {"out": "o.csv"}),
     "compare-runs": (("crane.yaml", "crane.csv", "again.csv"), {}),
     "verify": (("crane.yaml", "crane.csv"), {}),
     "check": (("earlier.json", "--max-gap", "1mm"), {}),
@@ -162,6 +167,7 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def lay_out(folder: Path) -> None:
     for name, text in INPUTS.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(text.encode("latin-1"))
 
 

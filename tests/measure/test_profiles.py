@@ -8,11 +8,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.functions.convert_logs import convert_log
 from beamstiff.measure.point_lists import convert_points, parse_points
 from beamstiff.measure.profiles import parse_profile, read_profile
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.text import split_table
 from beamstiff.robot.reader import parse_robot
+from tests.cli.test_user_files import log
 
 ROBOT = """
 beamstiff: 1
@@ -208,9 +210,22 @@ def test_joint_values_that_do_not_fit_are_refused(joints: str, message: str) -> 
         parse_points(SA, parse_profile(SA_PROFILE), "sa.txt", split_table(joints, "q.csv"))
 
 
-def test_the_profiles_in_the_documentation_are_profiles() -> None:
+def documented() -> list[str]:
     page = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
-    profiles = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
-    assert len(profiles) == 3
-    for text in profiles:
+    return re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+
+
+def test_the_profiles_in_the_documentation_are_profiles() -> None:
+    assert len(documented()) == 4
+    for text in documented():
         parse_profile(text)
+
+
+def test_the_documented_profile_of_samples_makes_rows_of_plateaus(tmp_path: Path) -> None:
+    (profile,) = [text for text in documented() if "samples: true" in text]
+    (tmp_path / "samples.yaml").write_text(profile, encoding="utf-8")
+    (tmp_path / "log.csv").write_text(log().replace("t,q1,x,y,z", "clock,axis1,X,Y,Z"), encoding="utf-8")
+    found = convert_log(tmp_path / "log.csv", read_profile(tmp_path / "samples.yaml"))
+    rows = np.genfromtxt(found.text.splitlines()[1:], delimiter=",", names=True, deletechars="")
+    np.testing.assert_allclose(rows["q1"], [0.0, 0.5, -0.3], atol=1e-9)
+    np.testing.assert_allclose(rows["x_[m]"], 1.5 * np.cos([0.0, 0.5, -0.3]), atol=1e-5)

@@ -1,0 +1,132 @@
+"""`beamstiff campaign`: batch after batch, what they tell, what to measure next, when to stop."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from beamstiff.cli.options import Region, option, parse_region, robot_file
+from beamstiff.cli.output import Outputs, working, write
+from beamstiff.errors import BeamstiffError
+
+
+class Action(StrEnum):
+    """What to do with a campaign."""
+
+    new = "new"
+    add = "add"
+    next = "next"
+    remove = "remove"
+    status = "status"
+
+
+def campaign(
+    action: Annotated[Action, typer.Argument(metavar="ACTION", help="new, add, next, remove or status.")],
+    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="Where the campaign is kept.")],
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[WHAT]...", help="Of new the robot, of add tables, of remove numbers."),
+    ] = None,
+    out: str | None = option("CSV", "Of next: the rows to measure, a table to fill in."),
+    region: Region = None,
+    rows: int = typer.Option(10, help="Of new: rows of a proposal at most; a load cycle stays whole.", min=1),
+    seed: int = typer.Option(0, help="Of new: of simulated campaigns and held-out postures.", min=0),
+) -> None:
+    """Keep a campaign: after every batch what it tells, what to measure next, whether to stop.
+
+    `new FOLDER ROBOT` begins one. `next FOLDER --out CSV` proposes rows; `add FOLDER CSV ...` takes
+    them, filled in; `remove FOLDER NUMBER ...` withdraws batches; `status FOLDER` says where it
+    stands. Stop where a cause is decided, or where nothing more can be with this instrument.
+
+    \b
+    Example:
+      beamstiff campaign new cell7 kr240-2 --region z=0.5m:2m
+      beamstiff campaign next cell7 --out batch1.csv
+      beamstiff campaign add cell7 batch1.csv
+    """  # noqa: D301
+    from beamstiff.campaign_folder import new_campaign, opened
+    from beamstiff.functions.robots import as_robot
+    from beamstiff.robot.writer import robot_to_yaml
+
+    words, place = what or [], Path(folder)
+    _check(action, words, out)
+    read = [robot_file(words[0])] if action is Action.new else words if action is Action.add else []
+    outputs = Outputs(read, elsewhere={}, out=out)
+    if action is Action.new:
+        text = robot_to_yaml(as_robot(robot_file(words[0])))
+        new_campaign(place, text, parse_region(region), rows, seed)
+    with opened(place) as kept:
+        if action is Action.add:
+            from beamstiff.measure.coerce import as_tables
+
+            as_tables(list(words), as_robot(kept.robot))  # refused before anything is kept
+            kept = kept.with_batches(words)
+        elif action is Action.remove:
+            kept = kept.without(words)
+        if action in (Action.add, Action.remove):
+            kept.save()
+        told = kept.kept_result()
+        if told is None:
+            from beamstiff.functions.campaign import campaign as run
+
+            with working("diagnosing"):
+                state = run(kept.robot, kept.tables, rows=kept.rows, region=kept.region, seed=kept.seed)
+            told = state.to_dict()
+            kept.keep_result(told)
+        counted = [
+            {"number": k, "source": one.source, "withdrawn": one.withdrawn}
+            for k, one in enumerate(kept.batches, 1)
+        ]
+    told = {name: value for name, value in told.items() if name not in ("state", "written_by")}
+    outputs.result(_notes(told), _shown(told, counted), told | {"batches": counted})
+    if out is not None and told["proposal"]:
+        write(out, told["proposal"])
+    elif out is not None:
+        outputs.console.print(f"{out} was not written: there is nothing to propose.")
+
+
+def _check(action: Action, words: list[str], out: str | None) -> None:
+    """Refuse words that an action does not take."""
+    wanted = {Action.new: "a ROBOT", Action.add: "tables", Action.remove: "numbers of batches"}.get(action)
+    if wanted is None and words:
+        raise BeamstiffError(f"campaign {action.value}: found {words[0]!r}, expected nothing behind FOLDER")
+    if wanted is not None and (not words or (action is Action.new and len(words) > 1)):
+        raise BeamstiffError(
+            f"campaign {action.value}: found {len(words)} words, expected {wanted} behind FOLDER"
+        )
+    if out is not None and action is not Action.next:
+        raise BeamstiffError(f"--out: is of campaign next, found campaign {action.value}")
+
+
+def _notes(told: dict[str, Any]) -> list[str]:
+    return list(told.get("diagnosis", {}).get("notes", ()))
+
+
+def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
+    """Return what a terminal shows: verdict, expectation of the proposal, batches."""
+    from beamstiff.report.diagnosis_words import in_words, percent
+    from beamstiff.report.tables import add_rows, counted, table
+    from beamstiff.report.verdict import Verdict
+
+    proposed = f"Measure next: {counted(told['proposed'], 'row')} (campaign next --out writes them)."
+    if "leading" not in told:
+        return [*Verdict("No batch yet", action=proposed).lines()]
+    name, share = in_words([told["leading"]]), percent(told["probability"])
+    head = {
+        "decided": f"Decided: {name} ({share})",
+        "undecidable": f"Nothing more can be decided with this instrument: likeliest is {name} ({share})",
+        "": f"Go on: likeliest is {name} ({share})",
+    }[told["stop"]]
+    if told["separates"]:
+        expected = f"It is to tell apart {in_words(told['separates'])}"
+    else:
+        expected = f"It is to bound the parameters of {name}"
+    expected += f", and settles which it is with a probability of {percent(told['settles'])}."
+    rows = table("Batches", "number", "table", "")
+    add_rows(rows, [[str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches])
+    end = "Stop measuring." if told["stop"] else proposed
+    shown = Verdict(head, data=counted(told["rows"], "row"), action=end).lines()
+    return [*shown, *([expected] if told["proposal"] else []), rows]

@@ -1,0 +1,112 @@
+"""What proposed states are expected to settle, and whether to stop.
+
+For the likeliest cause against its rivals, the log odds that new rows add are about normal, with mean
+``+-d^2/2`` and variance ``d^2`` (Wald, Sequential Analysis, 1947); ``d^2`` is the expected square of how far
+apart they foretell the rows, from their expected discrimination (`test_plan`). So follows how probable it is
+that the rows settle the matter, and that they turn it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import logit
+from scipy.stats import norm
+
+from beamstiff.diagnosis.result import Diagnosis
+
+DECIDED = 0.9  # probability of the likeliest cause, from which it is decided
+TURNS = 0.05  # probability that the proposal would turn it, up to which it is
+SETTLES = 0.05  # probability that `MANY` such proposals settle it, below which nothing more can be decided
+MANY = 10
+NONE_FOR = 4  # times the proposal's rows: so many must have shown nothing
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What a proposal is expected to settle.
+
+    Attributes
+    ----------
+    leading : str
+        The likeliest cause, `none` or `unknown`.
+    probability : float
+        Of it.
+    separates : tuple of str
+        Causes that the proposal tells apart; of none it bounds the parameters.
+    settles : float
+        Probability that after the proposal one cause has a probability of 0.9 at least.
+    turns : float
+        Probability that another one leads then.
+    ever : float
+        Probability that `MANY` such proposals settle it.
+    enough : bool
+        Whether rows enough were read to say that nothing shows.
+    """
+
+    leading: str
+    probability: float
+    separates: tuple[str, ...]
+    settles: float
+    turns: float
+    ever: float
+    enough: bool
+
+    @property
+    def decided(self) -> bool:
+        """Whether a cause is decided, and the proposal would hardly change it."""
+        return self.probability >= DECIDED and self.turns <= TURNS and self.leading != "none"
+
+    @property
+    def undecidable(self) -> bool:
+        """Whether nothing more can be decided with this instrument: its noise hides what there may be."""
+        if self.leading == "none":
+            return self.probability >= DECIDED and self.enough
+        return not self.decided and self.ever < SETTLES
+
+
+def outlook(result: Diagnosis) -> Outlook:
+    """Return what the proposal of a diagnosis is expected to settle."""
+    leading, probability = result.verdict.key, result.verdict.probability
+    if leading.partition(":")[0] in ("none", "unknown"):
+        leading = result.verdict.effect
+    separates = tuple(result.next[0]["separates"]) if result.next else ()
+    told = sum(one["discrimination"] for one in result.next)
+    odds = {one.key: one.probability for one in result.candidates if one.key in separates}
+    weight = sum(a * b for a, b in combinations(odds.values(), 2))
+    # where nothing is to be told apart, information in nats: at most so far apart
+    by = max(weight, probability * (1.0 - probability), 1e-3) if separates else 0.5
+    square = told / by
+    settles, turns = chances(probability, square)
+    enough = len(result.baseline.rows) >= NONE_FOR * max(len(result.next), 1)
+    return Outlook(
+        leading, probability, separates, settles, turns, chances(probability, MANY * square)[0], enough
+    )
+
+
+def chances(probability: float, square: float) -> tuple[float, float]:
+    """Return how probable it is that new rows settle which of two causes it is, and that they turn it.
+
+    `probability`: of the leading one now. `square`: expected square of how far apart they foretell the rows.
+
+    >>> settles, turns = chances(0.6, 25.0)
+    >>> round(settles, 2), round(turns, 2)
+    (0.98, 0.4)
+    >>> chances(0.6, 0.0)
+    (0.0, 0.0)
+    """
+    p = float(np.clip(probability, 1e-6, 1.0 - 1e-6))
+    spread = float(np.sqrt(max(square, 0.0)))
+    if spread < 1e-9:
+        return float(p >= DECIDED), 0.0
+    now, wanted = logit(p), logit(DECIDED)
+
+    def below(level: float, mean: float) -> float:
+        return float(norm.cdf((level - now - mean) / spread))
+
+    right, wrong = 0.5 * square, -0.5 * square  # log odds gained where the leading cause is right, or is not
+    settled = [1.0 - below(wanted, mean) + below(-wanted, mean) for mean in (right, wrong)]
+    turned = [below(0.0, mean) for mean in (right, wrong)]
+    return p * settled[0] + (1 - p) * settled[1], p * turned[0] + (1 - p) * turned[1]

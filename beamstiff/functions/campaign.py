@@ -1,0 +1,148 @@
+"""`campaign`: what the batches of a campaign say, what to measure next, and whether to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from beamstiff.diagnosis.next_measurement.outlook import Outlook, outlook
+from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.functions.checks import whole
+from beamstiff.functions.diagnose import diagnose
+from beamstiff.functions.plan import MOST_TESTS, plan
+from beamstiff.functions.robots import as_robot
+from beamstiff.measure.coerce import TableLike, as_tables
+from beamstiff.robot.coerce import RobotLike
+from beamstiff.shown import Shown
+
+ROWS = 10  # of a batch
+REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+
+
+@dataclass(frozen=True, repr=False)
+class CampaignState(Shown):
+    """Where a campaign stands.
+
+    Attributes
+    ----------
+    rows : int
+        Rows read so far.
+    diagnosis : Diagnosis or None
+        Of all batches together, with the proposal as its `next`; None before the first.
+    outlook : Outlook or None
+        What the proposal is expected to settle.
+    proposed : int
+        Rows to measure next.
+    proposal : str
+        Rows to measure next, a CSV table to fill in; empty where there are none.
+    """
+
+    rows: int
+    diagnosis: Diagnosis | None
+    outlook: Outlook | None
+    proposed: int
+    proposal: str
+
+    @property
+    def stop(self) -> str:
+        """``decided``, ``undecidable`` (nothing more can be with this instrument), or empty: go on."""
+        if self.outlook is None:
+            return ""
+        return "decided" if self.outlook.decided else "undecidable" if self.outlook.undecidable else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        ahead = self.outlook
+        told = {"rows": self.rows, "stop": self.stop, "proposed": self.proposed, "proposal": self.proposal}
+        if ahead is None or self.diagnosis is None:
+            return told
+        return told | {
+            "leading": ahead.leading,
+            "probability": ahead.probability,
+            "separates": list(ahead.separates),
+            "settles": ahead.settles,
+            "turns": ahead.turns,
+            "ever": ahead.ever,
+            "diagnosis": self.diagnosis.to_dict(),
+        }
+
+
+def campaign(
+    robot: RobotLike,
+    batches: Sequence[TableLike],
+    *,
+    rows: int = ROWS,
+    region: Sequence[tuple[float, float]] | None = None,
+    seed: int = 0,
+) -> CampaignState:
+    """Say what the batches of a campaign tell together, what to measure next, and whether to stop.
+
+    Before the first batch, a plan for the stiffness is proposed. Then the states that tell the likeliest
+    causes apart best, or bound the parameters of the only one. It is time to stop where the likeliest cause
+    has a probability of 0.9 and the proposal would turn it with 0.05 at most; or where ten such proposals are
+    not expected to settle it, or nothing but noise shows.
+
+    Parameters
+    ----------
+    robot : Robot, path, or name of a bundled robot
+    batches : sequence of Measurements or path
+        Tables in the order in which they were measured.
+    rows : int
+        To propose at most; where a cause remembers the loads before, whole load cycles.
+    region : three pairs, m, optional
+        Least and largest x, y, z of the TCP in what is proposed.
+    seed : int
+
+    Returns
+    -------
+    CampaignState
+
+    Raises
+    ------
+    BeamstiffError
+        As `plan` and `diagnose`.
+
+    Examples
+    --------
+    >>> state = campaign("ir663", [], rows=6)
+    >>> state.stop, state.proposed
+    ('', 6)
+    """
+    machine = as_robot(robot)
+    whole("rows", rows, 1, MOST_TESTS)
+    if not batches:
+        return CampaignState(
+            0, None, None, rows, plan(machine, tests=rows, region=region, seed=seed).to_csv()
+        )
+    tables = as_tables(list(batches), machine)
+    found = diagnose(machine, tables, region=region, seed=seed)
+    found = replace(found, next=_batch(found, rows))
+    count = sum(len(table) for table in tables)
+    table = proposed_csv(found) if found.next else ""
+    return CampaignState(count, found, outlook(found), len(found.next), table)
+
+
+def _batch(found: Diagnosis, rows: int) -> Sequence[Mapping[str, Any]]:
+    """Return so many rows of the proposal as a batch may have.
+
+    The best of each load cycle: more postures tell causes apart better than more loads at one. Whole cycles
+    where a cause that is to be told apart remembers the loads before.
+    """
+    cycles = [list(one) for _, one in groupby(found.next, key=lambda row: row["q"])]
+    if not cycles:
+        return ()
+    if any(key.partition(":")[0] in REMEMBER for key in found.next[0]["separates"]):
+        count = np.cumsum([len(one) for one in cycles])
+        return [row for one in cycles[: max(int((count <= rows).sum()), 1)] for row in one]
+    cycles = cycles[:rows]
+    told: list[Mapping[str, Any]] = []
+    for one in cycles:
+        score = [-row["discrimination"] for row in one]
+        best = sorted(np.argsort(score, kind="stable")[: rows // len(cycles)].tolist())
+        told += [one[k] for k in best]
+    return told

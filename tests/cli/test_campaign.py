@@ -1,0 +1,140 @@
+"""A campaign from its folder. Truth: the crane of 1 m on a joint, whose answers are known by hand."""
+
+import json
+import random
+import signal
+import sys
+import tempfile
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from beamstiff.cli.main import app
+from beamstiff.measure.reader import parse_measurements
+from beamstiff.robot.reader import load_robot
+from benchmarks.kill_study import Command, ended, start
+from tests.cli.conftest import CRANE, CRANE_DATA, Refused, Run
+
+KILLS = 4
+
+
+def told(run: Run, *words: str) -> dict[str, Any]:
+    result = run("campaign", *words, "--json", "-")
+    assert result.exit_code == 0, result.stderr
+    found: dict[str, Any] = json.loads(result.stdout)
+    return found
+
+
+def test_a_campaign_goes_from_a_plan_to_a_diagnosis_of_all_batches(folder: Path, run: Run) -> None:
+    begun = told(run, "new", "cell", "crane.yaml", "--rows", "6", "--region", "z=-1m:1m")
+    assert begun["rows"] == 0
+    assert begun["batches"] == []
+    assert begun["proposed"] == 6
+    assert run("campaign", "next", "cell", "--out", "first.csv").exit_code == 0
+    planned = parse_measurements(
+        (folder / "first.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
+    )
+    assert len(planned) == 6
+    found = told(run, "add", "cell", "crane.csv")
+    alone = json.loads(run("diagnose", "crane.yaml", "crane.csv", "--json", "-").stdout)
+    assert found["diagnosis"]["verdict"] == alone["verdict"]
+    assert found["rows"] == 4
+    assert found["leading"].partition(":")[0] == alone["verdict"]["effect"]
+    assert 0.0 <= found["settles"] <= 1.0
+    assert [one["source"] for one in found["batches"]] == ["crane.csv"]
+    assert told(run, "status", "cell") == found
+
+
+def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run) -> None:
+    told(run, "new", "cell", "crane.yaml")
+    found = told(run, "add", "cell", "crane.csv")
+    assert found["proposed"] > 0
+    assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
+    rows = parse_measurements(
+        (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
+    )
+    assert len(rows) == found["proposed"] <= 10
+
+
+def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run) -> None:
+    told(run, "new", "cell", "crane.yaml")
+    (folder / "wrong.csv").write_text(CRANE_DATA.replace("1.5", "9.5"), encoding="utf-8")
+    right = told(run, "add", "cell", "crane.csv")
+    both = told(run, "add", "cell", "wrong.csv")
+    assert both["rows"] == 8
+    less = told(run, "remove", "cell", "2")
+    assert less["diagnosis"] == right["diagnosis"]
+    assert [one["withdrawn"] for one in less["batches"]] == [False, True]
+    assert told(run, "add", "cell", "wrong.csv")["rows"] == 8
+
+
+def test_a_campaign_refuses_what_it_cannot_use(folder: Path, run: Run, refused: Refused) -> None:
+    refused(["campaign", "status", "cell"], ["cell", "campaign.json", "campaign new"])
+    refused(["campaign", "new", "cell"], ["campaign new", "a ROBOT"])
+    told(run, "new", "cell", "crane.yaml")
+    refused(["campaign", "new", "cell", "crane.yaml"], ["cell", "a campaign already"])
+    refused(["campaign", "add", "cell"], ["campaign add", "tables"])
+    refused(["campaign", "status", "cell", "1"], ["campaign status", "'1'", "nothing"])
+    refused(["campaign", "remove", "cell", "1"], ["cell", "'1'", "none"])
+    refused(["campaign", "add", "cell", "none.csv"], ["none.csv"])
+    refused(["campaign", "status", "cell", "--out", "o.csv"], ["--out", "campaign next"])
+    (folder / "empty.csv").write_text("q1,fx,dx\n0,1,\n", encoding="utf-8")
+    refused(["campaign", "add", "cell", "empty.csv"], ["empty.csv"])
+    told(run, "add", "cell", "crane.csv")
+    refused(["campaign", "add", "cell", "crane.csv"], ["crane.csv", "batch 1 already"])
+    head = folder / "cell" / "campaign.json"
+    head.write_text("{}", encoding="utf-8")
+    refused(["campaign", "status", "cell"], ["campaign.json", "no campaign"])
+    (folder / "mine").mkdir()
+    (folder / "mine" / "notes.txt").write_text("mine", encoding="utf-8")
+    refused(["campaign", "new", "mine", "crane.yaml"], ["notes.txt", "an empty folder"])
+
+
+def in_folder(folder: Path, *words: str) -> Any:
+    with chdir(folder):
+        return CliRunner().invoke(app, ["campaign", *words], prog_name="beamstiff")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="copies of a process, killed")
+@pytest.mark.parametrize(
+    "words", [("new", "cell", "crane.yaml"), ("add", "cell", "crane.csv"), ("remove", "cell", "1")]
+)
+def test_a_kill_at_any_moment_loses_nothing(words: tuple[str, ...], tmp_path: Path) -> None:
+    command, draw = Command(words[0], ("campaign", *words)), random.Random(words[0])
+
+    def laid_out(folder: Path) -> None:
+        (folder / "crane.yaml").write_text(CRANE, encoding="utf-8")
+        (folder / "crane.csv").write_text(CRANE_DATA, encoding="utf-8")
+        for before in (("new", "cell", "crane.yaml"), ("add", "cell", "crane.csv")):
+            if before == words:
+                return
+            assert in_folder(folder, *before).exit_code == 0
+
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    laid_out(whole)
+    assert ended(start(command, whole, count_to=tmp_path / "count")) == 0, (tmp_path / "stderr").read_text()
+    operations = int((tmp_path / "count").read_text())
+    for _ in range(KILLS):
+        with tempfile.TemporaryDirectory(dir=tmp_path) as root:
+            folder = Path(root)
+            laid_out(folder)
+            head = folder / "cell" / "campaign.json"
+            before = head.read_bytes() if head.exists() else b""
+            assert ended(start(command, folder, die_at=draw.randint(1, operations))) in (0, -signal.SIGKILL)
+            done = (whole / "cell" / "campaign.json").read_bytes()
+            now = head.read_bytes() if head.exists() else b""
+            assert now in (before, done)  # all of it, or nothing
+            if now == before:
+                assert in_folder(folder, *words).exit_code == 0
+            found = in_folder(folder, "status", "cell")
+            assert found.exit_code == 0, found.output
+            assert head.read_bytes() == done
+            for name in ("robot.yaml", "diagnosis.json"):
+                assert (folder / "cell" / name).read_bytes() == (whole / "cell" / name).read_bytes()
+            left = {path.name for path in (folder / "cell").iterdir()}
+            assert left == {path.name for path in (whole / "cell").iterdir()}
+            assert (folder / "crane.csv").read_text(encoding="utf-8") == CRANE_DATA
