@@ -54,7 +54,7 @@ def plan(
     from beamstiff.cli.variables import parse_wrench
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
-    from beamstiff.report.campaign import campaign_table, campaign_text, campaign_verdict
+    from beamstiff.report.campaign import campaign_told
     from beamstiff.robot.doubts import robot_doubts
 
     machine = as_robot(robot, assembly=assembly)
@@ -85,5 +85,4 @@ def plan(
         *robot_doubts(machine),
         *(["--out FILE writes the tests as a table to fill in"] if out is None else []),
     ]
-    shown = [*campaign_verdict(found).lines(), campaign_table(found), campaign_text(found)]
-    outputs.result(notes, shown, found.to_dict())
+    outputs.result(notes, campaign_told(found), found.to_dict())

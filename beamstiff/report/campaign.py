@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from rich.console import RenderableType
 
 from beamstiff.errors import listed
 from beamstiff.functions.plan import MeasurementPlan
@@ -21,6 +24,13 @@ CRITERIA = {
 WANTED = (0.05, 0.02, 0.01)  # worst relative standard errors for which the number of tests is told
 MOST_TESTS = 100_000  # nobody makes more
 HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly at all
+
+
+def campaign_told(plan: MeasurementPlan) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a plan."""
+    yield from campaign_verdict(plan).lines()
+    yield campaign_table(plan)
+    yield campaign_text(plan)
 
 
 def campaign_table(plan: MeasurementPlan) -> Table:

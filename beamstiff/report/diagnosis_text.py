@@ -187,9 +187,7 @@ def summary(result: Diagnosis) -> str:
     if verdict.effect == "unknown":
         text = f"{first}\nUnknown ({sure}): the gap is systematic, and "
         if best := _perhaps(result):
-            text += (
-                f"no cause is sure. Best so far: {best} of it; it predicts, but what it names may be wrong."
-            )
+            text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
             text += "no effect in the library explains it."
         if result.indistinguishable:

@@ -23,7 +23,7 @@ from beamstiff.functions.stiffness import TcpStiffness
 from beamstiff.identification.models.side_by_side import Models
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.campaign import campaign_table, campaign_text
+from beamstiff.report.campaign import campaign_told
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
 from beamstiff.report.deflection import deflection_table, deflection_text
@@ -233,7 +233,7 @@ told.register(Diagnosis, diagnosis_tables)
 told.register(Compensated, lambda thing: (compensation_table(thing), "", compensation_text(thing)))
 told.register(Models, lambda thing: (models_table(thing, "Models of elasticity"),))
 told.register(Prediction, lambda thing: (deflection_table(thing), *deflection_text(thing)))
-told.register(MeasurementPlan, lambda thing: (campaign_table(thing), campaign_text(thing)))
+told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(
     Calibration,

@@ -165,8 +165,9 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
+@pytest.mark.usefixtures("earlier")
 @pytest.mark.parametrize("name", COMMANDS)
-def test_files_are_named_once_behind_the_result(name: str, earlier: dict[str, Path]) -> None:
+def test_files_are_named_once_behind_the_result(name: str) -> None:
     lines = SAID[name].splitlines()
     last = [line for line in lines if line.startswith("written: ")]
     assert lines[len(lines) - len(last) :] == last
