@@ -36,6 +36,7 @@ FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
 AROUND = 0.25  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
+UPRIGHT = 1.35  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
     "oblique": {"eye": {"x": 1.6, "y": -1.85, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
@@ -245,6 +246,11 @@ class _View:
         return rows | {
             f"d{name}": value for name, value in zip("xyz", numbers(self.moved[tool, :3]), strict=True)
         }
+
+
+def longest_side(sides: Array) -> float:
+    """Return the side of a box (3,) that is drawn as `LONGEST`: heights count for more, as in report.js."""
+    return float((sides * [1.0, 1.0, UPRIGHT]).max())
 
 
 def across(moved: Array, reach: Array) -> dict[str, Any]:

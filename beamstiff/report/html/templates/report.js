@@ -50,9 +50,9 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
-    // lengths as they are, the longest always as long: thin robots would fill the picture otherwise
+    // lengths as they are, the longest always as long, and no higher than the picture
     const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
-    const longest = Math.max(...lengths.map(([, length]) => length));
+    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.35 : 1) * length));
     layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.55 * length / longest]));
     for (const name of "xyz") layout.scene[`${name}axis`].range = view.ranges[name];
     layout.uirevision = "kept";  // the view that people turned to stays
@@ -78,7 +78,8 @@
     }
     if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
-      layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => (text.length > 18 ? `${text.slice(0, 16)}…` : text));
+      layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => text.replace(" at ", "<br>at ").split("<br>").map(
+        (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
     }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
