@@ -101,7 +101,7 @@ def identify(
     pareto: int = option("N", "Points of the front of position error against rotation error; 0 for none.", 0),
     front: str | None = option("FILE", "Draw that front (.png, .svg or .pdf)."),
     figure: str | None = option(
-        "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
+        "FILE", "Draw the residuals before and after over load and posture (.png, .svg or .pdf)."
     ),
     html: Html = None,
 ) -> None:
