@@ -39,12 +39,11 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
         models = {BEFORE: (before, open_circle), **models}
     figure = new_figure(10.4, 3.8 * len(panels))
     figure.suptitle(f"{title}: measured minus predicted" if title else "Measured minus predicted")
-    poses = np.unique(measured.pose, return_inverse=True)[1] + 1
     for row, (part, what, unit, load) in zip(
         figure.subplots(len(panels), 2, squeeze=False), panels, strict=True
     ):
         seen = mask[:, part].any(axis=1)
-        along = ((np.linalg.norm(measured.wrench[:, part], axis=1), load), (poses, "posture"))
+        along = ((np.linalg.norm(measured.wrench[:, part], axis=1), load), (measured.pose, "pose"))
         for axes, (where, name) in zip(row, along, strict=True):
             for label, (predicted, look) in models.items():
                 gap = np.where(mask, measured.displacement - predicted, 0.0)[seen, part]

@@ -35,11 +35,11 @@ def fitted(predicted: Any, start: Robot | None = None) -> Any:
 
 def test_residuals_of_every_measured_value_and_no_other_stand_over_load_and_posture() -> None:
     figure = residual_figure(fitted(np.full((3, 6), 0.5e-3)), MEASURED, "arm")
-    assert [axes.get_xlabel() for axes in figure.axes] == ["force, N", "posture", "moment, N m", "posture"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["force, N", "pose", "moment, N m", "pose"]
     shown = [axes.lines[0].get_ydata() for axes in figure.axes]
     np.testing.assert_allclose(shown[0], np.hypot([0.5, 1.5, 2.5], [0.5, 0.5, 0.5]))
     np.testing.assert_allclose(shown[2], [1.5, np.sqrt(0.75), np.sqrt(0.75)])
-    np.testing.assert_allclose(figure.axes[1].lines[0].get_xdata(), [1, 2, 3])
+    np.testing.assert_allclose(figure.axes[1].lines[0].get_xdata(), [0, 1, 2])
     assert figure.axes[2].get_ylabel() == "size of the rotation residual, mrad"
 
 
