@@ -36,7 +36,7 @@ from beamstiff.report.diagnosis import diagnosis_figure
 from beamstiff.report.exam import exam_figure
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.geometry import sensitivity_figure
-from beamstiff.report.parity import parity_figure
+from beamstiff.report.residuals import residual_figure
 from beamstiff.report.skeleton import draw_shares
 from beamstiff.report.workspace import map_figure
 from beamstiff.robot.kinematics import compile_kinematics
@@ -76,10 +76,10 @@ def stiffness() -> Figure:
 
 
 def identification() -> Figure:
-    """Draw what the identified IR-663 predicts over what was published."""
+    """Draw the residuals of the IR-663 before and after identification."""
     robot = load_robot("ir663")
     measured = read_measurements(DATA, robot)
-    return parity_figure(measured, identify(robot, measured).predicted, "KUKA IR-663")
+    return residual_figure(identify(robot, measured), measured, "KUKA IR-663")
 
 
 def planning() -> Figure:

@@ -24,6 +24,7 @@ from beamstiff.cli.main import app
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.columns import LABELS, NODES, QUANTITIES
+from beamstiff.measure.schema import HEADER_TEXTS, LABEL_TEXTS
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot import fields
@@ -63,16 +64,6 @@ KINDS = {  # of keys whose quantity depends on the variable
     ("Variable", "guess"): "angle, rad, or length, m",
 }
 COUPLED = '  - {name: q6, equals: "10 deg - 2*q5"}'  # no bundled robot has one
-LABEL_TEXTS = {
-    "pose": "whole number: rows of one posture share it",
-    "step": "number: order of loading within the pose",
-    "instrument": "socket, ball-bar, plane or gauge: a reading without a tracker",
-    "target": "name of the instrument's set-up; default the instrument, with its direction",
-    "direction": "axis (x, -z) or three numbers, of a plane or gauge, in the table's frame",
-    "point": "node that was measured; default the TCP",
-    "load_point": "node that was loaded; default the TCP",
-    "remark": "your own text, ignored",
-}
 
 
 def main() -> None:
@@ -90,7 +81,8 @@ def reference() -> str:
         "the file while you write, with `beamstiff schema --json robot.schema.json`.",
         *robot_sections(),
         "## Measurement table\n\nA plain number is in the unit given here; the header may state another, "
-        "such as `dx [mm]`. Every joint variable that is actuated is a column of its own name, rad or m.",
+        "such as `dx [mm]`. Every joint variable that is actuated is a column of its own name, rad or m. "
+        "`beamstiff schema measurements --json measurements.schema.json` writes the same as a JSON Schema.",
         table_section(),
         "## Effects\n\nNames and parameters in `effects:` of a robot file and in the JSON of `diagnose`. The "
         "typical size is the middle of what is realistic.",
@@ -217,6 +209,8 @@ def table_section() -> str:
     rows = ["| column | is | unit |", "| --- | --- | --- |"]
     rows += [f"| `{name}` | {kind} | {UNITS[kind] or '-'} |" for name, kind in QUANTITIES.items()]
     rows += [f"| `{name}` | {LABEL_TEXTS[name]} | - |" for name in dict.fromkeys((*NODES, *LABELS))]
+    rows += ["", "| line above the header | is |", "| --- | --- |"]
+    rows += [f"| `# {key}: ...` | {text} |" for key, text in HEADER_TEXTS.items()]
     return "\n".join(rows)
 
 
@@ -275,7 +269,7 @@ def json_sections() -> Iterator[str]:
             words = [str(REPOSITORY / one) if one == DATA else one for one in command.split()]
             result = CliRunner().invoke(app, [*words, "--json", str(path), "--quiet"])
             assert result.exit_code == 0, result.output
-            told = json.loads(path.read_text(encoding="utf-8"))
+            told = json.loads(path.read_text(encoding="utf-8").replace(f"{REPOSITORY}/", ""))
         told = {key: value for key, value in told.items() if key not in UNSHOWN}
         rows = [f"| `{key}` | {text} |" for key, text in _keys(told)]
         head = f"### JSON of {name}\n\n`beamstiff {command} --json out.json`\n\n"

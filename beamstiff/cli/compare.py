@@ -120,11 +120,10 @@ def compare(
         best = best_of(found)
         robot_found = robot_with(found, best)
         error = 1e3 * (best.rms(~found.split.fitted) or 0.0)
-        what = f"model {best.name}, best on held-out rows ({error:.4f} mm RMS)"
+        what = f"model {best.name}, best on held-out rows with {error:.4f} mm RMS"
         sources = ", ".join(Path(path).name for path in data)
         head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
-        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"))
-        outputs.console.print(f"{out}: {what}.")
+        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"), what)
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))
     outputs.page("comparison", found, machine)

@@ -112,6 +112,7 @@ def convert(
     outputs = Outputs(inputs, out=out, figure=figure)
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
+    from beamstiff.report.tables import counted
 
     columns = None if profile is None else named_profile(profile)
     if is_bag(source) or (columns is not None and columns.samples):
@@ -131,9 +132,8 @@ def convert(
             shortest=in_unit(shortest, "s"),
         )
         write(out, table.text)
-        outputs.result(
-            table.notes, [f"{table.count} rows written to {out}."], table.to_dict() | {"written": out}
-        )
+        said = f"{Path(source).name}: {counted(table.count, 'row')}."
+        outputs.result(table.notes, [said], table.to_dict() | {"written": out})
         outputs.draw("figure", lambda: draw_log(table))
         return
     if point or skip or lag or figure:
@@ -146,7 +146,7 @@ def convert(
         points = convert_points(source, columns, joints)
         write(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
-        outputs.result(points.notes, [f"{points.count} points written to {out}."], facts)
+        outputs.result(points.notes, [f"{Path(source).name}: {counted(points.count, 'point')}."], facts)
         return
     if joints is not None:
         raise BeamstiffError("--joints: goes with --profile, for lists of points")
@@ -176,11 +176,11 @@ def convert(
         convention=convention,
     )
     notes = [*left_out, *(() if ending == ".csv" else missing_stiffness_notes(robot)), *lost]
-    write(out, text, as_it_is=ending in (".urdf", ".xml"))
+    write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
-        f"{listed(moving, 12) or 'none'}. Written to {out} ({WRITTEN[ending]})."
+        f"{listed(moving, 12) or 'none'}."
     )
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)

@@ -82,7 +82,7 @@ def deflect(
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
         with optional_file(vtu):
-            outputs.console.print(_write_shape(machine, loads, most if shape_of is None else shape_of, vtu))
+            _write_shape(machine, loads, most if shape_of is None else shape_of, vtu)
     outputs.page("deflection", found)
 
 
@@ -96,10 +96,10 @@ def _row_of(loads: Measurements, line: int) -> int:
     return lines.index(line)
 
 
-def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> str:
-    """Write the structure as the load of a row deforms it, and return what was written."""
+def _write_shape(robot: Robot, loads: Measurements, row: int, path: str) -> None:
+    """Write the structure as the load of a row deforms it."""
     from beamstiff.report.vtk import vtu_text
 
-    write(path, vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row])))
+    shape = vtu_text(robot, loads.q[row], loads.wrench[row], point=str(loads.load_point[row]))
     where = f"the structure under the load of line {loads.rows[row]}"
-    return f"{path}: {where}, linear, without gravity; warp by `displacement`."
+    write(path, shape, f"{where}, linear, without gravity; warp by `displacement`")

@@ -45,7 +45,7 @@ def demo(
     table, report = folder / "measurements.csv", folder / "report.html"
     outputs = Outputs([robot_path(ROBOT), example_path(DATA)], table=str(table), html=str(report))
     robot = as_robot(ROBOT)
-    write(str(table), example_path(DATA).read_text(encoding="utf-8"))
+    write(str(table), example_path(DATA).read_text(encoding="utf-8"), "168 measured displacements")
     rows = as_tables([str(table)], robot)
     with working("identifying"):
         found = identify(robot, rows)

@@ -120,8 +120,7 @@ def diagnose(
                     note(item)
             else:  # the error's text is one line
                 text = robot_yaml(larger, file, written_std(larger), f"# {head}\n{below}")
-            write(apply, text, as_it_is=simulator)
-            outputs.console.print(f"{apply}: the fitted stiffness, and {added} added.")
+            write(apply, text, f"the fitted stiffness, and {added} added", as_it_is=simulator)
             if doubt:
                 note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:

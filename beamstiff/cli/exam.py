@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from beamstiff.cli.options import Html, Processes, Scheduler, option, parse_names, robot_file
-from beamstiff.cli.output import Outputs, progress
+from beamstiff.cli.output import Outputs, progress, written
 
 
 def exam(
@@ -79,7 +79,7 @@ def exam(
         plan_verdict,
         reliability_figure,
     )
-    from beamstiff.report.tables import spaced
+    from beamstiff.report.tables import counted, spaced
 
     if crowded and (figure or html):
         raise OptionError("crowded", "found --figure or --html, which are of single effects, expected --json")
@@ -107,6 +107,8 @@ def exam(
             scheduler=scheduler,
             progress=None if tell is None else lambda _: tell(advance=1),
         )
+    if out is not None:
+        written(out, f"a line a case, {counted(len(found.records), 'case')}")
     records = list(found.records)
     if crowded:
         outputs.result(found.notes, spaced(crowded_tables(records)), found.to_dict())

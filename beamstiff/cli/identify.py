@@ -101,7 +101,7 @@ def identify(
     pareto: int = option("N", "Points of the front of position error against rotation error; 0 for none.", 0),
     front: str | None = option("FILE", "Draw that front (.png, .svg or .pdf)."),
     figure: str | None = option(
-        "FILE", "Draw measured against predicted displacements (.png, .svg or .pdf)."
+        "FILE", "Draw the residuals before and after over load and posture (.png, .svg or .pdf)."
     ),
     html: Html = None,
 ) -> None:
@@ -137,7 +137,7 @@ def identify(
         identification_verdict,
         method_text,
     )
-    from beamstiff.report.parity import front_figure, parity_figure
+    from beamstiff.report.residuals import front_figure, residual_figure
     from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
@@ -198,7 +198,7 @@ def identify(
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
         write(reduce, robot_yaml(found.reduced.robot, file, head=head))
-    outputs.draw("figure", lambda: parity_figure(fitted, found.predicted, machine.name))
+    outputs.draw("figure", lambda: residual_figure(found, fitted, machine.name))
     if points is not None:
         outputs.draw("front", lambda: front_figure(points, machine.name))
     outputs.page("identification", found, machine, fitted, folds=folds)

@@ -17,7 +17,7 @@ from beamstiff.cli.options import (
     parse_quantity,
     robot_file,
 )
-from beamstiff.cli.output import TYPED, Outputs, note, progress, working
+from beamstiff.cli.output import TYPED, Outputs, note, progress, working, written
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -138,6 +138,8 @@ def map(
             attributes=attributes,
         )
 
+    if out is not None:
+        written(out)
     facts = summary(found)
     notes = ["--out FILE.nc keeps the map"] if out is None else []
     outputs.result(notes, map_tables(facts), {**facts, "out": out, "provenance": _plain(found.attrs)})

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from beamstiff.cli.output import JSON, QUIET
+from beamstiff.cli.output import JSON, QUIET, files_last
 from beamstiff.errors import BeamstiffError
 
 
@@ -103,7 +103,8 @@ def with_common(command: Callable[..., None], json: str | None = None) -> Callab
         JSON.set(json if named is None else named)
         QUIET.set(given.pop("quiet"))
         del given["debug"]  # which `Commands` looks for itself
-        command(**given)
+        with files_last():
+            command(**given)
 
     more = [
         Parameter(

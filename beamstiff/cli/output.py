@@ -26,6 +26,7 @@ STDOUT = "-"
 TYPED: ContextVar[Sequence[str]] = ContextVar("TYPED", default=())  # the words of the command
 JSON: ContextVar[str | None] = ContextVar("JSON", default=None)  # where --json goes
 QUIET: ContextVar[bool] = ContextVar("QUIET", default=False)
+WRITTEN: ContextVar[list[str]] = ContextVar("WRITTEN")  # what is to be said of files, at the command's end
 PIPE_WIDTH = 200  # columns where there is no terminal to fit into
 
 
@@ -50,10 +51,26 @@ def note(message: str) -> None:
     say(f"note: {message}", QUIET.get())
 
 
-def write(path: str, content: str | bytes, *, as_it_is: bool = False) -> None:
-    """Write an output, and say so; as `write_output`."""
+def write(path: str, content: str | bytes, holds: str = "", *, as_it_is: bool = False) -> None:
+    """Write an output as `write_output`, and say so, and what it `holds`, when the command ends."""
     write_output(path, content, as_it_is=as_it_is)
-    people().print(f"written: {path}", soft_wrap=True)
+    written(path, holds)
+
+
+def written(path: str, holds: str = "") -> None:
+    """Remember an output, of which people are told behind the result."""
+    WRITTEN.get().append(f"written: {path} ({holds})" if holds else f"written: {path}")
+
+
+@contextmanager
+def files_last() -> Iterator[None]:
+    """Say which files a command has written when it ends, in whatever way."""
+    WRITTEN.set([])
+    try:
+        yield
+    finally:
+        for line in WRITTEN.get():
+            people().print(line, soft_wrap=True)
 
 
 def optional_file(path: str) -> AbstractContextManager[None]:

@@ -54,7 +54,7 @@ def plan(
     from beamstiff.cli.variables import parse_wrench
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
-    from beamstiff.report.campaign import campaign_table, campaign_text
+    from beamstiff.report.campaign import campaign_told
     from beamstiff.robot.doubts import robot_doubts
 
     machine = as_robot(robot, assembly=assembly)
@@ -80,9 +80,9 @@ def plan(
             seed=seed,
         )
     if out is not None:
-        write(out, found.to_csv())
+        write(out, found.to_csv(), "to be filled in")
     notes = [
         *robot_doubts(machine),
         *(["--out FILE writes the tests as a table to fill in"] if out is None else []),
     ]
-    outputs.result(notes, [campaign_table(found), campaign_text(found)], found.to_dict())
+    outputs.result(notes, campaign_told(found), found.to_dict())

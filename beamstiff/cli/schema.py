@@ -1,23 +1,42 @@
-"""`beamstiff schema`: what a robot file may hold, for editors."""
+"""`beamstiff schema`: what a robot file and a measurement table may hold, for editors and programs."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from beamstiff.cli.output import Outputs
+from beamstiff.errors import BeamstiffError, shown
+
+ROBOT, MEASUREMENTS = "robot", "measurements"
 
 
-def schema() -> None:
-    """Print the JSON Schema of robot files, for editors.
+def schema(
+    what: Annotated[
+        str, typer.Argument(metavar="[robot|measurements]", help="Robot files, or measurement tables.")
+    ] = ROBOT,
+) -> None:
+    """Print the JSON Schema of robot files, or of measurement tables.
 
-    With it editors complete keys and mark wrong ones. Where an editor knows YAML schemas, the first
-    line of a robot file names it:
+    With the first editors complete keys and mark wrong ones. Where an editor knows YAML schemas, the
+    first line of a robot file names it:
 
     \b
       # yaml-language-server: $schema=robot.schema.json
 
-    \b
-    Example:
-      beamstiff schema --json robot.schema.json
-    """  # noqa: D301
-    from beamstiff.robot.schema import robot_schema
+    The second is for programs that make or check tables: `header` holds the lines above the header,
+    `rows` the cells by column.
 
-    Outputs([]).result([], [], robot_schema())
+    \b
+    Examples:
+      beamstiff schema --json robot.schema.json
+      beamstiff schema measurements --json measurements.schema.json
+    """  # noqa: D301
+    if what == ROBOT:
+        from beamstiff.robot.schema import robot_schema as made
+    elif what == MEASUREMENTS:
+        from beamstiff.measure.schema import measurement_schema as made
+    else:
+        raise BeamstiffError(f"schema: found {shown(what)}, expected {ROBOT} or {MEASUREMENTS}")
+    Outputs([]).result([], [], made())

@@ -90,8 +90,9 @@ def correct_path(
     whole = six_freedoms(machine.kinematics)
     if whole and not path.stated:
         raise BeamstiffError(
-            f"{path.source}: found no orientations, expected columns a, b, c (or qw to qz, or i, j, k): the "
-            f"postures of {machine.controller.name!r} follow from them"
+            f"{path.source}: found no orientations, expected columns a, b, c (a rotation vector, or as a "
+            "line '# orientation: KUKA ABC' before the header says), qw to qz, or i, j, k: the postures of "
+            f"{machine.controller.name!r} follow from them"
         )
     if not whole and not np.allclose(machine.frames.tool, np.eye(4)):
         raise BeamstiffError(

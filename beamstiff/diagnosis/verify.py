@@ -83,12 +83,12 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         Displacements or absolute positions, in the robot's base frame.
     refit_frame : bool
         Lay the predicted positions over the measured ones as a rigid body first, with and without effects:
-        the measuring frame is not the base frame.
+        the measuring frame is not the base frame. Changes nothing of displacements.
 
     Raises
     ------
     BeamstiffError
-        When no position is measured, the rows cannot be predicted, or displacements are to be refitted.
+        When no position is measured, or the rows cannot be predicted.
 
     Examples
     --------
@@ -104,11 +104,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     if not used.any():
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
     absolute = measurements.kind == "absolute"
-    if refit_frame and not absolute:
-        raise BeamstiffError(
-            f"{measurements.source}: found displacements, expected absolute positions (x y z) to refit the "
-            "measuring frame"
-        )
+    refit_frame = refit_frame and absolute  # a difference of two readings has no origin
     bare = robot.model_copy(update={"effects": (), "model": None})
     keys = [f"{effect.effect}:{effect.component or 'null'}" for effect in robot.effects]
     causes = list(dict.fromkeys(keys))

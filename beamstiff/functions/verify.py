@@ -31,7 +31,7 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     data : Measurements or path, or several
         Displacements, or absolute positions in the robot's base frame.
     refit_frame : bool
-        Fit the measuring frame first: it is not the base frame.
+        Fit the measuring frame first: it is not the base frame. Changes nothing of displacements.
 
     Returns
     -------
@@ -49,6 +49,8 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame)
+    if refit_frame and rows.kind != "absolute":
+        doubts.append("displacements have no measuring frame to fit: --refit-frame changes nothing")
     return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))
 
 

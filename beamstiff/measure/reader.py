@@ -38,6 +38,7 @@ from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.pose_columns import with_rotation_vectors
+from beamstiff.measure.schema import CHOICES
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot
@@ -52,12 +53,6 @@ SAME_POSE = 1e-2  # rad or m: readings of one configuration differ by far less, 
 
 _WHOLE = re.compile(r"([+-]?\d{1,15})(?:\.0*)?", re.ASCII)
 _NO_LABEL = re.compile(r"|[+-]?(?:[\d.,]+(?:e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
-_CHOICES = {
-    "unloaded_reading": ("independent", "shared"),
-    "history": ("unloaded", "continuous"),
-    "orientation": ("rotation vector", "KUKA ABC"),
-    "decimal": ("point", "comma"),
-}
 
 
 def read_measurements(path: str | Path, robot: Robot, *, require_measured: bool = True) -> Measurements:
@@ -106,7 +101,7 @@ def parse_measurements(
     (-0.0015, 3.0e-05)
     """
     raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
-    choices = {key: _choice(key, raw) for key in _CHOICES}
+    choices = {key: _choice(key, raw) for key in CHOICES}
     columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
     if not raw.cells:
@@ -247,11 +242,11 @@ def _choice(key: str, raw: RawTable) -> str | None:
     if key not in raw.metadata:
         return None
     value = raw.metadata[key][0]
-    for choice in _CHOICES[key]:
+    for choice in CHOICES[key]:
         if value.lower() == choice.lower():
             return choice
-    options = " or ".join(_CHOICES[key])
-    raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, _CHOICES[key])}")
+    options = " or ".join(CHOICES[key])
+    raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, CHOICES[key])}")
 
 
 def _check_choices(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from rich.console import RenderableType
 
 from beamstiff.errors import listed
 from beamstiff.functions.plan import MeasurementPlan
@@ -10,6 +13,7 @@ from beamstiff.planning.campaign import Plan
 from beamstiff.planning.candidates import Noise
 from beamstiff.planning.designs import AtRandom
 from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.verdict import Verdict
 from beamstiff.robot.stiffness import parameter_unit
 
 CRITERIA = {
@@ -20,6 +24,13 @@ CRITERIA = {
 WANTED = (0.05, 0.02, 0.01)  # worst relative standard errors for which the number of tests is told
 MOST_TESTS = 100_000  # nobody makes more
 HARDLY = 0.5  # a relative standard error above this bounds a stiffness hardly at all
+
+
+def campaign_told(plan: MeasurementPlan) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a plan."""
+    yield from campaign_verdict(plan).lines()
+    yield campaign_table(plan)
+    yield campaign_text(plan)
 
 
 def campaign_table(plan: MeasurementPlan) -> Table:
@@ -35,11 +46,24 @@ def campaign_table(plan: MeasurementPlan) -> Table:
     return result
 
 
+def campaign_verdict(plan: MeasurementPlan) -> Verdict:
+    """Return what a plan begins with: how well its tests will determine the stiffness."""
+    campaign, errors = plan.campaign, plan.campaign.design.standard_errors
+    well = [name for name, error in errors.items() if error <= HARDLY]
+    asked = len(errors) + len(plan.left_out)
+    worst = max((errors[name] for name in well), default=float("nan"))
+    headline = (
+        f"{counted(len(campaign.tests), 'test')} at {counted(len(np.unique(campaign.tests.pose)), 'pose')} "
+        f"determine {len(well)} of {counted(asked, 'stiffness value')}"
+        + (f", the worst to {percent(worst)}" if well else "")
+    )
+    return Verdict(f"{headline}.", "agrees" if len(well) == asked else "doubtful")
+
+
 def campaign_text(plan: MeasurementPlan) -> str:
     """Return sentences: how good the choice is, against random ones, how many are enough, what is missing."""
     campaign, enough, left_out, unit = plan.campaign, plan.enough, plan.left_out, plan.unit
     design, count = campaign.design, len(campaign.design.chosen)
-    poses = len(np.unique(campaign.tests.pose))
     lines = []
     if left_out:
         why = "; ".join(f"{name} {reason}" for name, reason in left_out.items())
@@ -49,15 +73,15 @@ def campaign_text(plan: MeasurementPlan) -> str:
             f"Poorly determined (expected std above {percent(HARDLY)} of the value): {listed(hardly)}. "
             "Load more, measure better or make more tests."
         )
-    made, chosen = counted(len(campaign.tests), "test"), counted(count, unit)
+    chosen = counted(count, unit)
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
-        f"{made} at {counted(poses, 'pose')}, chosen from {counted(plan.candidates, unit)}, read to "
+        f"Chosen from {counted(plan.candidates, unit)}, read to "
         f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
         f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
     )
     against = _against(campaign, plan.at_random, chosen)
-    lines.append(f"Worst standard error: {percent(design.worst)} of the value. {against}")
+    lines.append(against)
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
     needed = ((error, enough.tests_for(error)) for error in WANTED)
     sizes = ", ".join(
@@ -93,4 +117,4 @@ def _against(campaign: Plan, drawn: AtRandom, chosen: str) -> str:
     if not np.isfinite(median):
         return f"{head}, most do not determine all parameters."
     gain = campaign.design.value / float(np.median(drawn.values))
-    return f"{head} the median has {percent(median)}, and a criterion {gain:.2g} times lower."
+    return f"{head} the median has a worst std of {percent(median)}, and a criterion {gain:.2g} times lower."

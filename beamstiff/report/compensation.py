@@ -14,6 +14,7 @@ from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
+from beamstiff.functions.checks import effects_text
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
 from beamstiff.report.verdict import Verdict, rounded
@@ -114,6 +115,7 @@ def compensation_verdict(result: Compensated) -> Verdict:
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
     said = f"Predicted error along the path: {_mm(before.rms_mm)} mm, corrected {_mm(after.rms_mm)} mm"
+    said += " if the robot is as described" if before.rms_mm > NOTHING else ""
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
 
 
@@ -125,7 +127,11 @@ def robots_text(machine: Machine) -> str:
     """Return, in words, which robot the controller believes in and which one is meant to be real."""
     if machine.actual is None:
         return f"{machine.controller.name} is both the controller's robot and the real one"
-    return f"the controller takes {machine.controller.name} for true, the real robot is {machine.actual.name}"
+    real = machine.actual.name
+    if real == machine.controller.name:  # one robot, in two files
+        known = effects_text(machine.actual.effects)
+        real = f"{real} as --actual describes it" + (f", with {known}" if known else "")
+    return f"the controller takes {machine.controller.name} for true, the real robot is {real}"
 
 
 def compensation_text(result: Compensated) -> str:

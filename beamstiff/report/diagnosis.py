@@ -68,7 +68,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
         title = "Where: share of the explainable gap that each place could account for"
         yield from (places_table(places, title), "")
-    yield from (gap_tables(result, "Position gap of the fitted model, RMS"), "")
+    yield from (gap_tables(result), "")
     if moved := stiffness_text(result):
         yield Text(f"{moved}\n")
     if result.untestable:
@@ -179,8 +179,11 @@ def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
     return made
 
 
-def gap_tables(result: Diagnosis, title: str) -> Table:
+def gap_tables(result: Diagnosis) -> Table:
     """Return the position gap, RMS in mm, by direction, load, loading and time in one table."""
+    found = result.decomposition
+    without = " without the causes" if found is not None and (found.causes or found.unclear) else ""
+    title = f"Position gap of the fitted model{without}, all rows, RMS"
     made = table(title, "by", "part", "mm", left=2)
     for key, name in PARTS_OF_GAP.items():
         by = name.removeprefix("By ").removeprefix("Over ").lower()

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
+HALF = 0.5  # share of a gap from which undecided causes are worth naming
 NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 SQUARES = "Percentages are of the mean square above noise: 75 % closed halves the gap."
@@ -62,7 +63,7 @@ def verdict(result: Diagnosis) -> Verdict:
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
-            said = f"{gap}, cause unknown"
+            said = f"{gap}, cause unknown" + (f": perhaps {_perhaps(result)}" if _perhaps(result) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             share = "" if one_posture(result) else f"{percent(close.shrink)} "
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
@@ -184,7 +185,11 @@ def summary(result: Diagnosis) -> str:
         far = " The rows scatter far more than the stated noise." if _factor(result) > OFF else ""
         return f"{first}\n{head} ({sure}).{far}"
     if verdict.effect == "unknown":
-        text = f"{first}\nUnknown ({sure}): the gap is systematic, and no effect in the library explains it."
+        text = f"{first}\nUnknown ({sure}): the gap is systematic, and "
+        if best := _perhaps(result):
+            text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
+        else:
+            text += "no effect in the library explains it."
         if result.indistinguishable:
             text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text
@@ -219,6 +224,15 @@ def summary(result: Diagnosis) -> str:
     return text
 
 
+def _perhaps(result: Diagnosis) -> str:
+    """Return, in words, the undecided causes that close at least half of an unknown gap; empty without."""
+    unclear = () if result.decomposition is None else result.decomposition.unclear
+    if sum(one.closes for one in unclear) < HALF:
+        return ""
+    each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in unclear]
+    return f"{_shortly(each)}, {'which close' if len(each) > 1 else 'which closes'} {closed(unclear)}"
+
+
 def _weak(result: Diagnosis) -> str:
     """Return, in words, that the share is hardly checked; empty where it is."""
     if not hardly_checked(result):
@@ -243,7 +257,7 @@ def headline(result: Diagnosis) -> str:
     if verdict.effect == "unknown":
         if verdict.probability < LIKELY:
             return UNDECIDED
-        return "A gap that no effect in the library explains"
+        return "A gap whose cause is unknown"
     plural = "" if second(result) is None else "s"
     if verdict.probability >= LIKELY:
         return f"Cause{plural}: {causes(result)}"

@@ -57,8 +57,8 @@ def percent(share: float) -> str:
 
 
 def percents(ends: Sequence[float]) -> str:
-    """Return the ends of an interval in whole percent."""
-    return f"{100 * ends[0]:.0f} to {100 * ends[1]:.0f} %"
+    """Return the ends of an interval in whole percent, at most all."""
+    return f"{100 * min(ends[0], 1.0):.0f} to {100 * min(ends[1], 1.0):.0f} %"
 
 
 def several(result: Diagnosis) -> tuple[Cause, ...]:

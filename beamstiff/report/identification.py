@@ -19,6 +19,7 @@ from beamstiff.robot.fields import stiffness_text
 
 BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
+CHANCE = 3.0  # standard deviations of a residual that noise alone would leave
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 # scipy names the tolerance that was met
 TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
@@ -224,5 +225,10 @@ def _against_noise(ratio: float, measured: Measurements) -> str:
         return (
             f"The residual is {ratio:.2g} times {noise}: the rows scatter far less than stated, and the "
             "bounds and standard deviations are too wide by as much."
+        )
+    if ratio > 1.0 + CHANCE / np.sqrt(2.0 * measured.measured_mask.sum()):
+        return (
+            f"The residual is {ratio:.2f} times {noise}, a little more than chance: beamstiff diagnose says "
+            "whether something is systematic in it."
         )
     return f"The residual is {ratio:.2f} times {noise}: noise explains it."

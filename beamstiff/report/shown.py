@@ -23,7 +23,7 @@ from beamstiff.functions.stiffness import TcpStiffness
 from beamstiff.identification.models.side_by_side import Models
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.campaign import campaign_table, campaign_text
+from beamstiff.report.campaign import campaign_told
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
 from beamstiff.report.deflection import deflection_table, deflection_text
@@ -39,7 +39,7 @@ from beamstiff.report.geometry import (
 from beamstiff.report.identification import combinations_text, identification_table, identification_verdict
 from beamstiff.report.overview import describe
 from beamstiff.report.overview_tables import overview_tables
-from beamstiff.report.parity import parity_figure
+from beamstiff.report.residuals import residual_figure
 from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.report.tables import Table, counted, spaced
@@ -134,7 +134,8 @@ def plot(thing: object, **options: Any) -> Figure:
     **options
         Of a robot: ``q``, actuated joint values by name, rad or m (default: the posture that
         ``beamstiff show`` calls the reference), and ``shares``, 0 to 1 by part, which colour it. Of an
-        identification: ``measured``, to draw predicted over measured displacements instead of values. Of a
+        identification: ``measured``, to draw the
+        residuals over load and posture instead of values. Of a
         map: ``quantities``, names (default: all of one number a pose).
 
     Returns
@@ -188,7 +189,7 @@ def _(
 @plot.register
 def _(thing: Identification, measured: Measurements | None = None) -> Figure:
     if measured is not None:
-        return parity_figure(measured, thing.predicted, thing.robot.name.replace("$", r"\$"))
+        return residual_figure(thing, measured, thing.robot.name.replace("$", r"\$"))
     figure = new_figure(6.4, 1.2 + 0.35 * len(thing.parameters))
     axes = figure.subplots()
     for at, item in enumerate(thing.parameters[::-1]):
@@ -233,7 +234,7 @@ told.register(Diagnosis, diagnosis_tables)
 told.register(Compensated, lambda thing: (compensation_table(thing), "", compensation_text(thing)))
 told.register(Models, lambda thing: (models_table(thing, "Models of elasticity"),))
 told.register(Prediction, lambda thing: (deflection_table(thing), *deflection_text(thing)))
-told.register(MeasurementPlan, lambda thing: (campaign_table(thing), campaign_text(thing)))
+told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(
     Calibration,

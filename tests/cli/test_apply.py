@@ -53,7 +53,7 @@ def applied(diagnosed: tuple[Any, Path], folder: Path) -> Any:
 def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> None:
     assert applied.exit_code == 0, applied.output
     assert "no more than the likeliest" not in applied.stderr
-    assert "larger.yaml: the fitted stiffness, and backlash:q1 added." in applied.stdout
+    assert "written: larger.yaml (the fitted stiffness, and backlash:q1 added)" in applied.stdout
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert (verdict["effect"], verdict["component"]) == ("backlash", "q1")
     text = (folder / "larger.yaml").read_text()
@@ -115,7 +115,7 @@ def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_o
 
 def test_where_nothing_is_found_the_fitted_robot_is_written(succeed: Run, folder: Path) -> None:
     result = succeed("diagnose", "crane.yaml", "crane.csv", "--apply", "fitted.yaml")
-    assert "fitted.yaml: the fitted stiffness, and no effect added." in result.stdout
+    assert "written: fitted.yaml (the fitted stiffness, and no effect added)" in result.stdout
     robot = load_robot(folder / "fitted.yaml")
     assert robot.effects == ()
     assert robot.parameter("J1.torsional") == pytest.approx(1e6, rel=1e-3)

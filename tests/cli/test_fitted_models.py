@@ -109,7 +109,7 @@ def test_compare_writes_the_model_that_is_best_on_held_out_rows(succeed: Run, to
     said = succeed("compare", "ir663", "data.csv", "--out", "best.yaml", "--json", "all.json").stdout
     models = json.loads((data / "all.json").read_text())["models"]
     best = min((one for one in models if one["name"] not in ("rigid", "nominal")), key=_unseen)
-    assert f"best.yaml: model {best['name']}, best on held-out rows" in said
+    assert f"best.yaml (model {best['name']}, best on held-out rows" in said
     assert told("verify", "best.yaml", "fresh.csv")["causes"][0]["cause"] == f"model:{best['name']}"
 
 

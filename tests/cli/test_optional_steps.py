@@ -129,7 +129,7 @@ STEPS_OF_COMMANDS = [
     (IDENTIFY, "beamstiff.functions.identify.with_separations", (), True),
     (IDENTIFY, "beamstiff.functions.identify.draw", ("--bootstrap", "10"), True),
     (IDENTIFY, "beamstiff.functions.identify.reduce_model", ("--reduce", "small.yaml"), True),
-    (IDENTIFY, "beamstiff.report.parity.parity_figure", ("--figure", "a.png"), False),
+    (IDENTIFY, "beamstiff.report.residuals.residual_figure", ("--figure", "a.png"), False),
     (IDENTIFY, "beamstiff.report.html.identification.identification_html", ("--html", "a.html"), False),
     (DIAGNOSE, "beamstiff.diagnosis.apply.extended", ("--apply", "a.yaml"), False),
     (DIAGNOSE, "beamstiff.report.diagnosis.diagnosis_figure", ("--figure", "a.png"), False),

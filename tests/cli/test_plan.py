@@ -92,10 +92,10 @@ def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
     for part in (
         "J12.torsional 1.72e+06",
         "20 tests at",
-        "chosen from 240 tests",
+        "Chosen from 240 tests",
         f"Criterion {criterion.upper()} (",
         "of what any choice of 20 tests could have",
-        "Of 200 random choices of 20 tests the median has",
+        "Of 200 random choices of 20 tests the median has a worst std of",
         "more of them only average the noise",
         "Tests for a worst standard error, about: 5 %",
     ):

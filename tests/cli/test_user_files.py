@@ -122,6 +122,9 @@ INPUT_OPTIONS = {
 }  # fmt: skip
 
 
+SAID: dict[str, str] = {}  # stdout of each command, as `earlier` runs it
+
+
 def outputs_of(name: str) -> dict[str, str]:
     return {"json": "o.json", **COMMANDS[name][1]}
 
@@ -157,12 +160,26 @@ def quick() -> Iterator[None]:
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return folders with the inputs and what each command wrote there."""
     folders = {}
+    SAID.clear()
     for name in COMMANDS:
         folder = folders[name] = tmp_path_factory.mktemp(name)
         lay_out(folder)
         result = run(name, folder)
         assert result.exit_code in (0, 2 if name == "doctor" else 0), result.output
+        SAID[name] = result.stdout
     return folders
+
+
+@pytest.mark.usefixtures("earlier")
+@pytest.mark.parametrize("name", COMMANDS)
+def test_files_are_named_once_behind_the_result(name: str) -> None:
+    lines = SAID[name].splitlines()
+    last = [line for line in lines if line.startswith("written: ")]
+    assert lines[len(lines) - len(last) :] == last
+    assert len(lines) > len(last) or name == "schema"
+    for file in outputs_of(name).values():
+        told = [line for line in lines if file in line.split() and not line.startswith(f"$ {file}")]
+        assert [line.split()[:2] for line in told] == [["written:", file]] or file in ("reports", "next.csv")
 
 
 def lay_out(folder: Path) -> None:

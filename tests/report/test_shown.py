@@ -65,7 +65,7 @@ def test_an_identification_draws_its_values_or_its_rows(
 ) -> None:
     labels = [text.get_text() for text in found.plot().axes[0].get_yticklabels()]
     assert labels[::-1] == [f"{item.name}, {item.unit}" for item in found.parameters]
-    assert "measured" in found.plot(measured=measured).axes[0].get_xlabel()
+    assert "residual" in found.plot(measured=measured).axes[0].get_ylabel()
 
 
 def test_rich_and_jupyter_show_the_same_table(found: Identification) -> None:

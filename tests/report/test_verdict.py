@@ -1,6 +1,8 @@
 """The verdict that a result begins with: its colour by gap over noise, the data, one action."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
-from beamstiff.report.diagnosis_text import verdict
+from beamstiff.report.diagnosis_text import summary, verdict
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
@@ -101,3 +103,16 @@ def test_a_calibration_says_error_before_and_after() -> None:
     assert found.headline.startswith("Position error from ")
     assert "times the noise" in found.headline
     assert found.data.endswith("40 rows at 40 postures")
+
+
+def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None:
+    result = diagnosed("backlash")
+    unknown = Candidate("unknown", None, 0.9)
+    tilt = SimpleNamespace(key="bearing-tilt:q2", closes=0.77, indistinguishable=("bearing-tilt:q1",))
+    found: Any = SimpleNamespace(causes=(), verdict=None, unclear=(tilt,))
+    result = replace(result, verdict=unknown, candidates=(unknown,), decomposition=found)
+    best = "bearing-tilt at q2 (or bearing-tilt at q1), which closes 77 %"
+    assert verdict(result).headline.endswith(f"cause unknown: perhaps {best}")
+    assert f"no cause is sure. Best so far: {best} of it" in summary(result)
+    tilt.closes = 0.4
+    assert verdict(result).headline.endswith("cause unknown")

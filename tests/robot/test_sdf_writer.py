@@ -119,7 +119,7 @@ def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, monkeypatch:
     result = run(app, ["convert", "arm.yaml", "--out", "arm.sdf", "--json", "facts.json"])
     assert result.exit_code == 0, result.output
     assert "note: loops (1) are not written" in result.stderr
-    assert "Written to arm.sdf (SDF)" in result.stdout
+    assert "written: arm.sdf (SDF)" in result.stdout
     assert "loops (1)" in json.loads((tmp_path / "facts.json").read_text())["notes"][0]
     assert run(app, ["convert", "arm.sdf", "--tcp", "n7", "--out", "again.yaml"]).exit_code == 0
     assert load_robot(tmp_path / "again.yaml").tcp == "n7"

@@ -193,7 +193,7 @@ def _where(result: Diagnosis) -> Section:
         parts.append((f"By {name}", head, _for_people(values, turns)))
     regions = result.where.get("regions", {})
     parts += [(f"By {axis} in the base frame", axis, values) for axis, values in regions.items()]
-    tables = [gap_tables(result, "Position gap of the fitted model, RMS")]
+    tables = [gap_tables(result)]
     tables += [replace(gap_table(values, title, head), open=False) for title, head, values in parts if values]
     text = "Where the fitted model is off: by direction and load, and by joint reading and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)

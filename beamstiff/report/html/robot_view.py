@@ -18,6 +18,7 @@ from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
 from beamstiff.report.html.places import line_of
+from beamstiff.report.html.solids import beam_solids, solids_style
 from beamstiff.report.tables import Table, millimetres, nice, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -36,6 +37,7 @@ FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
 AROUND = 0.25  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
+UPRIGHT = 1.3  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
     "oblique": {"eye": {"x": 1.6, "y": -1.85, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
@@ -137,7 +139,7 @@ def robot_view(
         + (" and its own weight" if gravity else "")
         + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
         "a unit force in each direction displaces the tool.",
-        _styles(share, most),
+        _styles(share, most, solid=bool(robot.beams)),
         space(views[0]["camera"], showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
     )
@@ -191,6 +193,11 @@ class _View:
                 },
                 {**arrows.lines(self.moved[load, :3])},
                 {**arrows.heads(self.moved[load, :3])},
+                *(
+                    [beam_solids(self.robot, one.q, self.positions, self.moved, shares, told)]
+                    if self.robot.beams
+                    else []
+                ),
                 self._ellipsoid(compliance, tool),
             ],
             "labels": self._labels(shares, links, joints, index),
@@ -247,6 +254,11 @@ class _View:
         }
 
 
+def longest_side(sides: Array) -> float:
+    """Return the side of a box (3,) that is drawn as `LONGEST`: heights count for more, as in report.js."""
+    return float((sides * [1.0, 1.0, UPRIGHT]).max())
+
+
 def across(moved: Array, reach: Array) -> dict[str, Any]:
     """Return the camera that sees how the tool moved, and the robot from its side.
 
@@ -287,7 +299,7 @@ def base_and_tool(**marker: Any) -> dict[str, Any]:
     return {**looks, "marker": symbols, "hoverinfo": "text"}
 
 
-def _styles(share: str, most: float) -> list[dict[str, Any]]:
+def _styles(share: str, most: float, solid: bool) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
     scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
     coloured: dict[str, Any] = {"colorscale": scale, "cmin": 0.0, "cmax": most}
@@ -314,6 +326,7 @@ def _styles(share: str, most: float) -> list[dict[str, Any]]:
             "colorscale": [[0, css("blue")], [1, css("blue")]],
             "hoverinfo": "skip",
         },
+        *([solids_style(**coloured)] if solid else []),
         {
             "type": "surface",
             "name": "compliance",

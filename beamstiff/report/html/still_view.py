@@ -18,6 +18,7 @@ from beamstiff.report.html.robot_view import (
     RobotView,
     base_and_tool,
     lines,
+    longest_side,
     space,
 )
 from beamstiff.report.tables import Table, nice
@@ -84,7 +85,7 @@ def still_view(
     low, high = around.min(axis=0) - AROUND * size, around.max(axis=0) + AROUND * size
     magnification, most = _magnification(size, deviations)
     cameras = dict(CAMERAS)
-    if close := _close(deviations, magnification, 0.5 * (low + high), float((high - low).max())):
+    if close := _close(deviations, magnification, 0.5 * (low + high), longest_side(high - low)):
         cameras["close"] = close
     ranges = {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
     held: dict[str, list[Any]] = {}

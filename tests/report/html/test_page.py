@@ -185,8 +185,11 @@ def test_plotly_knows_every_property_of_every_figure(outline: Outline) -> None:
                 }
                 drawn = resolved(style) | shape
                 if "shares" in own:
-                    part = "marker" if style["mode"] == "markers" else "line"
-                    drawn[part] = drawn[part] | {"color": own["shares"]}
+                    if style["type"] == "mesh3d":
+                        drawn["intensity"] = own["shares"]
+                    else:
+                        part = "marker" if style["mode"] == "markers" else "line"
+                        drawn[part] = drawn[part] | {"color": own["shares"]}
                 go.Figure(data=[drawn])
 
 

@@ -11,10 +11,11 @@ from beamstiff.fem.structure import compile_structure
 from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import MOST_LINKS, link_lines
 from beamstiff.report.html.robot_view import Shown, robot_view
+from beamstiff.report.html.solids import RINGS, outline
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import posture
+from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Beam, Joint, JointStiffness, Material, Node, Rigid, Variable
-from beamstiff.robot.sections import Section
+from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 
 E, SECOND_MOMENT, L, F = 210e9, 1e-8, 1.5, 300.0
@@ -155,3 +156,38 @@ def test_arrows_point_along_force_and_moment() -> None:
     np.testing.assert_allclose(arrows.vectors[1] / np.linalg.norm(arrows.vectors[1]), [1, 0, 0])
     assert arrows.texts == ("force 2 N", "moment 3 N m")
     assert force_and_moment(np.zeros(6), np.zeros(3), 1.0).vectors.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["ir663-screws-beams", "cantilever"])
+def test_beams_are_as_wide_and_high_as_their_sections_and_move_as_their_ends(name: str) -> None:
+    robot = load_robot(name)
+    q = np.array([0.1 if item.limits is None else float(np.mean(item.limits)) for item in robot.actuated])
+    view = view_of(robot, q, np.array([0, 0, -F, 0, 0, 0])).views[0]
+    solid = view["traces"][-2]
+    points = np.array([solid[axis] for axis in "xyz"], dtype=float).T
+    moved = np.array([solid[f"d{axis}"] for axis in "xyz"], dtype=float).T
+    faces = np.array([solid[name] for name in "ijk"]).T
+    assert faces.max() == len(points) - 1 == len(solid["shares"]) - 1
+    kinematics = compile_kinematics(robot)
+    where = posture(kinematics, q[None]).node_positions[0]
+    nodes = kinematics.node_index
+    begin = 0
+    for beam in robot.beams:
+        corners = outline(robot.sections[beam.section])
+        ring = slice(begin, begin + len(corners))
+        away = points[ring] - where[nodes[beam.nodes[0]]]
+        axis = where[nodes[beam.nodes[1]]] - where[nodes[beam.nodes[0]]]
+        np.testing.assert_allclose(away @ axis, 0.0, atol=1e-4)
+        distance = np.linalg.norm(corners, axis=1)
+        np.testing.assert_allclose(np.linalg.norm(away, axis=1), distance, rtol=1e-3, atol=2e-5)
+        begin += len(corners) * RINGS
+    assert begin == len(points)
+    assert np.abs(moved).max() > 0.0
+
+
+def test_a_section_of_properties_has_the_rectangle_of_the_same_stiffness() -> None:
+    given = section_properties(Section(shape="rectangle", width=0.1, height=0.2))
+    alike = Section(A=given.A, Iy=given.Iy, Iz=given.Iz, J=given.J)
+    np.testing.assert_allclose(outline(alike).max(axis=0), [0.05, 0.1])
+    tube = Section(shape="tube", outer=0.3, wall=0.01)
+    np.testing.assert_allclose(np.linalg.norm(outline(tube), axis=1), 0.15)

@@ -40,6 +40,7 @@
     const traces = resolve(figure.traces, style).map((trace, at) => {
       const { dx, dy, dz, x, y, z, shares, ...more } = resolve(view.traces[at], style);
       const moved = { ...trace, ...more, x: plus(x, dx, factor), y: plus(y, dy, factor), z: plus(z, dz, factor) };
+      if (trace.type === "mesh3d") return { ...moved, intensity: shares };
       const part = trace.mode === "markers" ? "marker" : "line";
       return shares ? { ...moved, [part]: { ...trace[part], color: shares } } : moved;
     });
@@ -50,11 +51,13 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
-    // lengths as they are, the longest always as long: thin robots would fill the picture otherwise
+    // lengths as they are, the longest always as long, and no higher than the picture
     const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
-    const longest = Math.max(...lengths.map(([, length]) => length));
+    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.3 : 1) * length));
     layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.55 * length / longest]));
-    for (const name of "xyz") layout.scene[`${name}axis`].range = view.ranges[name];
+    for (const [name, length] of lengths) {  // ticks where there is room for them
+      Object.assign(layout.scene[`${name}axis`], { range: view.ranges[name], nticks: Math.max(2, Math.round(6 * length / longest)) });
+    }
     layout.uirevision = "kept";  // the view that people turned to stays
     return [traces, layout];
   };
@@ -78,7 +81,9 @@
     }
     if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
-      layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => (text.length > 18 ? `${text.slice(0, 16)}…` : text));
+      layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => text.replace(" at ", "<br>at ").split("<br>").map(
+        (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
+      layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;

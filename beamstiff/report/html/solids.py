@@ -1,0 +1,103 @@
+"""Beams of a robot as solids: each as wide and high as its section, bent as the beam bends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from beamstiff.fem.beam import beam_axes
+from beamstiff.report.html.parts import css, label, numbers
+from beamstiff.report.vtk import beam_shape
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.sections import Section, section_properties
+from beamstiff.se3 import Array
+
+RINGS = 7  # outlines along a beam
+ROUND = 12  # corners of a circle
+MOST_SOLIDS = 200  # beams that are drawn so
+
+
+def outline(section: Section) -> Array:
+    """Return the corners (n, 2) of a section in its local y and z, m.
+
+    Of a section given by its properties: of the rectangle with the same A, Iy and Iz.
+
+    >>> outline(Section(shape="box", width=0.2, height=0.4, wall=0.01)).max(axis=0).tolist()
+    [0.1, 0.2]
+    """
+    if section.outer is not None:
+        angle = 2 * np.pi * np.arange(ROUND) / ROUND
+        return 0.5 * section.outer * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    if section.width is not None and section.height is not None:
+        width, height = section.width, section.height
+    else:
+        known = section_properties(section)
+        width, height = (float(np.sqrt(12 * second / known.A)) for second in (known.Iz, known.Iy))
+    corners: Array = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [width, height]
+    return corners
+
+
+def beam_solids(
+    robot: Robot,
+    q: Array,
+    positions: Array,
+    moved: Array,
+    shares: Mapping[str, float],
+    told: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the trace of all beams in a posture; empty lists for a robot without.
+
+    `q` (A,). `positions` (N, 3), m. `moved` (N, 6), m and rad. `shares`, `told`: by beam, what colours it and
+    what the pointer says of it.
+    """
+    kinematics = compile_kinematics(robot)
+    turned = posture(kinematics, q[None]).transforms[0, :, :3, :3]
+    frames = {name: at for at, name in enumerate(kinematics.frame_names)}
+    nodes = {node.name: node for node in robot.nodes}
+    points, ways, faces, share, text = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3))], [], []
+    count, s = 0, np.linspace(0.0, 1.0, RINGS)
+    for beam in robot.beams[:MOST_SOLIDS]:
+        first, last = (kinematics.node_index[name] for name in beam.nodes)
+        up = np.full(3, np.nan)
+        if beam.up is not None:
+            frame = nodes[beam.nodes[0]].frame
+            up = (turned[frames[frame]] if frame in frames else np.eye(3)) @ np.array(beam.up)
+        axes = beam_axes(positions[last] - positions[first], up)
+        corners = outline(robot.sections[beam.section])
+        around = corners @ axes[:, 1:].T  # (n, 3), from the axis
+        middle = np.outer(1 - s, positions[first]) + np.outer(s, positions[last])
+        bent = beam_shape(positions[first], positions[last], moved[first], moved[last], s)
+        points.append((middle[:, None] + around).reshape(-1, 3))
+        ways.append((bent[:, None, :3] + np.cross(bent[:, None, 3:], around)).reshape(-1, 3))
+        n = len(corners)
+        a = np.add.outer(n * np.arange(RINGS - 1), np.arange(n)).ravel()
+        b = np.add.outer(n * np.arange(RINGS - 1), (np.arange(n) + 1) % n).ravel()
+        faces.append(count + np.concatenate([np.stack([a, b, b + n], 1), np.stack([a, b + n, a + n], 1)]))
+        count += n * RINGS
+        share += [float(f"{shares.get(beam.name, 0.0):.4g}")] * (n * RINGS)
+        text += [told.get(beam.name, label(beam.name))] * (n * RINGS)
+    at, way, corner = (np.concatenate(some) for some in (points, ways, faces))
+    return {
+        **{name: numbers(at[:, k]) for k, name in enumerate("xyz")},
+        **{f"d{name}": numbers(way[:, k]) for k, name in enumerate("xyz")},
+        **{name: corner[:, k].astype(int).tolist() for k, name in enumerate("ijk")},
+        "shares": share,
+        "hovertext": text,
+    }
+
+
+def solids_style(**coloured: Any) -> dict[str, Any]:
+    """Return the look of beams as solids: their lines show through."""
+    return {
+        "type": "mesh3d",
+        "name": "sections",
+        "opacity": 0.55,
+        "flatshading": True,
+        "showscale": False,
+        "hoverinfo": "text",
+        "color": css("part"),
+        **coloured,
+    }
