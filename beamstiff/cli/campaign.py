@@ -111,7 +111,7 @@ def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     from beamstiff.report.tables import add_rows, counted, table
     from beamstiff.report.verdict import Verdict
 
-    proposed = f"Measure next: {counted(told['proposed'], 'row')} (campaign next --out writes them)."
+    proposed = f"Measure {counted(told['proposed'], 'row')} (campaign next --out writes them)."
     if "leading" not in told:
         return [*Verdict("No batch yet", action=proposed).lines()]
     name, share = in_words([told["leading"]]), percent(told["probability"])
