@@ -49,8 +49,7 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
         )
     _check_joints(structure, positions, number)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
-    ends = structure.elements[: len(robot.beams)]
-    axis = positions[:, ends[:, 1]] - positions[:, ends[:, 0]]
+    axis, up = beam_directions(structure, posture)
     length = np.linalg.norm(axis, axis=-1)
     if (wrong := _first_where(length < SHORTEST)) is not None:
         beam = robot.beams[wrong[1]]
@@ -58,8 +57,6 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
             f"beam {beam.name!r} has zero length at pose {number[wrong[0]]}: its nodes {beam.nodes[0]!r} and "
             f"{beam.nodes[1]!r} coincide"
         )
-    up = np.einsum("pbij,bj->pbi", rotations[:, structure.beam_frame], np.nan_to_num(structure.beam_up))
-    up[:, np.isnan(structure.beam_up).any(axis=1)] = np.nan
     across = np.linalg.norm(np.cross(axis, up), axis=-1)
     if (wrong := _first_where(across < 1e-6 * length * np.linalg.norm(up, axis=-1))) is not None:
         raise BeamstiffError(
@@ -75,6 +72,15 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
         length,
         number,
     )
+
+
+def beam_directions(structure: Structure, posture: Posture) -> tuple[Array, Array]:
+    """Return where beams lead, and their `up`, (P, B, 3) each, base frame; NaN where it is not said."""
+    positions, rotations = posture.node_positions, posture.transforms[:, :, :3, :3]
+    ends = structure.elements[: len(structure.robot.beams)]
+    up = np.einsum("pbij,bj->pbi", rotations[:, structure.beam_frame], np.nan_to_num(structure.beam_up))
+    up[:, np.isnan(structure.beam_up).any(axis=1)] = np.nan
+    return positions[:, ends[:, 1]] - positions[:, ends[:, 0]], up
 
 
 def node_terms(structure: Structure, positions: Array, joint_rotation: Array) -> Array:

@@ -74,12 +74,11 @@ def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: fl
     """Return a short line along the axis of every joint, which turns as its node does."""
     kinematics = compile_kinematics(robot)
     rotations = posture(kinematics, q[None]).transforms[0, :, :3, :3]
-    frames = {name: at for at, name in enumerate(kinematics.frame_names)}
 
     def lines() -> Iterator[tuple[str, Array, Array]]:
         for joint in robot.joints:
             node = kinematics.node_index[joint.nodes[0]]
-            direction = rotations[frames[joint.frame]] @ np.array(joint.axis)
+            direction = rotations[kinematics.frame_index[joint.frame]] @ np.array(joint.axis)
             direction = direction / np.linalg.norm(direction)
             arms = JOINT * size * np.array([-1.0, 0.0, 1.0])[:, None] * direction
             yield (

@@ -10,7 +10,9 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.errors import BeamstiffError
+from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.condensation import tcp_compliance
+from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
@@ -124,12 +126,12 @@ def robot_view(
     size = float(np.ptp(where.node_positions, axis=1).max()) or 1.0
     largest = float(np.linalg.norm(moved[..., :3], axis=-1).max(initial=0.0))
     magnification = nice(DEFORMED * size / largest) if largest > 0.0 else 0.0
+    axes = beam_axes(*beam_directions(structure, where))
     views = []
     for at, one in enumerate(shown):
         shares = one.shares if one.shares is not None else _energy(robot, response, at)
-        views.append(
-            _View(robot, where.node_positions[at], moved[at], size).made(one, shares, compliance[at])
-        )
+        view = _View(robot, axes[at], where.node_positions[at], moved[at], size)
+        views.append(view.made(one, shares, compliance[at]))
     most = max(LEAST_SCALE, *(view.pop("largest") for view in views))
     figure = Figure(
         "robot",
@@ -162,6 +164,7 @@ def _energy(robot: Robot, response: Response | None, at: int) -> dict[str, float
 @dataclass(frozen=True)
 class _View:
     robot: Robot
+    axes: Array  # (B, 3, 3): base frame from local beam axes
     positions: Array  # (N, 3)
     moved: Array  # (N, 6)
     size: float
@@ -194,7 +197,7 @@ class _View:
                 {**arrows.lines(self.moved[load, :3])},
                 {**arrows.heads(self.moved[load, :3])},
                 *(
-                    [beam_solids(self.robot, one.q, self.positions, self.moved, shares, told)]
+                    [beam_solids(self.robot, self.axes, self.positions, self.moved, shares, told)]
                     if self.robot.beams
                     else []
                 ),

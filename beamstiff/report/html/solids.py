@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.fem.beam import beam_axes
 from beamstiff.report.html.parts import css, label, numbers
 from beamstiff.report.vtk import beam_shape
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 
@@ -42,32 +40,24 @@ def outline(section: Section) -> Array:
 
 def beam_solids(
     robot: Robot,
-    q: Array,
+    axes: Array,
     positions: Array,
     moved: Array,
     shares: Mapping[str, float],
     told: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return the trace of all beams in a posture; empty lists for a robot without.
+    """Return the trace of all beams in a posture, of a robot that has some.
 
-    `q` (A,). `positions` (N, 3), m. `moved` (N, 6), m and rad. `shares`, `told`: by beam, what colours it and
-    what the pointer says of it.
+    `axes` (B, 3, 3): base frame from local beam axes. `positions` (N, 3), m. `moved` (N, 6), m and rad.
+    `shares`, `told`: by beam, what colours it and what the pointer says of it.
     """
-    kinematics = compile_kinematics(robot)
-    turned = posture(kinematics, q[None]).transforms[0, :, :3, :3]
-    frames = {name: at for at, name in enumerate(kinematics.frame_names)}
-    nodes = {node.name: node for node in robot.nodes}
-    points, ways, faces, share, text = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3))], [], []
+    index = {node.name: at for at, node in enumerate(robot.nodes)}
+    points, ways, faces, share, text = list[Array](), list[Array](), list[Array](), [], []
     count, s = 0, np.linspace(0.0, 1.0, RINGS)
-    for beam in robot.beams[:MOST_SOLIDS]:
-        first, last = (kinematics.node_index[name] for name in beam.nodes)
-        up = np.full(3, np.nan)
-        if beam.up is not None:
-            frame = nodes[beam.nodes[0]].frame
-            up = (turned[frames[frame]] if frame in frames else np.eye(3)) @ np.array(beam.up)
-        axes = beam_axes(positions[last] - positions[first], up)
+    for beam, local in zip(robot.beams[:MOST_SOLIDS], axes, strict=False):
+        first, last = (index[name] for name in beam.nodes)
         corners = outline(robot.sections[beam.section])
-        around = corners @ axes[:, 1:].T  # (n, 3), from the axis
+        around = corners @ local[:, 1:].T  # (n, 3), from the axis
         middle = np.outer(1 - s, positions[first]) + np.outer(s, positions[last])
         bent = beam_shape(positions[first], positions[last], moved[first], moved[last], s)
         points.append((middle[:, None] + around).reshape(-1, 3))
@@ -83,7 +73,7 @@ def beam_solids(
     return {
         **{name: numbers(at[:, k]) for k, name in enumerate("xyz")},
         **{f"d{name}": numbers(way[:, k]) for k, name in enumerate("xyz")},
-        **{name: corner[:, k].astype(int).tolist() for k, name in enumerate("ijk")},
+        **{name: corner[:, k].tolist() for k, name in enumerate("ijk")},
         "shares": share,
         "hovertext": text,
     }
