@@ -46,9 +46,9 @@ def closes_unselected(baseline: Baseline, prior: Prior, seed: int) -> float:
     for part in range(PARTS):
         others = subset(rows, posture % PARTS != part)
         try:
-            causes = decompose(baseline.nominal, others, prior=prior, seed=seed)
-            after = left(extended(diagnosis_of(causes)), part)
-            before = left(fit_baseline(baseline.nominal, others).robot, part)
+            alone = fit_baseline(baseline.nominal, others)
+            causes = decompose(baseline.nominal, others, prior=prior, seed=seed, baseline=alone)
+            before, after = left(alone.robot, part), left(extended(diagnosis_of(causes)), part)
         except BeamstiffError:
             continue
         told = before > 0.0
