@@ -16,7 +16,7 @@ from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.process.load import FromPath, Process, Together
+from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.resample import resample
 from beamstiff.compensation.uncertainty import correction_std, doubtful
 from beamstiff.errors import BeamstiffError
@@ -136,7 +136,7 @@ def compensate_program(
     path = with_joint_targets(program.path, machine)
     if steps is not None:
         path = resample(path, *steps)
-    load = Together((FromPath(), *([] if process is None else [process])))
+    load = beside_columns(process)
     correction = correct_path(
         machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
     )

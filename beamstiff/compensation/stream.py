@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.online import OnlineCompensation, OnlineCorrection
-from beamstiff.compensation.process.load import FromPath, Process, Together
+from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.rewrite import with_joint_targets
 from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.se3 import Array, rotation_from_vector, transform, vector_from_rotation
@@ -108,7 +108,7 @@ def prepared(
 ) -> OnlineTargets:
     """Return a program's targets, made ready under the loads that path and process say."""
     path = online.machine.frames.to_base(with_joint_targets(program.path, online.machine))
-    wrench = Together((FromPath(), *([] if load is None else [load]))).wrench(path.poses, path)
+    wrench = beside_columns(load).wrench(path.poses, path)
     if reasons := online.prepare(path, wrench, start):
         row, reason = next(iter(reasons.items()))
         raise BeamstiffError(f"{path.place(row)}: {reason}")

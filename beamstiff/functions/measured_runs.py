@@ -14,7 +14,7 @@ from beamstiff.compensation.editing import read_bytes
 from beamstiff.compensation.formats import Program, path_csv, read_program
 from beamstiff.compensation.learn import Learned, Run, learn
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.process.load import FromPath, Process, Together
+from beamstiff.compensation.process.load import FromPath, Process, beside_columns
 from beamstiff.compensation.process.parameters import LoadCell
 from beamstiff.compensation.rewrite import with_joint_targets
 from beamstiff.errors import BeamstiffError, OptionError
@@ -72,7 +72,7 @@ def learned_from(
             program = replace(program, path=replace(program.path, wrench=loads))
     if process is None:
         process = FromPath() if program.path.wrench is None else LoadCell()
-    known = FromPath() if beside is None else Together((FromPath(), beside))
+    known = beside_columns(beside)
     path = machine.frames.to_base(with_joint_targets(program.path, machine))
     sigma = max(sigmas, default=0.0) or None
     return program, learn(machine, path, process, runs, sigma, start, EFFECTS, known)

@@ -69,3 +69,8 @@ def travel(path: ToolPath) -> Array:
     both = np.vstack([ways[:1], ways]) + np.vstack([ways, ways[-1:]])
     size = np.linalg.norm(both, axis=1, keepdims=True)
     return np.asarray(np.where(size > 1e-9, both / np.where(size > 1e-9, size, 1.0), 0.0))
+
+
+def beside_columns(process: Process | None) -> Together:
+    """Return the loads that the path's columns state, and those of a process where there is one."""
+    return Together((FromPath(), *([] if process is None else [process])))
