@@ -38,9 +38,8 @@ from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import KUKA
 from beamstiff.measure.pose_columns import with_rotation_vectors
-from beamstiff.measure.schema import CHOICES
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
-from beamstiff.measure.text import RawTable, RowError, numbers, split_table
+from beamstiff.measure.text import CHOICES, RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor

@@ -6,6 +6,7 @@ from typing import Any
 
 from beamstiff.measure.columns import LABELS, NODES, QUANTITIES
 from beamstiff.measure.instruments import INSTRUMENTS
+from beamstiff.measure.text import CHOICES
 from beamstiff.units import UNITS
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -18,12 +19,6 @@ LABEL_TEXTS = {
     "point": "node that was measured; default the TCP",
     "load_point": "node that was loaded; default the TCP",
     "remark": "your own text, ignored",
-}
-CHOICES = {
-    "unloaded_reading": ("independent", "shared"),
-    "history": ("unloaded", "continuous"),
-    "orientation": ("rotation vector", "KUKA ABC"),
-    "decimal": ("point", "comma"),
 }
 HEADER_TEXTS = {
     "sigma_position": "standard deviation of measured positions or displacements, per axis, such as 0.03 mm",

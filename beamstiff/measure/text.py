@@ -23,6 +23,12 @@ METADATA = (
     "orientation",
     "decimal",
 )
+CHOICES = {
+    "unloaded_reading": ("independent", "shared"),
+    "history": ("unloaded", "continuous"),
+    "orientation": ("rotation vector", "KUKA ABC"),
+    "decimal": ("point", "comma"),
+}
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _KEY_VALUE = re.compile(r"(?P<key>[A-Za-z_][\w .-]{0,59}?)\s*:\s*(?P<value>.*)", re.ASCII)
 
