@@ -91,7 +91,9 @@ class CampaignFolder:
             told = json.loads(read_text(path))
         except ValueError:
             return None
-        return told if isinstance(told, dict) and told.get("state") == self.state else None
+        if not isinstance(told, dict) or told.pop("state", None) != self.state:
+            return None
+        return {name: value for name, value in told.items() if name != "written_by"}
 
     def keep_result(self, told: Mapping[str, Any]) -> None:
         """Write a result of these batches."""

@@ -37,9 +37,7 @@ EPOCH = 1_700_000_000.0  # s, of the stamps
 EDGE = 0.05  # s of a motion that a kept window may hold
 LEAST_SPEED = 1e-6  # m/s of the tool, without ringing, from which it moves
 LEAST_ROW = 0.25  # s of a plateau in a kept window, from which it is not lost
-TRAVEL = (
-    3.0  # noise of one reading: windows in which the tool goes less far are counted by themselves as well
-)
+TRAVEL = 3.0  # noise of one reading: windows in which the tool goes less far are counted apart as well
 RINGING = 3.0  # noise of one reading, above which a ringing tool moves
 
 

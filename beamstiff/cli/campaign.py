@@ -80,8 +80,9 @@ def campaign(
             {"number": k, "source": one.source, "withdrawn": one.withdrawn}
             for k, one in enumerate(kept.batches, 1)
         ]
-    told = {name: value for name, value in told.items() if name not in ("state", "written_by")}
-    outputs.result(_notes(told), _shown(told, counted), told | {"batches": counted})
+    outputs.result(
+        told.get("diagnosis", {}).get("notes", ()), _shown(told, counted), told | {"batches": counted}
+    )
     if out is not None and told["proposal"]:
         write(out, told["proposal"])
     elif out is not None:
@@ -99,10 +100,6 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
         )
     if out is not None and action is not Action.next:
         raise BeamstiffError(f"--out: is of campaign next, found campaign {action.value}")
-
-
-def _notes(told: dict[str, Any]) -> list[str]:
-    return list(told.get("diagnosis", {}).get("notes", ()))
 
 
 def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:

@@ -113,12 +113,12 @@ def convert(
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
     from beamstiff.report.tables import counted
+    from beamstiff.units import in_unit
 
     columns = None if profile is None else named_profile(profile)
     if is_bag(source) or (columns is not None and columns.samples):
         from beamstiff.functions.convert_logs import convert_log
         from beamstiff.functions.robots import load_robot
-        from beamstiff.units import in_unit
 
         table = convert_log(
             source,
@@ -159,7 +159,6 @@ def convert(
     from beamstiff.functions.convert import missing_stiffness_notes, read_any, with_joint_stiffness
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
-    from beamstiff.units import in_unit
 
     file = robot_file(source)
     of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input

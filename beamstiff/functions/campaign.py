@@ -131,7 +131,7 @@ def _batch(found: Diagnosis, rows: int) -> Sequence[Mapping[str, Any]]:
     """Return so many rows of the proposal as a batch may have.
 
     The best of each load cycle: more postures tell causes apart better than more loads at one. Whole cycles
-    where a cause that is to be told apart remembers the loads before.
+    where a cause that is to be distinguished remembers the loads before.
     """
     cycles = [list(one) for _, one in groupby(found.next, key=lambda row: row["q"])]
     if not cycles:

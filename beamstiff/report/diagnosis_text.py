@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
-HALF = 0.5  # share of a gap from which undecided causes are worth naming
 NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 SQUARES = "Percentages are of the mean square above noise: 75 % closed halves the gap."
@@ -63,7 +63,7 @@ def verdict(result: Diagnosis) -> Verdict:
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
-            said = f"{gap}, cause unknown" + (f": perhaps {_perhaps(result)}" if _perhaps(result) else "")
+            said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             share = "" if one_posture(result) else f"{percent(close.shrink)} "
             alike = [key for key in result.indistinguishable if key != UNKNOWN]

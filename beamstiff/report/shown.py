@@ -134,9 +134,8 @@ def plot(thing: object, **options: Any) -> Figure:
     **options
         Of a robot: ``q``, actuated joint values by name, rad or m (default: the posture that
         ``beamstiff show`` calls the reference), and ``shares``, 0 to 1 by part, which colour it. Of an
-        identification: ``measured``, to draw the
-        residuals over load and posture instead of values. Of a
-        map: ``quantities``, names (default: all of one number a pose).
+        identification: ``measured``, to draw the residuals over load and posture instead of values.
+        Of a map: ``quantities``, names (default: all of one number a pose).
 
     Returns
     -------

@@ -288,7 +288,7 @@ def _balancer(
     def pull(turn: float) -> float:
         return float(np.interp(q + turn - phase, around, torque, period=2 * np.pi))
 
-    # the drive winds up by what the effect says of its torque, in this posture: the rest is taken back
+    # the drive winds up by what the effect says of its torque, in this posture: what remains is taken back
     share = parameters.get("largest_torque", 0.0) / float(np.abs(torque).max())
     rest = (pull(-share * pull(0.0) / k) - share * pull(0.0)) / k
     wound = replace(spring, stiffness=k, rest=rest * float(np.sign(drive.axis @ spring.axis)))

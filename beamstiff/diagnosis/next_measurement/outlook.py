@@ -74,9 +74,9 @@ def outlook(result: Diagnosis) -> Outlook:
         leading = result.verdict.effect
     separates = tuple(result.next[0]["separates"]) if result.next else ()
     told = sum(one["discrimination"] for one in result.next)
-    odds = {one.key: one.probability for one in result.candidates if one.key in separates}
-    weight = sum(a * b for a, b in combinations(odds.values(), 2))
-    # where nothing is to be told apart, information in nats: at most so far apart
+    likely = [one.probability for one in result.candidates if one.key in separates]
+    weight = sum(a * b for a, b in combinations(likely, 2))
+    # where nothing is to be distinguished, information in nats: at most so far apart
     by = max(weight, probability * (1.0 - probability), 1e-3) if separates else 0.5
     square = told / by
     settles, turns = chances(probability, square)
