@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ def added_effect(
     shapes: Sequence[tuple[Shape, float, Array, Array]],
     *,
     closes: float | None = None,
+    absorbed: Mapping[str, float] | None = None,
 ) -> AddedEffect:
     """Return the entry of an effect: shapes with weights, parameters (c,) and standard deviations, SI.
 
@@ -34,7 +35,9 @@ def added_effect(
     """
     parts = tuple(_added_shape(baseline, effect, component, *one, bounded=len(shapes) == 1) for one in shapes)
     source: Literal["positions", "displacements"] = "positions" if baseline.absolute else "displacements"
-    entry = AddedEffect.model_construct(effect=effect, component=component, closes=closes, found_from=source)
+    entry = AddedEffect.model_construct(
+        effect=effect, component=component, closes=closes, absorbed=absorbed or {}, found_from=source
+    )
     return entry.with_shapes(parts)
 
 

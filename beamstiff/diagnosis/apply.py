@@ -11,8 +11,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from beamstiff.diagnosis.absorbed import absorbed_by
 from beamstiff.diagnosis.added_effect import added_effect, needed_scales, rounded
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.effects.effect import LARGEST
@@ -198,6 +200,12 @@ def _found(diagnosis: Diagnosis) -> Robot:
             before = found.get(key, (hypothesis.shape, 0.0, 0.0, 0.0))
             # together, as parts of one weight: the fits to the same rows err alike
             found[key] = (hypothesis.shape, before[1] + one.weight, before[2] + values, before[3] + spread)
+    used = _used(diagnosis)
+    white = whitening(fit.sigma, used, fit.sharing)
+    tangent = white @ fit.tangent[used]
+    closing = {
+        (one["effect"], one["component"]): round(one["closes"], 4) for one in diagnosis.explained()["causes"]
+    }
     added = []
     for effect, component in dict.fromkeys(key[:2] for key in found):
         own_shapes = [
@@ -206,7 +214,17 @@ def _found(diagnosis: Diagnosis) -> Robot:
             if key[:2] == (effect, component) and weight > 0.0
         ]
         own_shapes.sort(key=lambda part: -part[1])
-        added.append(added_effect(fit, effect, component, own_shapes))
+        moved = np.sum([weight * (shape.columns @ values) for shape, weight, values, _ in own_shapes], axis=0)
+        added.append(
+            added_effect(
+                fit,
+                effect,
+                component,
+                own_shapes,
+                closes=closing.get((effect, component)),
+                absorbed=absorbed_by(fit.fitted, tangent, white @ moved[used]),
+            )
+        )
     robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
@@ -335,9 +353,7 @@ def _stiffness(diagnosis: Diagnosis) -> dict[str, float]:
 
 def _bounded(diagnosis: Diagnosis, least: Array) -> Array:
     """Return the changes of the compliances (t,), none below `least`, that fit best beside the effects."""
-    fit = diagnosis.linear
-    outlying = np.isin([fit.rows.place(row) for row in range(len(fit.rows))], list(diagnosis.outliers))
-    used = fit.used & ~outlying[:, None]
+    fit, used = diagnosis.linear, _used(diagnosis)
     gap = fit.gap.copy()
     for one in diagnosis.fits:
         sizes = np.concatenate([each.hypothesis.sizes for each in one.shapes])
@@ -348,3 +364,11 @@ def _bounded(diagnosis: Diagnosis, least: Array) -> Array:
     solved = lsq_linear(tangent, white @ gap[used], (-1.0, np.inf))
     result: Array = -least * solved.x
     return result
+
+
+def _used(diagnosis: Diagnosis) -> NDArray[np.bool_]:
+    """Return which components of the rows, (N, 6), were fitted: those of outliers were not."""
+    rows = diagnosis.linear.rows
+    outlying = np.isin([rows.place(row) for row in range(len(rows))], list(diagnosis.outliers))
+    used: NDArray[np.bool_] = diagnosis.linear.used & ~outlying[:, None]
+    return used

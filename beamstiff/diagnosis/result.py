@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
@@ -175,9 +176,10 @@ class Diagnosis(Shown):
         without the effects that the robot had before (`known`).
         """
         if self.decomposition is not None:
-            found = self.decomposition
-            robots = found.model.robot(np.zeros_like(found.change)), self.applied
-            views = [fit_baseline(robot, rows, keep=()) for robot in robots]
+            without = calibrated_without(
+                self.applied.model_copy(update={"effects": ()}), self.applied.effects, rows
+            )
+            views = [fit_baseline(*one, keep=()) for one in (without, (self.applied, rows))]
             return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)
         before = after = there.predicted
@@ -217,7 +219,7 @@ class Diagnosis(Shown):
                     }
                 ),
             },
-            **self._causes(),
+            **self.explained(),
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
                 name: {"given": given, "value": stiffness_text(value)}
@@ -232,7 +234,7 @@ class Diagnosis(Shown):
             "features": {name: _plain(value) for name, value in self.features.items()},
         }
 
-    def _causes(self) -> dict[str, Any]:
+    def explained(self) -> dict[str, Any]:
         """Return the keys ``causes`` and ``remainder``."""
         if self.decomposition is not None:
             return causes_dict(self.decomposition)

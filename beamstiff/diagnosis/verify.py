@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.residual.baseline import deviation, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
@@ -27,7 +28,7 @@ class Verification:
     Attributes
     ----------
     before, after : float
-        Without the robot's model and effects, and with them.
+        Without the robot's model and effects, calibrated without them, and with them.
     noise : float
         What the stated noise alone makes; 0 where none is stated.
     promised : float or None
@@ -105,18 +106,18 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
     absolute = measurements.kind == "absolute"
     refit_frame = refit_frame and absolute  # a difference of two readings has no origin
-    bare = robot.model_copy(update={"effects": (), "model": None})
     keys = [f"{effect.effect}:{effect.component or 'null'}" for effect in robot.effects]
     causes = list(dict.fromkeys(keys))
-    stages = [bare]
-    if robot.model is not None:
-        stages.append(bare.model_copy(update={"model": robot.model}))
+    stages = [robot.model_copy(update={"effects": ()})]
     for key in causes:  # all shapes of a cause at once: only their sum is meant
         own = [effect for effect, of in zip(robot.effects, keys, strict=True) if of == key]
         stages.append(robot.model_copy(update={"effects": (*stages[-1].effects, *own)}))
     if robot.model is not None:
         causes.insert(0, f"{MODEL}{robot.model.kind}")
-    errors = [_rms(_errors(bare, stage, measurements, refit_frame), used) for stage in stages]
+        stages.insert(0, stages[0].model_copy(update={"model": None}))
+    ahead = [[one for one in robot.effects if one not in stage.effects] for stage in stages]
+    calibrated = [calibrated_without(*one, measurements) for one in zip(stages, ahead, strict=True)]
+    errors = [_rms(_errors(stage, rows, refit_frame), used) for stage, rows in calibrated]
     sigma = np.nan_to_num(measurements.sigma[:, :3])
     noise = float(np.sqrt((sigma[used] ** 2).sum() / used.any(axis=1).sum()))
     explainable = errors[0] ** 2 - noise**2
@@ -126,7 +127,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
 
     other_frame = None
     if absolute and not refit_frame and errors[-1] > noise:
-        other_frame = _in_another_frame(bare, stages[-1], measurements, errors[-1])
+        other_frame = _in_another_frame(robot, measurements, errors[-1])
     stated = [effect.closes for effect in robot.effects if effect.closes is not None]
     return Verification(
         before=errors[0],
@@ -143,7 +144,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     )
 
 
-def _in_another_frame(bare: Robot, robot: Robot, rows: Measurements, after: float) -> float | None:
+def _in_another_frame(robot: Robot, rows: Measurements, after: float) -> float | None:
     """Return what a fitted frame would leave of `after` where it closes most of it, m; else None."""
     used = rows.measured_mask[:, :3]
     whole = rows.position[used.all(axis=1)]
@@ -151,13 +152,14 @@ def _in_another_frame(bare: Robot, robot: Robot, rows: Measurements, after: floa
         check_spread(whole, rows.source)
     except BeamstiffError:
         return None
-    left = _rms(_errors(bare, robot, rows, refit=True), used)
+    left = _rms(_errors(robot, rows, refit=True), used)
     free = int(used.sum()) - FRAME  # values of which six are taken up by any frame
     return left if free > 0 and left**2 * used.sum() / free < (1.0 - MOST) * after**2 else None
 
 
-def _errors(bare: Robot, robot: Robot, rows: Measurements, refit: bool) -> Array:
+def _errors(robot: Robot, rows: Measurements, refit: bool) -> Array:
     """Return measured less predicted positions (N, 3), m; NaN where not measured."""
+    bare = robot.model_copy(update={"effects": (), "model": None})
     gap = (deviation(bare, rows) - predict(robot, rows))[:, :3]
     if not refit:
         return gap

@@ -302,6 +302,8 @@ class AddedEffect(Described):
         What the parameters are counted against, SI: the largest torque of the rows they were fitted to, say.
     closes : float or None
         Share of the gap that it closed on held-out postures when it was found: what `verify` holds it to.
+    absorbed : mapping of str to float
+        What a calibration without it puts into geometry, base frame and compliances instead, SI.
     found_from : "positions", "displacements" or None
         Readings that it was found from; displacements do not show what it does to the unloaded tool.
     shapes : tuple of AddedShape
@@ -315,6 +317,7 @@ class AddedEffect(Described):
     std: Mapping[Name, ParameterValue] = {}
     scales: Mapping[Name, Scale] = {}
     closes: float | None = None
+    absorbed: Mapping[Name, float] = {}
     found_from: Literal["positions", "displacements"] | None = None
     shapes: tuple[AddedShape, ...] = ()
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
+from beamstiff.diagnosis.absorbed import absorbed_by
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import shift_of
@@ -64,7 +66,14 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
         if not all(item.posture_specific for item in form.shape.parameters):
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
-    closes: float | None = round(cause.closes, 4)
+    model = found.model
+    moved = np.sum(
+        [form.columns @ theta for form, theta in zip(cause.forms, cause.theta, strict=True)], axis=0
+    )
+    told: dict[str, Any] = {
+        "closes": round(cause.closes, 4),
+        "absorbed": absorbed_by(model.open_names, model.tangent, moved),
+    }
     for (effect, component), shapes in own.items():
-        yield added_effect(found.model.baseline, effect, component, shapes, closes=closes)
-        closes = None  # what the cause closes stands in the first
+        yield added_effect(model.baseline, effect, component, shapes, **told)
+        told = {}  # of the whole cause: it stands in the first

@@ -17,7 +17,6 @@ from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms
 from beamstiff.diagnosis.decomposition.held_out import (
     Folds,
     closed,
-    errors_along,
     folds_of,
     interval,
     ordered,
@@ -263,7 +262,7 @@ def _named_first(
     helps only beside an undecided one.
     """
     first = sorted(order, key=lambda cause: not causes[cause].named)
-    along = errors if first == order else errors_along(folds, first)
+    along = errors if first == order else folds.errors_along(first)
     count = sum(cause.named for cause in causes.values())
     if min(closed(along, noise)[:count], default=0.0) >= 0.0:
         return first, along

@@ -162,6 +162,10 @@ class Step:
         parts = zip(self.chosen, columns, thetas, strict=True)
         return {number: np.asarray(own @ theta) for number, own, theta in parts}
 
+    def free_count(self, number: int) -> int:
+        """Return how many parameters of a form the fit uses."""
+        return int(self.free[self.chosen.index(number)].sum())
+
     @cached_property
     def left(self) -> Array:
         """What is left of the residual, (n,)."""

@@ -51,6 +51,31 @@ class Folds:
         left = np.zeros(self.model.count)
         for out, root in self.parts:
             left[out] = root @ _predicted(root.T @ step.basis[out], root.T @ step.left[out])
+        return self._by_posture(left)
+
+    def errors_along(self, order: Sequence[tuple[int, ...]]) -> list[Array]:
+        """Return these errors with no cause, with the first, the first two, and so on: their forms.
+
+        Each is as large as all together say that it is, in the fit without the fold: fitted with those before
+        it alone, it would take the share of others that it resembles, or cancel them less than it does. What
+        is open, and the drives, take up what they can of those that are missing.
+        """
+        step = fit_step(self.choice, [number for cause in order for number in cause])
+        drives = int(step.drives.sum())
+        basis = orthonormal(step.columns[:, :drives])
+        ends = drives + np.cumsum([sum(step.free_count(k) for k in cause) for cause in order], dtype=int)
+        left = np.zeros((len(ends), self.model.count))
+        for out, root in self.parts:
+            error = root @ _predicted(root.T @ step.basis[out], root.T @ step.left[out])
+            theta = step.theta - np.linalg.solve(step.triangle, step.basis[out].T @ error)
+            for values, end in zip(left, ends.tolist(), strict=True):
+                own = step.residual - step.columns[:, drives:end] @ theta[drives:end]
+                own = own[out] - basis[out] @ (basis.T @ own)
+                values[out] = root @ _predicted(root.T @ basis[out], root.T @ own)
+        nothing = self.squared_errors(fit_step(self.choice, ()))  # drives are another matter there
+        return [nothing, *map(self._by_posture, left)]
+
+    def _by_posture(self, left: Array) -> Array:
         error = unweighed(self.model, left)
         return np.bincount(self.posture[self.position], weights=error[self.position] ** 2).astype(np.float64)
 
@@ -103,37 +128,9 @@ def folds_of(model: OpenModel, choice: Choice, seed: int) -> Folds:
 
 
 def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:
-    """Return causes, the largest first, and the errors (P,) of fits with more and more of them, from none on.
-
-    The largest is the one without which least is left, each as large as all causes together say: fitted
-    alone, a flexible one would take the share of another that it resembles. Where sizes cancel one another,
-    so that in this order one makes held-out postures worse, the one that closes most comes first.
-    """
+    """Return causes in the order in which taking one away leaves least, and the errors (P,) along them."""
     order = _largest_first(folds.choice, causes)
-    errors = errors_along(folds, order)
-    if min(closed(errors, 0.0), default=0.0) >= 0.0:
-        return order, errors
-    order = _most_closing_first(folds, causes)
-    return order, errors_along(folds, order)
-
-
-def _most_closing_first(folds: Folds, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Return causes in the order of what each closes after those before it, fitted with these alone."""
-    order: list[tuple[int, ...]] = []
-    while len(order) < len(causes):
-        rest = [cause for cause in causes if cause not in order]
-        order.append(min(rest, key=lambda cause: float(_errors_with(folds, [*order, cause]).sum())))
-    return order
-
-
-def errors_along(folds: Folds, order: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Return the errors (P,) of fits with no cause, the first, the first two, and so on."""
-    return [_errors_with(folds, order[:count]) for count in range(len(order) + 1)]
-
-
-def _errors_with(folds: Folds, causes: Sequence[tuple[int, ...]]) -> Array:
-    """Return the errors (P,) of a fit with some causes."""
-    return folds.squared_errors(fit_step(folds.choice, [number for cause in causes for number in cause]))
+    return order, folds.errors_along(order)
 
 
 def closed(errors: Sequence[Array], noise: float) -> list[float]:

@@ -67,6 +67,13 @@ class OpenModel:
         return self.baseline.used
 
     @property
+    def open_names(self) -> list[str]:
+        """Names of the open parameters, (t,)."""
+        return (
+            [*self.baseline.fitted] if self.problem is None else [*self.problem.values(self.problem.expected)]
+        )
+
+    @property
     def geometry(self) -> Array:
         """Columns (n + p, t - d) of the open parameters but the drives."""
         return self.tangent[:, : self.tangent.shape[1] - self.present.size]

@@ -40,6 +40,8 @@ GENTLE = 0.5  # of it, above which most stay
 
 ROUND = np.deg2rad(270.0)  # range of a joint that no rod can serve: its dead points are half a turn apart
 
+STEPS = 91  # through the range: at most three degrees each
+
 Crank = tuple[float, float, float, float]  # ratio, phase, gear, mean square lever
 
 
@@ -82,20 +84,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     if not family:
         return []
 
-    def laws(q: np.ndarray, some: list[Crank]) -> np.ndarray:
-        # beyond the angles that were measured a lever may come near its dead point, where no screw works
+    def laws(q: np.ndarray, some: list[Crank], least: float) -> np.ndarray:
+        # beyond the range that was measured a lever may come near its dead point, where no screw works
         columns = [
-            square / np.maximum(_lever(gear * q + phase, ratio), NEARER_DEAD * _largest(ratio)) ** 2
+            square / np.maximum(_lever(gear * q + phase, ratio), least * _largest(ratio)) ** 2
             for ratio, phase, gear, square in some
         ]
         return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
 
     gain = Quantity("mean_compliance", unit, compliance)
-    factors = follow.varying(lambda q: laws(q, cranks)).T
+    factors = follow.varying(lambda q: laws(q, cranks, NEAR_DEAD)).T
     columns = [scaled_torque(baseline, axis, factor) for factor in factors]
 
-    def any_of(name: str, some: list[Crank]) -> Shape:
-        whole = [scaled_torque(baseline, axis, mode) for mode in follow.family(lambda q: laws(q, some)).T]
+    def any_of(name: str, some: list[Crank], least: float) -> Shape:
+        modes = follow.family(lambda q: laws(q, some, least)).T
+        whole = [scaled_torque(baseline, axis, mode) for mode in modes]
         names = (Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
         return Shape(name, np.stack(whole, -1), tuple(names), prior_factor=3.0, weight=0.5)
 
@@ -121,8 +124,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         *result,
         Shape("once a turn", waves[..., :2], parts[:2], prior_factor=3.0),
         Shape("once and twice a turn", waves, parts, prior_factor=3.0, weight=0.5),
-        any_of("any crank", family),
-        *([any_of("any gentle crank", gentle)] if gentle else []),
+        any_of("any crank", family, NEARER_DEAD),
+        *([any_of("any gentle crank", gentle, GENTLE)] if gentle else []),
     ]
 
 
@@ -135,13 +138,18 @@ def _scales(baseline: Baseline, component: str | None) -> Normalisation:
 def _possible(
     follow: Following, ratios: Sequence[float], phases: np.ndarray, gears: Sequence[float], least: float
 ) -> list[Crank]:
-    """Return the cranks that stay away from their dead points."""
+    """Return the cranks that stay away from their dead points, in all of the range that was measured.
+
+    Between two angles as well: with a dead point in a gap the law there would be anything.
+    """
+    between = np.linspace(follow.fitted.min(), follow.fitted.max(), STEPS)
     return [
         (ratio, phase, gear, float(follow.share @ lever**2))
         for gear in gears
         for ratio in ratios
         for phase in phases.tolist()
-        if (lever := _lever(gear * follow.fitted + phase, ratio)).min() > least * _largest(ratio)
+        for lever in [_lever(gear * follow.fitted + phase, ratio)]
+        if _lever(gear * between + phase, ratio).min() > least * _largest(ratio)
     ]
 
 

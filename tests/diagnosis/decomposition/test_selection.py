@@ -66,6 +66,29 @@ def test_held_out_errors_are_those_of_fits_without_the_fold(folds: Folds) -> Non
         assert folds.squared_errors(tried).sum() == pytest.approx(squares.sum(), rel=1e-3)
 
 
+def test_errors_along_causes_leave_each_as_large_as_all_say(folds: Folds) -> None:
+    """Sizes from the fit to all other postures; of what is missing the open parameters take what they can."""
+    model, step = folds.model, select(folds.choice, folds.squared_errors)
+    step = fit_step(folds.choice, step.chosen[:2])
+    matrix, right = stacked(model, list(forms_in(folds.choice, step).values()))
+    opened = matrix.shape[1] - sum(one.columns.shape[1] for one in forms_in(folds.choice, step).values())
+    first = opened + folds.choice.forms[step.chosen[0]].columns.shape[1]
+    left = np.zeros(model.count)
+    for one in range(folds.fold.max() + 1):
+        out = np.flatnonzero(folds.fold == one)
+        rest = np.delete(matrix, out, axis=0)
+        theta = np.linalg.lstsq(rest, np.delete(right, out), rcond=1e-12)[0]
+        moved = matrix[:, opened:first] @ theta[opened:first]
+        beside = np.delete(right - moved, out)
+        again = np.linalg.lstsq(rest[:, :opened], beside, rcond=1e-12)[0]
+        left[out] = (right - moved)[out] - matrix[out, :opened] @ again
+    nothing, with_first, with_both = folds.errors_along([(number,) for number in step.chosen])
+    squares = unweighed(model, left)[folds.position] ** 2
+    assert with_first.sum() == pytest.approx(squares.sum(), rel=1e-3)
+    np.testing.assert_allclose(with_both, folds.squared_errors(step), rtol=1e-6)
+    np.testing.assert_allclose(nothing, folds.squared_errors(fit_step(folds.choice, ())))
+
+
 def test_causes_come_in_the_order_of_what_they_close(folds: Folds) -> None:
     step = select(folds.choice, folds.squared_errors)
     order, errors = ordered(folds, [(number,) for number in step.chosen])

@@ -49,6 +49,20 @@ def test_beyond_the_measured_angles_no_screw_stands_at_its_dead_point(campaign: 
         assert np.abs(there.columns).max() < 100 * np.abs(here.columns).max()
 
 
+def test_between_measured_angles_a_lever_is_no_other_than_at_them(campaign: Baseline) -> None:
+    """Nobody drives through a dead point: in a gap of forty degrees no law of a screw runs away."""
+    q = np.repeat(campaign.rows.q[:1], 41, axis=0)
+    q[:, 1] = np.linspace(0.6, 1.6, 41)
+    swept = nominal(kr240(), rows_of(kr240(), q, np.tile([0, 0, -1000.0, 0, 0, 0], (41, 1))))
+    measured = {"angles": (0.6, 0.65, 0.7, 1.5, 1.55, 1.6), "counts": (1.0,) * 6}
+    torque = arm_at(q).torque(swept.rows.wrench)[:, 1]
+    for shape in EFFECTS["actuator-lever"].shapes(replace(swept, stated=measured), "q2"):
+        if shape.name.startswith("any"):
+            law = np.linalg.norm(shape.columns, axis=(1, 2)) / np.abs(torque)
+            at = np.isin(np.round(q[:, 1], 3), measured["angles"])
+            assert law[~at].max() < 3.0 * law[at].max()
+
+
 @pytest.mark.parametrize("free", [0.0, 0.4, 0.8])
 @pytest.mark.parametrize("ratio", [0.15, 0.4, 0.7])
 def test_a_balancers_torque_and_stiffness_are_slopes_of_its_energy(ratio: float, free: float) -> None:

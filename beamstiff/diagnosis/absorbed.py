@@ -1,0 +1,80 @@
+"""What a calibration puts into its parameters where effects are left out.
+
+The robot that a diagnosis writes has the geometry and stiffness that were fitted beside its effects; by
+itself, without them, it is no model that anybody would use. What effects close is a share of what that robot
+leaves which is calibrated without them. It differs by what calibration absorbs of each: ``T^+ A theta``, T
+the tangent of the open parameters, ``A theta`` what the effect moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.calibration.corrected import corrected
+from beamstiff.calibration.parameters import AXES, TURNS
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.se3 import Array, rotation_from_vector
+
+DIGITS = 4  # of a change, which is itself known to some per cent
+
+
+def absorbed_by(names: Sequence[str], tangent: Array, moved: Array) -> dict[str, float]:
+    """Return the changes of parameters that fit what an effect moves, by name, SI.
+
+    `names`: of geometry, base frame and stiffness; of the latter the compliance is meant. `tangent` (n, t),
+    `moved` (n,): in units of the noise.
+    """
+    changes = inverse_of(tangent) @ moved
+    return {
+        name: float(f"{by:.{DIGITS}g}") for name, by in zip(names, changes.tolist(), strict=True) if by != 0.0
+    }
+
+
+def calibrated_without(
+    robot: Robot, effects: Iterable[AddedEffect], rows: Measurements
+) -> tuple[Robot, Measurements]:
+    """Return a robot with what a calibration without some of its effects would find, and rows in its frame.
+
+    Examples
+    --------
+    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.robot.reader import load_robot
+    >>> robot = load_robot("kr240-2")
+    >>> change = 1e-3 / robot.parameter("J2.torsional")
+    >>> effect = AddedEffect(
+    ...     effect="backlash",
+    ...     component="q2",
+    ...     shape="play",
+    ...     parameters={"gap": 1e-4},
+    ...     absorbed={"J2.torsional": change},
+    ... )
+    >>> names = [one.name for one in robot.actuated]
+    >>> rows = make_measurements(names, np.zeros((1, 6)), tcp=robot.tcp, position=np.zeros((1, 3)))
+    >>> other, _ = calibrated_without(robot, [effect], rows)
+    >>> round(other.parameter("J2.torsional") / robot.parameter("J2.torsional"), 6)
+    0.999001
+    """
+    changes: dict[str, float] = {}
+    for effect in effects:
+        for name, by in effect.absorbed.items():
+            changes[name] = changes.get(name, 0.0) + by
+    if not changes:
+        return robot, rows
+    stiffness = {
+        name: 1.0 / max(1.0 / value + changes[name], 1.0 / (KNOWN_FACTOR * value))
+        for name, value in stiffness_parameters(robot).items()
+        if name in changes and value < np.inf
+    }
+    robot = corrected(robot.with_parameters(stiffness), changes, rows.q[:1])
+    if rows.kind != "absolute":
+        return robot, rows
+    shift, turn = (np.array([changes.get(f"base.{axis}", 0.0) for axis in some]) for some in (AXES, TURNS))
+    return robot, replace(rows, position=(rows.position - shift) @ rotation_from_vector(turn))
