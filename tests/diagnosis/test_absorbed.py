@@ -26,7 +26,7 @@ def test_the_gap_before_is_that_of_a_calibration_without_the_cause() -> None:
     calibration = calibrate(robot.model_copy(update={"identify": ()}), fitted, folds=0)
     alone = verify(calibration.robot, fresh, refit_frame=True)
     assert alone.after > 3e-4
-    assert found.before == pytest.approx(alone.after, rel=0.15)
+    assert found.before == pytest.approx(alone.after, rel=0.05)
     assert found.promised == pytest.approx(found.true, abs=0.05)
 
 

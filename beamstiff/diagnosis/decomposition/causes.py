@@ -35,6 +35,8 @@ class Cause:
         That there is a cause in its place, and not a little of everything else.
     closes : float
         Share of the explainable gap on held-out postures.
+    missed : float
+        Share of it that a fit without the cause leaves there, the others being as large as they like.
     closes_interval : (float, float)
         90 %, over the postures.
     rms_after : float, m
@@ -49,6 +51,7 @@ class Cause:
     probability: float
     present: float
     closes: float
+    missed: float
     closes_interval: tuple[float, float]
     rms_after: float
     indistinguishable: tuple[str, ...]
@@ -64,10 +67,11 @@ class Cause:
         """Whether it is likely this cause, and more than what the form of another may leave.
 
         What closes much is named as the likeliest of what looks like it: without it neither the rest of the
-        list nor what remains would be that of the robot as it will be written.
+        list nor what remains would be that of the robot as it will be written. Of two that cancel one another
+        each closes much, and neither is missed.
         """
         likely = self.probability >= NAMED or self.closes >= QUARTER
-        return self.present >= PRESENT and likely and self.closes >= MINOR
+        return self.present >= PRESENT and likely and min(self.closes, self.missed) >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:

@@ -38,6 +38,7 @@ Numbers = tuple[int, ...]  # of the forms of a cause
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
+NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
 ROUNDS = 3  # of calibrating beside the causes that were found
 
 
@@ -183,9 +184,14 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
+    explainable = max(total - noise2, NEGLIGIBLE)
     causes = {
         cause: replace(
-            judged, theta=tuple(thetas[k] for k in cause), std=tuple(stds[k] for k in cause), closes=share
+            judged,
+            theta=tuple(thetas[k] for k in cause),
+            std=tuple(stds[k] for k in cause),
+            closes=share,
+            missed=(_without(folds, step, cause) - float(errors[-1].sum())) / explainable,
         )
         for (cause, judged), share in zip(
             _judged(folds, step, order, replaced).items(), closed(errors, noise2), strict=True
@@ -225,6 +231,12 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     )
 
 
+def _without(folds: Folds, step: Step, cause: Numbers) -> float:
+    """Return the sum of squared position errors, m^2, of a fit without one of its causes."""
+    others = [number for number in step.chosen if number not in cause]
+    return float(folds.squared_errors(fit_step(folds.choice, others)).sum())
+
+
 def _judged(
     folds: Folds, step: Step, order: Sequence[Numbers], replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]
 ) -> dict[Numbers, Cause]:
@@ -240,6 +252,7 @@ def _judged(
             probability=rival.probability * float(present),
             present=float(present),
             closes=0.0,
+            missed=0.0,
             closes_interval=(0.0, 0.0),
             rms_after=0.0,
             indistinguishable=rival.indistinguishable,
