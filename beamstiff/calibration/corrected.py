@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.calibration.parameters import AXES, Parameter
+from beamstiff.fem.geometry import COINCIDENT
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression
@@ -109,8 +110,8 @@ def _node(item: Node, changes: Mapping[str, float]) -> Node:
 def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:
     """Return the robot with its joints' nodes together again."""
     was, now = compile_kinematics(nominal), compile_kinematics(robot)
-    if (_gaps(was, posture(was, q), nominal.joints) > JOINED).any():
-        return robot  # they were apart before
+    if (_gaps(was, posture(was, q), nominal.joints) > COINCIDENT).any():
+        return robot  # they were apart before, by more than what a file rounds to
     where = posture(now, q)
     apart = _gaps(now, where, robot.joints).max(axis=0) > JOINED
     seats = _Seats(robot)

@@ -7,7 +7,9 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, calibrated_without
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import subset
 from beamstiff.robot.parts import AddedEffect
@@ -58,3 +60,25 @@ def test_nothing_absorbed_changes_nothing() -> None:
     robot = load_robot(UR10)
     rows = measured(robot, None)
     assert calibrated_without(robot, [], rows) == (robot, rows)
+
+
+def test_joints_stay_whole_where_a_file_has_rounded_their_nodes() -> None:
+    real = corrected(load_robot(UR10), OFF, np.zeros((1, 6)))
+    off = np.random.default_rng(0).uniform(-5e-8, 5e-8, (len(real.nodes), 3))  # as 1e-7 is written
+    short = [
+        node.model_copy(update={"at": tuple((node.at + by).tolist())})
+        for node, by in zip(real.nodes, off, strict=True)
+    ]
+    again = corrected(real.model_copy(update={"nodes": tuple(short)}), {"f3.d": 2e-3}, np.zeros((1, 6)))
+    assert np.isfinite(predict(again, measured(load_robot(UR10), None))).all()
+
+
+def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
+    robot = load_robot(UR10)
+    found = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
+    assert found is not None
+    effect = applied(found).effects[0]
+    sizes = {name: abs(by) for name, by in effect.absorbed.items()}
+    assert "base.x" in sizes
+    assert "f1.gamma" not in sizes  # the base's own turn
+    assert max(sizes.values()) < 0.02  # rad or m: a few times the sag itself

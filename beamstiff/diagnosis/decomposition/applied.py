@@ -72,7 +72,7 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
     )
     told: dict[str, Any] = {
         "closes": round(cause.closes, 4),
-        "absorbed": absorbed_by(model.open_names, model.tangent, moved),
+        "absorbed": absorbed_by(*model.told_apart, moved),
     }
     for (effect, component), shapes in own.items():
         yield added_effect(model.baseline, effect, component, shapes, **told)

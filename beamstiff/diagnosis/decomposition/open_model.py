@@ -50,6 +50,8 @@ class OpenModel:
         change by cannot be negative.
     problem : Problem or None
         The calibration, where the geometry is open.
+    held : frozenset of str
+        Open parameters that a calibration holds, as the readings do not tell them from others.
     """
 
     given: Robot
@@ -60,6 +62,7 @@ class OpenModel:
     weigh: Whitening
     present: Array
     problem: Problem | None = None
+    held: frozenset[str] = frozenset()
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -67,11 +70,13 @@ class OpenModel:
         return self.baseline.used
 
     @property
-    def open_names(self) -> list[str]:
-        """Names of the open parameters, (t,)."""
-        return (
-            [*self.baseline.fitted] if self.problem is None else [*self.problem.values(self.problem.expected)]
+    def told_apart(self) -> tuple[list[str], Array]:
+        """Names and columns (n + p, k) of the open parameters that the readings tell apart."""
+        names = (
+            self.baseline.fitted if self.problem is None else [*self.problem.values(self.problem.expected)]
         )
+        at = [number for number, name in enumerate(names) if name not in self.held]
+        return [names[number] for number in at], self.tangent[:, at]
 
     @property
     def geometry(self) -> Array:
@@ -172,6 +177,7 @@ def open_geometry(
         whitening(problem.sigma, problem.used, baseline.sharing),
         problem.split(problem.expected)[1],
         problem,
+        frozenset(one.name for one in found.parameters if not one.identified),
     )
 
 
