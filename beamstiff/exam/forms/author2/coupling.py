@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of
-from beamstiff.exam.forms.author1 import joint_coupling
+from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.springs import slackening
 from beamstiff.exam.laws import Curve, Law, Situation, Stiffness
 from beamstiff.exam.machine import Cross, Mesh, joints_of
@@ -17,7 +17,7 @@ from beamstiff.exam.reality import Reality
 
 def _draw(request: DrawRequest) -> dict[str, float]:
     found = {
-        "share": request.sign() * request.sized(*joint_coupling.SHARE),
+        "share": request.sign() * request.sized(*author1.SHARE),
         "ratio": request.uniform(0.6, 1.6),
     }
     if request.form == "belt":
@@ -55,4 +55,6 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
     return reality.with_machine(machine.plus(meshes=(mesh,)))
 
 
-EFFECTS = (Effect("joint-coupling", ("belt", "eccentric", "bracket"), joint_coupling.places, _draw, _impose),)
+EFFECTS = (
+    Effect("joint-coupling", ("belt", "eccentric", "bracket"), author1.coupled_drives, _draw, _impose),
+)

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives
-from beamstiff.exam.forms.author1 import hysteresis
+from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.laws import Friction, Memory, Remembering, Situation
 from beamstiff.exam.reality import Reality
 
@@ -16,7 +16,7 @@ SLIDERS = 5
 
 
 def _draw(request: DrawRequest) -> dict[str, float]:
-    found = hysteresis.draw(request)
+    found = author1.draw_friction(request)
     found["arrived"] = request.uniform(-0.9, 0.9)  # friction left over from the move to the pose
     if request.form == "maxwell-slip":
         found["ratio"] = request.uniform(1.8, 3.5)  # of a slider's yield strain to the one before

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives
-from beamstiff.exam.forms.author1 import backlash, hardening, joint_compliance
+from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.laws import Curve, Law, WindUp
 from beamstiff.exam.reality import Reality
 
@@ -34,7 +34,7 @@ def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
 
 
 def _draw_play(request: DrawRequest) -> dict[str, float]:
-    found = backlash.draw(request)
+    found = author1.draw_backlash(request)
     if request.form == "planets":
         found["spread"] = request.uniform(0.3, 0.8)  # of the half play, from planet to planet
     return found
@@ -87,7 +87,7 @@ def _hardening(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_compliance(request: DrawRequest) -> dict[str, float]:
-    found = joint_compliance.draw(request)
+    found = author1.draw_compliance(request)
     found["from"] = request.log_uniform(1e-4, 1e-3)  # strain about which it changes
     if request.form == "hertz":
         found["more"] = request.uniform(0.5, 2.0)  # give of the contacts over the spring's
@@ -112,8 +112,6 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
 
 EFFECTS = (
     Effect("backlash", ("arctan", "planets"), drives, _draw_play, _play),
-    Effect("hardening", ("hertz", "cubic"), drives, hardening.draw, _hardening),
-    Effect(
-        "joint-compliance", ("hertz", "preloaded"), joint_compliance.places, _draw_compliance, _compliance
-    ),
+    Effect("hardening", ("hertz", "cubic"), drives, author1.draw_hardening, _hardening),
+    Effect("joint-compliance", ("hertz", "preloaded"), author1.rigid_joints, _draw_compliance, _compliance),
 )

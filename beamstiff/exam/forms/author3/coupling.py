@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, stiffness_of, stroke
-from beamstiff.exam.forms.author1 import joint_coupling
+from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.springs import hertzian
 from beamstiff.exam.laws import Law, Situation, Stiffness, WindUp
 from beamstiff.exam.machine import Mesh, Weight, joints_of
@@ -18,7 +18,7 @@ LINEAR = 0.4  # share of the shafts, which are linear, in what bevel gears give 
 
 def _draw(request: DrawRequest) -> dict[str, float]:
     found = {
-        "share": request.sign() * request.sized(*joint_coupling.SHARE),
+        "share": request.sign() * request.sized(*author1.SHARE),
         "ratio": request.uniform(0.6, 1.6),
     }
     if request.form == "linkage":
@@ -62,5 +62,5 @@ def _impose(truth: Truth, reality: Reality) -> Reality:
 
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("joint-coupling", ("linkage", "bevel"), joint_coupling.places, _draw, _impose),
+    Effect("joint-coupling", ("linkage", "bevel"), author1.coupled_drives, _draw, _impose),
 )

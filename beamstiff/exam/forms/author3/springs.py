@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stroke, turns
-from beamstiff.exam.forms.author1 import backlash, hardening, joint_compliance
+from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.laws import Curve, Forgetful, Law, Memory, Situation, Stiffness, WindUp
 from beamstiff.exam.reality import Reality
 
@@ -42,7 +42,7 @@ def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
 
 
 def _draw_play(request: DrawRequest) -> dict[str, float]:
-    found = backlash.draw(request)
+    found = author1.draw_backlash(request)
     if request.form == "runout":
         return found | {"depth": request.uniform(0.3, 0.9), "phase": request.uniform(0.0, 2.0 * np.pi)}
     scale = 1.0 if turns(request.robot, request.component) else 0.1
@@ -90,7 +90,7 @@ def _play(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_hardening(request: DrawRequest) -> dict[str, float]:
-    found = hardening.draw(request)
+    found = author1.draw_hardening(request)
     if request.form == "lobes":
         return found | {"shortened": request.uniform(0.6, 0.8)}
     return found | {"coast": request.log_uniform(1.5, 5.0) ** request.sign()}
@@ -136,7 +136,7 @@ def _hardening(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_compliance(request: DrawRequest) -> dict[str, float]:
-    found = joint_compliance.draw(request)
+    found = author1.draw_compliance(request)
     if request.form == "strands":
         return found | {"reach": request.uniform(0.5, 0.85)}
     return found | {
@@ -175,5 +175,5 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
 EFFECTS: tuple[Effect, ...] = (
     Effect("backlash", ("runout", "scissors"), drives, _draw_play, _play),
     Effect("hardening", ("lobes", "hypoid"), drives, _draw_hardening, _hardening),
-    Effect("joint-compliance", ("strands", "spokes"), joint_compliance.places, _draw_compliance, _compliance),
+    Effect("joint-compliance", ("strands", "spokes"), author1.rigid_joints, _draw_compliance, _compliance),
 )
