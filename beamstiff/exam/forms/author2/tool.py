@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.forms.author1 import tool as author1
-from beamstiff.exam.forms.author2.springs import slackening
+from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed

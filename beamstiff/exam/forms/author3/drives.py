@@ -1,4 +1,4 @@
-"""Third forms of the drives' springs: play, hardening, and joints that are not stiff."""
+"""Third forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
 from __future__ import annotations
 
@@ -8,9 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stroke, turns
+from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stiffness_of, stroke, turns
 from beamstiff.exam.forms.author1 import drives as author1
-from beamstiff.exam.laws import Curve, Forgetful, Law, Memory, Situation, Stiffness, WindUp
+from beamstiff.exam.forms.author2.drives import hertzian
+from beamstiff.exam.laws import (
+    Curve,
+    Forgetful,
+    Friction,
+    Law,
+    Memory,
+    Remembering,
+    Situation,
+    Stiffness,
+    WindUp,
+)
+from beamstiff.exam.machine import Mesh, Weight, joints_of
 from beamstiff.exam.reality import Reality
 
 Curved = tuple[Array, Array]
@@ -18,6 +30,11 @@ PER_METRE = 6.0  # rad of a pinion's turn for a metre of its rack
 ROUNDED = 0.02  # of the play, about which a flank's contact closes
 PINS = 18  # of a cycloid disc that can carry one way
 FURTHEST = 0.9  # share of half a band's length that a strand can lose to the other
+RUBBING = (0.04, 0.45)  # friction over the torque that passes: from a good gear to a worm
+PRESSED = 0.2  # of the strain where motion turns round, that its way is longer by
+SOFTER = (0.06, 1.2)  # what a slipping hub gives, over what the rest of the drive gives
+SERVED = np.deg2rad(70.0)  # to either side: what a crank can turn before its rod stands across
+LINEAR = 0.4  # share of the shafts, which are linear, in what bevel gears give at first
 
 
 @dataclass(frozen=True)
@@ -172,8 +189,139 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda _: law)
 
 
+def _draw_friction(request: DrawRequest) -> dict[str, float]:
+    scale = 1.0 if turns(request.robot, request.component) else 0.1
+    found = {"arrived": request.uniform(-0.9, 0.9)}  # friction left over from the move to the pose
+    if request.form == "teeth":
+        return found | {
+            "rubbing": request.sized(*RUBBING),
+            "seals": scale * request.log_uniform(2e-6, 2e-5),  # torque over the stiffness
+            "slip": scale * request.log_uniform(4e-5, 2e-4),
+        }
+    return found | {
+        "softer": request.sized(*SOFTER),
+        "breaks": scale * request.log_uniform(2e-5, 1.5e-4),  # torque over the stiffness
+    }
+
+
+def _friction(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with friction in the drive.
+
+    ``teeth``: friction of the loaded flanks is a share of the torque that passes them, so that the loop is
+    narrow where the load is small and opens with it. The loss factor of gears and screws in any textbook; the
+    way over which it turns round is an engineering estimate.
+
+    ``clamped``: a hub is held on its shaft by a shrink disc; above the disc's torque it slips until its key
+    or bolts, which are elastic, hold it, and it stays where it went. Known from the design of clamped hubs;
+    the sizes are an engineering estimate.
+    """
+    p = truth.parameters
+    if truth.form == "teeth":
+        return at_joints(
+            truth, reality, lambda k: Teeth(k, k * p["seals"], p["arrived"], p["rubbing"], p["slip"])
+        )
+    return at_joints(truth, reality, lambda k: Clamped(k, k / p["softer"], k * p["breaks"], p["arrived"]))
+
+
+@dataclass(frozen=True)
+class Teeth(Friction):
+    """A spring with friction that is a share of its force, and some more, and turns round over a way.
+
+    The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1. The way is longer
+    where the teeth were pressed harder, as slip of contacts after Mindlin is.
+    """
+
+    rubbing: float
+    slip: float
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the friction after."""
+        before, held = memory
+        slip = self.slip + PRESSED * np.abs(before)
+        way = np.where(strain >= before, 1.0, -1.0)
+        short = (way - held) * np.exp(-np.abs(strain - before) / slip)
+        now = way - short
+        size = np.hypot(strain, self.slip)
+        most = self.friction + self.rubbing * self.stiffness * size
+        growing = self.rubbing * self.stiffness * strain / size
+        force = self.stiffness * strain + most * now
+        return force, self.stiffness + growing * now + most * np.abs(short) / slip, (strain, now)
+
+
+@dataclass(frozen=True)
+class Clamped(Remembering):
+    """A spring behind a slider, beside which a second spring holds what has slipped."""
+
+    stiffness: float
+    key: float
+    breaks: float
+    arrived: float
+
+    def start(self, situation: Situation) -> Memory:
+        """Return what has slipped, and the slider's force there, after the move to the pose."""
+        # at rest no torque passes: the key's spring and the slider hold one another
+        return (np.full(len(situation.time), 0.0), np.full(len(situation.time), self.arrived * self.breaks))
+
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+        """Return force, tangent and the slip after."""
+        slipped, locked = memory
+        # the key is relaxed where the slip is locked / key behind its place
+        tried = self.stiffness * (strain - slipped) - self.key * slipped + locked
+        beyond = tried - np.clip(tried, -self.breaks, self.breaks)
+        now = slipped + beyond / (self.stiffness + self.key)
+        slope = np.where(beyond == 0.0, 1.0, self.key / (self.stiffness + self.key)) * self.stiffness
+        return self.stiffness * (strain - now), slope, (now, locked)
+
+
+def _draw_coupling(request: DrawRequest) -> dict[str, float]:
+    found = {
+        "share": request.sign() * request.sized(*author1.SHARE),
+        "ratio": request.uniform(0.6, 1.6),
+    }
+    if request.form == "linkage":
+        return found | {"start": request.uniform(-0.3, 0.3)}  # rad from the longest lever
+    return found | {"preload": request.log_uniform(2e-5, 3e-4)}  # strain
+
+
+def _coupling(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the two joints linked.
+
+    ``linkage``: a rod from before the first axis, where its motor sits, to a crank on the second, as in
+    palletisers; its lever on the second axis swings as the cosine of the crank's angle, and the coupling with
+    it. Known from robots with a parallel rod (ABB IRB 6400, KUKA palletisers); sizes are an estimate.
+
+    ``bevel``: bevel gears of a wrist pass torque between the axes, and their teeth grow stiffer with it as
+    contacts after Hertz do. Known from hollow wrists with three shafts; sizes are an estimate.
+    """
+    p, machine = truth.parameters, reality.machine
+    names = str(truth.component).split("+")
+    first, second = (stiffness_of(machine.robot, name) for name in names)
+    one, two = (joints_of(machine.robot, name)[0] for name in names)
+    # with equal weights a spring of this over the first drive's stiffness couples by the wanted share
+    strong = abs(p["share"]) / (1.0 - abs(p["share"])) * first
+    equal = float(-np.sign(p["share"]) * p["ratio"] * np.sqrt(second / first))
+
+    def swinging(situation: Situation) -> Array:
+        middle, half = stroke(machine.robot, names[1])
+        geared = min(1.0, SERVED / half)
+        return np.asarray(equal * np.cos(p["start"] + geared * (situation.values[names[1]] - middle)))
+
+    def teeth(torque: Array) -> tuple[Array, Array]:
+        given, slope = hertzian(torque, strong * p["preload"])
+        return (LINEAR * torque + (1.0 - LINEAR) * given) / strong, (LINEAR + (1.0 - LINEAR) * slope) / strong
+
+    weight: Weight = swinging if truth.form == "linkage" else equal
+    law: Law = WindUp(teeth, strong / LINEAR)
+    if truth.form == "linkage":
+        law = Stiffness(lambda situation: np.full(len(situation.time), strong))
+    mesh = Mesh(one, two, (1.0, weight), law)
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
+
+
 EFFECTS: tuple[Effect, ...] = (
     Effect("backlash", ("runout", "scissors"), drives, _draw_play, _play),
     Effect("hardening", ("lobes", "hypoid"), drives, _draw_hardening, _hardening),
     Effect("joint-compliance", ("strands", "spokes"), author1.rigid_joints, _draw_compliance, _compliance),
+    Effect("hysteresis", ("teeth", "clamped"), drives, _draw_friction, _friction),
+    Effect("joint-coupling", ("linkage", "bevel"), author1.coupled_drives, _draw_coupling, _coupling),
 )
