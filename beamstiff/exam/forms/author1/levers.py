@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from beamstiff.exam.across import Across, across, axis_in_the_middle, lever, with_balancer, with_rod
+from beamstiff.exam.added_parts import axis_in_the_middle, lever, with_balancer, with_rod
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import (
     DrawRequest,
@@ -73,13 +73,13 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
     arm = float(lever(p["crank"], p["frame"], p["start"])[0])
     machine = reality.machine
     if truth.form == "rod" and p["gear"] == 1.0:
-        place = Across(variable, p["crank"], p["frame"], p["way"] * p["start"])
+        arms, angle = (p["crank"], p["frame"]), p["way"] * p["start"]
         for name, own in joints_of(machine.robot, variable):
             hinge = machine.hinge(name)
             free = hinge.stiffness.copy()
             free[own] = 0.0
             machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=free))
-            machine = with_rod(machine, across(machine, name, place), joint_stiffness / arm**2, None)
+            machine = with_rod(machine, name, arms, angle, joint_stiffness / arm**2, None)
         return reality.with_machine(machine)
 
     def stiffness(situation: Situation) -> Array:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, nowhere, stiffness_of, turns, vector
 from beamstiff.exam.forms.author1.structure import bearings
 from beamstiff.exam.laws import Curve, Forgetful, Memory, Remembering, Situation, Stiffness, WindUp
 from beamstiff.exam.machine import axes_from, joints_of
-from beamstiff.exam.pedestal import on_pedestal, tied_to_ground
 from beamstiff.exam.reality import Reality
 
 Curved = tuple[Array, Array]

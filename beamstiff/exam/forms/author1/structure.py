@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from beamstiff.exam.added_parts import node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, between, in_the_middle, nowhere, slender
 from beamstiff.exam.laws import Curve
@@ -22,7 +23,6 @@ from beamstiff.exam.machine import (
     own_stiffness,
     tapered,
 )
-from beamstiff.exam.pedestal import node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.placing import skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from beamstiff.exam.added_parts import behind_flange, free_name
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.machine import Bar, Hinge, tapered
-from beamstiff.exam.pedestal import behind_flange, free_name
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import lever, with_balancer
+from beamstiff.exam.added_parts import lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
 from beamstiff.exam.forms.author1 import levers as author1

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from beamstiff.exam.added_parts import on_pedestal
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author1 import structure as author1
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Profile, joints_of, tapered
-from beamstiff.exam.pedestal import on_pedestal
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import cross_matrix, turn
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.forms.author1 import tool as author1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 

@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, between, drive_of, nowhere, vector
 from beamstiff.exam.forms.author1 import geometry as author1
 from beamstiff.exam.laws import WindUp
-from beamstiff.exam.pedestal import with_loose_mass
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 

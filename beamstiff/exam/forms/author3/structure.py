@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
+from beamstiff.exam.added_parts import free_name, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author1 import structure as author1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
-from beamstiff.exam.pedestal import free_name, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.reality import Reality
 
 
