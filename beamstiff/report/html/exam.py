@@ -13,8 +13,7 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
-from beamstiff.report.html.bars import error_bars, named_rows
-from beamstiff.report.html.matrix import confusion_figure
+from beamstiff.report.html.charts import confusion_figure, error_bars, named_rows
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND

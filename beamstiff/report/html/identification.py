@@ -8,8 +8,7 @@ import numpy as np
 
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.html.bars import intervals
-from beamstiff.report.html.matrix import correlation_figure
+from beamstiff.report.html.charts import correlation_figure, intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.provenance import Provenance
