@@ -41,6 +41,7 @@ def identification_html(
         found.robot, measured, np.where(used, measured.displacement, 0.0), found.predicted, used
     )
     rows = row_figures(compared, ("identified model", ""))
+    fronts = [] if found.front is None else [front_table(found.front)]
     return render(
         Page(
             title="Identification",
@@ -52,7 +53,7 @@ def identification_html(
             sections=[
                 _parameters(found, robot),
                 *_degeneracies(found),
-                *_front(found),
+                Section("front", "Position against rotation", tables=fronts),
                 *rows.sections,
                 Section("notes", "Notes", items=found.notes),
                 Section("method", "Method", texts=[method_text(found)]),
@@ -62,11 +63,6 @@ def identification_html(
             shared=rows.shared,
         )
     )
-
-
-def _front(found: Identification) -> Iterator[Section]:
-    if found.front is not None:
-        yield Section("front", "Position against rotation", tables=[front_table(found.front)])
 
 
 def _facts(found: Identification) -> Iterator[Fact]:
