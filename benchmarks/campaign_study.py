@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.baseline import linear_fit, whitened_gap
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.designs import planned, reachable
 from beamstiff.exam.names import normal
 from beamstiff.exam.simulate import simulate
+from beamstiff.exam.sizes import linear_fit, whitened_gap
 from beamstiff.functions.campaign import CampaignState, campaign
 from beamstiff.functions.plan import plan
 from beamstiff.measure.reader import parse_measurements

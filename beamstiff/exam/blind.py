@@ -11,12 +11,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from beamstiff.exam.baseline import linear_fit, true_rows, whitened_gap
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import is_named, normal
 from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
 from beamstiff.exam.simulate import simulate, table_of
+from beamstiff.exam.sizes import linear_fit, true_rows, whitened_gap
 from beamstiff.measure.table import Measurements
 from beamstiff.outputs import write_output
 from beamstiff.robot.description import Robot

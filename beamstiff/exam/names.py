@@ -40,7 +40,8 @@ def key_of(effect: str, component: str | None) -> str:
     >>> key_of("base-compliance", None), key_of("joint-coupling", "q6+q5")
     ('base-compliance:null', 'joint-coupling:q5+q6')
     """
-    return f"{effect}:{_place('null' if component is None else component)}"
+    place = "null" if component is None else component
+    return f"{effect}:{'+'.join(sorted(place.split('+')))}"
 
 
 def normal(key: str) -> str:
@@ -68,7 +69,3 @@ def place_of(key: str) -> str:
 def is_named(key: str) -> bool:
     """Tell whether a verdict names an effect: it is neither none nor unknown, and there is one."""
     return effect_of(key) not in (NONE, UNKNOWN, FAILED)
-
-
-def _place(component: str) -> str:
-    return "+".join(sorted(component.split("+")))

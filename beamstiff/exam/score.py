@@ -41,16 +41,6 @@ def clear_singles(records: Records) -> list[Record]:
 # --- what a case is
 
 
-def is_detected(record: Record) -> bool:
-    """Tell whether a gap was said to be there: a name, or ``unknown``."""
-    return is_named(record.answer.verdict) or effect_of(record.answer.verdict) == UNKNOWN
-
-
-def is_alarm(record: Record) -> bool:
-    """Tell whether the answer to a null was anything but ``none``."""
-    return effect_of(record.answer.verdict) != NONE
-
-
 def is_unknown(record: Record) -> bool:
     """Tell whether the verdict is ``unknown``."""
     return effect_of(record.answer.verdict) == UNKNOWN
@@ -86,12 +76,6 @@ def is_flagged(record: Record) -> bool:
     return is_unknown(record) or (is_named(record.answer.verdict) and len(record.verdict_set) > 1)
 
 
-def is_truly_flagged(record: Record) -> bool:
-    """Tell the same strictly: the verdict is ``unknown``, or its set holds the withheld effect by name."""
-    effects = {effect_of(key) for key in record.verdict_set}
-    return is_unknown(record) or effect_of(record.label.truths[0]) in effects
-
-
 def is_nameless(record: Record) -> bool:
     """Tell whether no effect was named: ``unknown`` or ``none``."""
     return effect_of(record.answer.verdict) in (NONE, UNKNOWN)
@@ -113,12 +97,12 @@ def is_right(record: Record) -> bool:
 
 def false_alarms(records: Records) -> Figure:
     """Return the share of nulls whose verdict is anything but ``none``; ``unknown`` is an alarm too."""
-    return rate(is_alarm(record) for record in of_kind(records, "null"))
+    return rate(effect_of(record.answer.verdict) != NONE for record in of_kind(records, "null"))
 
 
 def detection(records: Records) -> Figure:
-    """Return the share of cases that were said to have a gap."""
-    return rate(map(is_detected, records))
+    """Return the share of cases that were said to have a gap: by a name, or ``unknown``."""
+    return rate(is_named(record.answer.verdict) or is_unknown(record) for record in records)
 
 
 def exact(records: Records) -> Figure:
@@ -173,7 +157,11 @@ def flagged(records: Records) -> Figure:
 
 def truly_flagged(records: Records) -> Figure:
     """Return the same, strictly: ``unknown``, or the withheld effect is in the set by name."""
-    return rate(map(is_truly_flagged, between(of_kind(records, "removed"), CLEAR)))
+    return rate(
+        is_unknown(record)
+        or effect_of(record.label.truths[0]) in {effect_of(key) for key in record.verdict_set}
+        for record in between(of_kind(records, "removed"), CLEAR)
+    )
 
 
 def clear_pairs(records: Records) -> list[Record]:

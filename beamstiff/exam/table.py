@@ -164,7 +164,7 @@ def table_dict(records: Records) -> dict[str, object]:
         "failed": sum(record.error is not None for record in records),
         "headline": {
             group.name: _rows(headline(group.records, lean=group.name.startswith("lean")))
-            for group in _all_and(records)
+            for group in (Group("all", tuple(records)), *groups(records))
         },
         "controls": _rows(controls(told)),
         "effects": [
@@ -178,10 +178,6 @@ def table_dict(records: Records) -> dict[str, object]:
             for item in reliability(told)
         ],
     }
-
-
-def _all_and(records: Records) -> list[Group]:
-    return [Group("all", tuple(records)), *groups(records)]
 
 
 _EFFECT: dict[str, Callable[[Records], Figure]] = {

@@ -90,12 +90,11 @@ def find_separations(
                     alone = [names.index(part[0]) for part in parts if len(part) == 1]
                     std = float(spread[alone].max(initial=0.0)) if noise_known else np.nan
                     found[at].append(Separation(measure, parts, std))
-    return tuple(tuple(sorted(some, key=_worth)) for some in found)
 
+    def worth(one: Separation) -> tuple[bool, int, float]:  # the best has least
+        return not one.complete, -len(one.parts), one.std
 
-def _worth(one: Separation) -> tuple[bool, int, float]:
-    """Return what the best measurement has least of."""
-    return (not one.complete, -len(one.parts), one.std)
+    return tuple(tuple(sorted(some, key=worth)) for some in found)
 
 
 def separation_text(group: Sequence[str], found: Sequence[Separation]) -> str:
@@ -163,13 +162,14 @@ def _at_the_tool(robot: Robot, table: Measurements, components: Components, seed
     )
     moment = float(np.abs(table.wrench[:, 3:]).max()) or force * ROTATION_LENGTH
     size = np.repeat([force, moment], 3)
-    poses = _some_poses(table)
+    firsts = np.unique(table.pose, return_index=True)[1].astype(np.int64)
+    poses = firsts[_spread(len(firsts), POSES)]  # a row of each of some poses
     turns = bool(table.measured_mask[:, 3:].any()) and components != "position"
     if not turns:
         yield "the rotation of the tool under the same loads", _rotations(table)
     other = _other_poses(robot, seed)
     if other is not None:
-        loads = table.wrench[_first_of(table.wrench)][:6]
+        loads = table.wrench[np.unique(table.wrench, axis=0, return_index=True)[1]][:6]
         rows = subset(table, np.zeros(len(other) * len(loads), dtype=np.int64))
         q, wrench = np.repeat(other, len(loads), axis=0), np.tile(loads, (len(other), 1))
         rows = _unmeasured(robot, rows, wrench, q)
@@ -285,16 +285,6 @@ def expected_spread(problem: Problem, found: Degeneracy, stiffness: Array | None
 
 def _spread(count: int, most: int) -> Integers:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
-
-
-def _first_of(values: Array) -> Integers:
-    return np.unique(values, axis=0, return_index=True)[1].astype(np.int64)
-
-
-def _some_poses(table: Measurements) -> Integers:
-    """Return a row of each of some poses."""
-    rows = np.unique(table.pose, return_index=True)[1].astype(np.int64)
-    return rows[_spread(len(rows), POSES)]
 
 
 def _other_poses(robot: Robot, seed: int) -> Array | None:

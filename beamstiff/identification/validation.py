@@ -13,20 +13,13 @@ from beamstiff.identification.objective import Objective
 from beamstiff.identification.problem import Problem
 from beamstiff.identification.refit import refit
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.samples import pooled_sigma, repeated_states
-from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 
-def position_gap(problem: Problem, stiffness: Array) -> Array:
-    """Return the norm of the position residual of every row with a measured position, (rows,), m."""
-    gap = np.where(problem.used, problem.measured - problem.model.predict(stiffness), 0.0)[:, :3]
-    return np.asarray(np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1))
-
-
 def position_rms(problem: Problem, stiffness: Array) -> float:
-    """Return the root mean square over rows of the norm of the position residual, m."""
-    gap = position_gap(problem, stiffness)
+    """Return the RMS of the norm of the position residual, m, over the rows with a measured position."""
+    gap = np.where(problem.used, problem.measured - problem.model.predict(stiffness), 0.0)[:, :3]
+    gap = np.linalg.norm(gap[problem.used[:, :3].any(axis=1)], axis=1)
     return float(np.sqrt((gap**2).mean())) if gap.size else 0.0
 
 
@@ -84,40 +77,3 @@ def without_folds(
         if training.problem.count < begin.size + 1 or not training.problem.model.force.any():
             raise BeamstiffError(f"{problem.source}: with a fold held out, too little is left to fit")
         yield out, problem.rows(out), refit(training, begin)
-
-
-@dataclass(frozen=True)
-class Repeatability:
-    """How well repeats of a state agree (seed 000, section 5.1)."""
-
-    states: int  # that were measured more than once
-    # (6,), m and rad: standard deviation of a reading, pooled over the states; NaN where none was repeated
-    sigma: Array
-    freedom: Integers  # (6,): degrees of freedom of each
-    # three standard deviations of the displacement, along itself and over its size; the mean over the states
-    share: float
-
-
-def repeatability(measurements: Measurements) -> Repeatability:
-    """Return how well repeats of the same state, pose and load, agree.
-
-    Hysteresis counts as scatter. Where the rows of a pose share an unloaded reading, its error does not show.
-    """
-    group = repeated_states(measurements)
-    sigma, freedom = pooled_sigma(measurements.measured, group)
-    if measurements.kind != "displacement" or not freedom[:3].any():
-        raise BeamstiffError(
-            f"{measurements.source}: found no displacement measured more than once, expected repeats of a "
-            "pose and load"
-        )
-    shares = []
-    for state in np.flatnonzero(np.bincount(group) > 1):
-        rows = measurements.displacement[group == state, :3]
-        rows = rows[~np.isnan(rows).any(axis=1)]
-        mean = rows.mean(axis=0) if len(rows) > 1 else np.zeros(3)
-        size = float(np.linalg.norm(mean))
-        if size:
-            shares.append(3 * float((rows @ mean / size).std(ddof=1)) / size)
-    if not shares:
-        raise BeamstiffError(f"{measurements.source}: the repeated states do not move")
-    return Repeatability(len(shares), sigma, np.asarray(freedom, dtype=np.int64), float(np.mean(shares)))

@@ -19,12 +19,7 @@ from beamstiff.maps.quantities import Reason
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.frames import compile_frames
 from beamstiff.robot.inverse import inverse_geometry
-from beamstiff.robot.kinematics import (
-    Kinematics,
-    pose_of,
-    posture_at,
-    twist_jacobian,
-)
+from beamstiff.robot.kinematics import Kinematics, pose_of, posture_at, twist_jacobian
 from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
 

@@ -43,11 +43,6 @@ class Target:
         str, ...
     ] = ()  # of `x y z` of a place, `length`, and of planes and gauges `offset tilt1 tilt2`
 
-    @property
-    def name_of(self) -> tuple[str, ...]:
-        """Names of what is sought, such as ``S1.x``."""
-        return tuple(f"{self.name}.{one}" for one in self.sought)
-
 
 def target(
     name: str,

@@ -21,8 +21,6 @@ BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more,
 ENOUGH_ROWS = 12
 CHANCE = 3.0  # standard deviations of a residual that noise alone would leave
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
-# scipy names the tolerance that was met
-TOLERANCE_MET = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
 _PLAIN: Level = "plain"
 ACTS = {
     "series": "act in series",

@@ -21,12 +21,8 @@ def robot_doubts(robot: Robot) -> tuple[str, ...]:
 
     These are no errors: a plain number is SI, and strange machines are built.
     """
-    return (*_of_limits(robot), *_of_joints(robot), *_of_loops(robot))
-
-
-def _of_loops(robot: Robot) -> tuple[str, ...]:
-    """Return why the loops may be put together in another way than is meant."""
-    return assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
+    of_loops = assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
+    return (*_of_limits(robot), *_of_joints(robot), *of_loops)
 
 
 def _of_limits(robot: Robot) -> Iterator[str]:

@@ -171,7 +171,7 @@ def _lost(
         yield f"the stiffness of {listed(rest, 12)} is not written: no joint of the SDF moves there"
     if again.tcp != robot.tcp:
         yield f"the TCP {robot.tcp!r} is no link of the SDF"
-    elif not _only_end(again):
+    elif len({frame.name for frame in again.frames} - {frame.parent for frame in again.frames}) > 1:
         yield f"SDF does not say which end is the TCP: read it with --tcp '{robot.tcp}'"
     if differences(robot, robot.model_copy(update={"gravity": again.gravity})):
         yield "gravity is not written"
@@ -180,8 +180,3 @@ def _lost(
         yield f"masses: {left:g} of {heavy:g} kg are written"
     if any(item.all(name) for item in root.all("link") for name in DRAWN):
         yield "meshes and other shapes of the URDF are not written"
-
-
-def _only_end(robot: Robot) -> bool:
-    parents = {frame.parent for frame in robot.frames}
-    return sum(frame.name not in parents for frame in robot.frames) <= 1

@@ -88,7 +88,8 @@ def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str
     if isinstance(new, FittedModel) and (old != new or isinstance(node, yaml.ScalarNode)):
         # a model in a file of its own goes into the robot's: what is written may stand elsewhere
         rows = f"{_newline(text)}  ".join(["", *model_rows(new)])
-        yield node.start_mark.index - _space_before(node, text), _end(node), rows
+        key_end = len(text[: node.start_mark.index].rstrip())  # behind the key's colon
+        yield key_end, _end(node), rows
         return
     if old == new:
         return
@@ -150,12 +151,6 @@ def _end(node: Any) -> int:
         node = node.value[-1][1] if isinstance(node, yaml.MappingNode) else node.value[-1]
     end: int = node.end_mark.index
     return end
-
-
-def _space_before(node: Any, text: str) -> int:
-    """Return how much space stands between a key's colon and its value."""
-    start: int = node.start_mark.index
-    return start - len(text[:start].rstrip())
 
 
 def _line_of(node: Any, key: str, text: str) -> Edit:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.baseline import true_rows
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import EFFECTS
+from beamstiff.exam.sizes import true_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
-from beamstiff.exam.baseline import linear_fit, true_rows, whitened_gap
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.designs import Wish, draw_campaign, planned
 from beamstiff.exam.forms import draw_truth
 from beamstiff.exam.simulate import draw_stiffness
-from beamstiff.exam.sizes import draw_gap, size_for, sized, some_poses
+from beamstiff.exam.sizes import draw_gap, linear_fit, size_for, sized, some_poses, true_rows, whitened_gap
 
 
 def explained(values: np.ndarray, basis: np.ndarray) -> np.ndarray:

@@ -9,13 +9,20 @@ import pytest
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.forms import author4, components, draw_truth, resized
+from beamstiff.exam.forms.author4.drives import (
+    EccentricMesh,
+    MeshFriction,
+    WormFriction,
+    engaging,
+    scissor,
+    soft_zone,
+    spline,
+)
 from beamstiff.exam.forms.author4.ends import bracket, rubber, short_foot
-from beamstiff.exam.forms.author4.friction import MeshFriction, WormFriction
 from beamstiff.exam.forms.author4.joint_errors import cardan, dragged
 from beamstiff.exam.forms.author4.levers import screw, slotted
 from beamstiff.exam.forms.author4.measurement import BALLS, by_marks, hall
 from beamstiff.exam.forms.author4.outside import BeddingIn, Drum
-from beamstiff.exam.forms.author4.springs import EccentricMesh, engaging, scissor, soft_zone, spline
 from beamstiff.exam.forms.author4.structure import lifting, windowed
 from beamstiff.exam.laws import Law, Memory, Situation
 from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive

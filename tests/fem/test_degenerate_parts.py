@@ -12,15 +12,7 @@ from beamstiff.fem.condensation import condense, tcp_compliance, tcp_stiffness
 from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section
-from tests.fem.builders import (
-    FREE,
-    RIGID,
-    at_rest,
-    compliance,
-    displacement,
-    frame,
-    solve,
-)
+from tests.fem.builders import FREE, RIGID, at_rest, compliance, displacement, frame, solve
 
 HINGE = (RIGID, RIGID, FREE, RIGID)
 Z = (0, 0, 1)

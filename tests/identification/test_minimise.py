@@ -10,14 +10,7 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.identify import identify
-from beamstiff.identification.minimise import (
-    FACTOR,
-    GLOBAL,
-    METHODS,
-    Effort,
-    minimise,
-    searched,
-)
+from beamstiff.identification.minimise import FACTOR, GLOBAL, METHODS, Effort, minimise, searched
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import build_parameters
 from beamstiff.identification.problem import build_problem

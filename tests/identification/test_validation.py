@@ -1,4 +1,4 @@
-"""Errors on rows left out of the fit, against leave-one-out residuals in closed form; repeatability."""
+"""Errors on rows left out of the fit, against leave-one-out residuals in closed form."""
 
 from dataclasses import replace
 
@@ -8,9 +8,7 @@ import pytest
 from beamstiff import BeamstiffError
 from beamstiff.identification.refit import refit
 from beamstiff.identification.statement import build_identification
-from beamstiff.identification.validation import held_out, position_rms, repeatability, without_folds
-from beamstiff.measure.rows import subset
-from beamstiff.measure.table import make_measurements
+from beamstiff.identification.validation import held_out, position_rms, without_folds
 from tests.identification.campaigns import kr240, measured, rows, sensitivities, white
 
 ROBOT = kr240()
@@ -68,32 +66,3 @@ def test_too_few_groups_leave_nothing_to_hold_out() -> None:
         list(without_folds(statement.objective, np.array([0, 0, 1]), 5, begin))
     single = build_identification(ROBOT, measured(ROBOT, rows(ROBOT, 1, 3)), ["J1.torsional"])
     assert held_out(single.objective, np.array([0, 1, 2]), 3, single.parameters.begin) is not None
-
-
-def repeats(*lengths: float, at: float = 1.0) -> np.ndarray:
-    """Return displacements (n, 3) of these lengths along a slanted line."""
-    return np.outer(lengths, np.array([2.0, 1.0, 2.0]) / 3) * at
-
-
-def test_repeatability_is_three_standard_deviations_over_the_displacement() -> None:
-    """One state scatters by 1 % of 1 mm along its displacement, the other by 2 % of 2 mm; the mean counts."""
-    d = np.concatenate([repeats(0.99, 1.0, 1.01), repeats(1.96, 2.0, 2.04), repeats(3.0)]) * 1e-3
-    state = [0, 0, 0, 1, 1, 1, 2]
-    table = make_measurements(
-        ["q1"], np.array(state)[:, None] * 0.1, tcp="n1", wrench=np.tile(np.eye(6)[2], (7, 1)), displacement=d
-    )
-    found = repeatability(table)
-    assert found.states == 2
-    assert found.share == pytest.approx(3 * (0.01 + 0.02) / 2)
-    assert found.freedom.tolist() == [4, 4, 4, 0, 0, 0]
-    pooled = np.sqrt((0.01**2 + 0.04**2) / 2) * 1e-3
-    np.testing.assert_allclose(found.sigma[:3], pooled * np.array([2, 1, 2]) / 3)
-
-
-def test_repeatability_without_repeats_is_refused() -> None:
-    table = measured(ROBOT, rows(ROBOT, 4))
-    with pytest.raises(BeamstiffError, match="no displacement measured more than once"):
-        repeatability(table)
-    still = replace(subset(table, np.array([0, 0])), displacement=np.zeros((2, 6)))
-    with pytest.raises(BeamstiffError, match="do not move"):
-        repeatability(still)

@@ -6,30 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from beamstiff import (
-    Robot,
-    compile_structure,
-    load_robot,
-    map_workspace,
-    posture,
-    tcp_compliance,
-)
+from beamstiff import Robot, compile_structure, load_robot, map_workspace, posture, tcp_compliance
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem import condensation
 from beamstiff.maps.quantities import Reason
 from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian
 from beamstiff.robot.kinematics import posture_at
 from beamstiff.se3 import Array
-from tests.maps.robots import (
-    K1,
-    K2,
-    L1,
-    L2,
-    planar_angles,
-    planar_arm,
-    planar_compliance,
-    planar_jacobian,
-)
+from tests.maps.robots import K1, K2, L1, L2, planar_angles, planar_arm, planar_compliance, planar_jacobian
 
 Q1, Q2 = np.linspace(-3, 3, 7), np.linspace(0.2, 2.9, 41)
 

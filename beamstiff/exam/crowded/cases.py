@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.baseline import linear_fit, true_rows, without_noise
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
 from beamstiff.exam.designs import Data, draw_crowded, largest_force
+from beamstiff.exam.effect import between
 from beamstiff.exam.forms import LATER, OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS
@@ -24,7 +24,7 @@ from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
 from beamstiff.exam.simulate import draw_stiffness, read, reality_of, simulate, solve
-from beamstiff.exam.sizes import size_for
+from beamstiff.exam.sizes import linear_fit, size_for, true_rows, without_noise
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node, Rigid
@@ -226,7 +226,7 @@ def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str
     """Return the robot with reflectors on stalks at the TCP where they are guessed, and where they are."""
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
     true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
-    guess = [at + _between(rng, *GUESSED) * _direction(rng) for at in true]
+    guess = [at + between(rng.random(), *GUESSED) * _direction(rng) for at in true]
 
     def with_nodes(places: Sequence[Array]) -> Robot:
         pairs = zip(names, places, strict=True)
@@ -240,7 +240,7 @@ def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str
 
 def _draw_geometry(rng: np.random.Generator, robot: Robot) -> tuple[Truth, ...]:
     """Return by what the lengths and angles of the axes, and their zeros, are off."""
-    scale = {"length": _between(rng, *LENGTHS), "angle": _between(rng, *ANGLES)}
+    scale = {"length": between(rng.random(), *LENGTHS), "angle": between(rng.random(), *ANGLES)}
     errors = {
         name: float(scale[kind] * rng.standard_normal()) for name, kind in _open_parameters(robot).items()
     }
@@ -316,7 +316,7 @@ def _draw_effects(
             return float("inf")
 
     wanted, found, count = (
-        _between(rng, *LARGEST),
+        between(rng.random(), *LARGEST),
         list[Truth](),
         int(rng.integers(exam.count[0], exam.count[1] + 1)),
     )
@@ -368,7 +368,3 @@ def _rms(values: Array) -> float:
 def _direction(rng: np.random.Generator) -> Array:
     v = rng.standard_normal(3)
     return np.asarray(v / np.linalg.norm(v))
-
-
-def _between(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(low * (high / low) ** rng.random())

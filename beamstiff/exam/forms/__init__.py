@@ -15,7 +15,7 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, joined
 from beamstiff.exam.forms import author1, author2, author3, author4
-from beamstiff.exam.forms.author1 import target_slip
+from beamstiff.exam.forms.author1 import tool
 from beamstiff.exam.forms.author4 import joint_errors
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
@@ -98,7 +98,7 @@ def came_to_rest(truth: Truth, campaign: SimulatedCampaign) -> Truth:
     """
     author = author_of(truth)
     if truth.effect == "target-slip" and author == 1:
-        return target_slip.came_to_rest(truth)
+        return tool.came_to_rest(truth)
     if truth.effect == "target-slip" and author == 4:
         return joint_errors.came_to_rest(truth, len(campaign))
     raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")

@@ -64,9 +64,10 @@ def _plan(structure: Structure, geometry: Geometry, stiffness: sparse.csc_array,
     """Return the plan of elimination: the blocks of unknowns are the nodes of the graph."""
     unknowns, index = structure.unknowns, structure.kinematics.node_index
     points = geometry.posture.node_positions[0]
+    labels = [unknowns.labels[int(numbers[numbers >= 0][0])][0] for numbers in unknowns.blocks]
     where = [
         points[index[label] if joint < 0 else structure.joint_nodes[joint, 1]]
-        for joint, label in zip(unknowns.block_joint, _block_labels(structure), strict=True)
+        for joint, label in zip(unknowns.block_joint, labels, strict=True)
     ]
     owner = np.empty(unknowns.count, dtype=np.int64)
     for block, numbers in enumerate(unknowns.blocks):
@@ -78,11 +79,6 @@ def _plan(structure: Structure, geometry: Geometry, stiffness: sparse.csc_array,
     graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(blocks),) * 2).tocsr()
     first = np.concatenate([[0], np.cumsum(np.bincount(number))])
     return make_plan(graph, np.array(where)[blocks], np.zeros(0, dtype=np.int64), first)
-
-
-def _block_labels(structure: Structure) -> list[str]:
-    unknowns = structure.unknowns
-    return [unknowns.labels[int(numbers[numbers >= 0][0])][0] for numbers in unknowns.blocks]
 
 
 def _forces(structure: Structure, geometry: Geometry, some: Index, x: NDArray[Any]) -> NDArray[Any]:
@@ -103,9 +99,9 @@ def _forces(structure: Structure, geometry: Geometry, some: Index, x: NDArray[An
 
 def _softest(stiffness: sparse.csc_array, plan: Plan, unknown: int) -> Array:
     """Return a motion that meets nearly no stiffness, (n,), by inverse iteration on a shifted matrix."""
-    shifted = sparse.csc_array(
-        stiffness + SHIFT * sparse.diags_array(stiffness.diagonal() + _tiny(stiffness))
-    )
+    diagonal = stiffness.diagonal()
+    tiny = float(np.finfo(float).eps * diagonal.max(initial=1.0))
+    shifted = sparse.csc_array(stiffness + SHIFT * sparse.diags_array(diagonal + tiny))
     motion = np.zeros((stiffness.shape[0], 1))
     motion[unknown] = 1.0
     try:
@@ -116,7 +112,3 @@ def _softest(stiffness: sparse.csc_array, plan: Plan, unknown: int) -> Array:
         motion = solve(stiffness.diagonal()[:, None] * motion)
         motion /= np.abs(motion).max()
     return motion[:, 0]
-
-
-def _tiny(stiffness: sparse.csc_array) -> float:
-    return float(np.finfo(float).eps * stiffness.diagonal().max(initial=1.0))

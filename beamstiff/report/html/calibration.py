@@ -21,8 +21,7 @@ from beamstiff.report.geometry import (
     errors_table,
     parameters_table,
 )
-from beamstiff.report.html.bars import intervals
-from beamstiff.report.html.curves import along, distribution
+from beamstiff.report.html.charts import along, distribution, intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table

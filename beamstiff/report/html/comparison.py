@@ -18,7 +18,7 @@ from beamstiff.report.compare import (
     whole,
     widest_plane,
 )
-from beamstiff.report.html.bars import intervals
+from beamstiff.report.html.charts import intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table

@@ -16,7 +16,7 @@ from beamstiff.report.compensation import (
     compensation_verdict,
     uncorrected_table,
 )
-from beamstiff.report.html.curves import along
+from beamstiff.report.html.charts import along
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section, label, numbers
 from beamstiff.report.html.places import MARKS

@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.deflection import UNITS, deflection_text, deflection_verdict
-from beamstiff.report.html.curves import along
+from beamstiff.report.html.charts import along
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import MARKS, Sizes, line_of, over_places, rows_table

@@ -38,7 +38,7 @@ from beamstiff.report.diagnosis_words import (
     stiffness_in_words,
     tested,
 )
-from beamstiff.report.html.bars import bars
+from beamstiff.report.html.charts import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of

@@ -13,8 +13,7 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
-from beamstiff.report.html.bars import error_bars, named_rows
-from beamstiff.report.html.matrix import confusion_figure
+from beamstiff.report.html.charts import confusion_figure, error_bars, named_rows
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND
@@ -48,6 +47,8 @@ def exam_html(
     rich, lean = by_design(records)
     main = rich or lean
     rows = [row for row in headline(main, lean=not rich) if row.figure.count]
+    broken = any(record.error is not None for record in records)
+    failures = [told.failures_table(records)] if broken else []
     return render(
         Page(
             title="Exam of a plan" if plan else "Exam of the diagnosis",
@@ -64,7 +65,7 @@ def exam_html(
                 _confusion(main),
                 _sorts(records, lean if rich else []),
                 _controls(main),
-                _failures(records),
+                Section("failures", "Where the diagnosis broke off", tables=failures),
                 Section("notes", "Notes", items=notes),
             ],
             provenance=provenance,
@@ -282,12 +283,6 @@ def _sorts(records: Records, lean: Records) -> Section:
 def _controls(records: Records) -> Section:
     text = "What chance and simple methods get exactly right, for comparison."
     return Section("controls", "Controls", [text], tables=[told.control_table(controls(records))])
-
-
-def _failures(records: Records) -> Section:
-    broken = any(record.error is not None for record in records)
-    tables = [told.failures_table(records)] if broken else []
-    return Section("failures", "Where the diagnosis broke off", tables=tables)
 
 
 def _text(row: Row, value: float | None) -> str:

@@ -8,8 +8,7 @@ import numpy as np
 
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.html.bars import intervals
-from beamstiff.report.html.matrix import correlation_figure
+from beamstiff.report.html.charts import correlation_figure, intervals
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.provenance import Provenance
@@ -42,6 +41,7 @@ def identification_html(
         found.robot, measured, np.where(used, measured.displacement, 0.0), found.predicted, used
     )
     rows = row_figures(compared, ("identified model", ""))
+    fronts = [] if found.front is None else [front_table(found.front)]
     return render(
         Page(
             title="Identification",
@@ -53,7 +53,7 @@ def identification_html(
             sections=[
                 _parameters(found, robot),
                 *_degeneracies(found),
-                *_front(found),
+                Section("front", "Position against rotation", tables=fronts),
                 *rows.sections,
                 Section("notes", "Notes", items=found.notes),
                 Section("method", "Method", texts=[method_text(found)]),
@@ -63,11 +63,6 @@ def identification_html(
             shared=rows.shared,
         )
     )
-
-
-def _front(found: Identification) -> Iterator[Section]:
-    if found.front is not None:
-        yield Section("front", "Position against rotation", tables=[front_table(found.front)])
 
 
 def _facts(found: Identification) -> Iterator[Fact]:

@@ -16,11 +16,10 @@ from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
-from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
 from beamstiff.report.html.places import line_of
-from beamstiff.report.html.solids import beam_solids, solids_style
+from beamstiff.report.html.shapes import beam_solids, force_and_moment, solids_style
 from beamstiff.report.tables import Table, millimetres, nice, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID

@@ -10,21 +10,14 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.baseline import true_rows
 from beamstiff.exam.blind import Examiner
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.cases import Exam
 from beamstiff.exam.crowded import score
-from beamstiff.exam.crowded.cases import (
-    FALLS,
-    LARGEST,
-    CrowdedCase,
-    CrowdedExam,
-    draw_crowded_case,
-    in_order,
-)
+from beamstiff.exam.crowded.cases import FALLS, LARGEST, CrowdedCase, CrowdedExam, draw_crowded_case, in_order
 from beamstiff.exam.crowded.record import EXAMINED, CrowdedLabel, CrowdedRecord, Reply, TrueCause
 from beamstiff.exam.run import CROWDED, read_results, run_cases, run_exam
+from beamstiff.exam.sizes import true_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 

@@ -250,3 +250,45 @@ def test_displacements_of_nothing_are_drawn_nowhere(
     outline = Outline(deflection_html(Prediction(robot, plain, still, False), source))
     assert "workspace" not in outline.ids
     assert "The tool moves 0 mm at most" in "".join(outline.text)
+
+
+def test_joints_of_a_page_are_in_degrees_as_its_figures_are(
+    diagnosed: Diagnosis, diagnosis_page: str
+) -> None:
+    text = diagnosis_page.split("<script", 1)[0]
+    assert "rad or m" not in diagnosis_page
+    for k, variable in enumerate(diagnosed.baseline.nominal.actuated):
+        assert variable.kind == "angle"
+        q = np.degrees(diagnosed.baseline.rows.q[:, k])
+        if np.ptp(q) == 0:
+            continue
+        table = text[text.index(f"{variable.name}, deg") :].split("</table>", 1)[0]
+        ends = [float(end) for end in re.findall(r"-?\d+(?:\.\d+)?(?= to|<)", table)]
+        assert min(ends) == pytest.approx(q.min(), rel=1e-3)
+
+
+def test_none_and_unknown_are_among_the_bars(diagnosis_page: str) -> None:
+    bars = Outline(diagnosis_page).scripts["figures"]
+    assert '"none"' in bars
+    assert '"unknown"' in bars
+
+
+FIRST = "Mind first: "
+
+
+def test_loads_of_the_wrong_sign_stand_before_the_verdict(
+    diagnosed: Diagnosis, diagnosis_page: str, source: Provenance
+) -> None:
+    rows = diagnosed.baseline.rows
+    turned = replace(diagnosed.baseline, rows=replace(rows, wrench=-rows.wrench))
+    text = "".join(Outline(diagnosis_html(replace(diagnosed, baseline=turned), source)).text)
+    assert 0 < text.index("the tool moved against its load") < text.index(summary(diagnosed).splitlines()[0])
+    assert FIRST not in "".join(Outline(diagnosis_page).text)
+
+
+def test_and_before_what_was_identified(
+    identified: Identification, robot: Robot, rows: Measurements, source: Provenance
+) -> None:
+    turned = replace(rows, wrench=-rows.wrench)
+    text = "".join(Outline(identification_html(identified, robot, turned, source)).text)
+    assert text.index("the tool moved against its load") < text.index("Position residual")

@@ -8,10 +8,9 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
-from beamstiff.report.html.arrows import force_and_moment
 from beamstiff.report.html.links import MOST_LINKS, link_lines
 from beamstiff.report.html.robot_view import Shown, robot_view
-from beamstiff.report.html.solids import RINGS, outline
+from beamstiff.report.html.shapes import RINGS, force_and_moment, outline
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Beam, Joint, JointStiffness, Material, Node, Rigid, Variable

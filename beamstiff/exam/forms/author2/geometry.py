@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, drive_of, nowhere, stroke, vector
-from beamstiff.exam.forms.author1 import geometry_error, payload_error
+from beamstiff.exam.forms.author1 import geometry as author1
 from beamstiff.exam.machine import Hose
-from beamstiff.exam.pedestal import with_loose_mass
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
@@ -22,8 +22,8 @@ FURTHEST = 0.12  # m that a loose part slides under its weight
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     component = str(request.component)
-    plain = geometry_error.draw(dataclasses.replace(request, form="single"))
-    angle, length = (SMALL * request.sized(*r) for r in (geometry_error.ANGLE, geometry_error.LENGTH))
+    plain = author1.draw_geometry(dataclasses.replace(request, form="single"))
+    angle, length = (SMALL * request.sized(*r) for r in (author1.ANGLE, author1.LENGTH))
     if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
         size = abs(plain["error"])
         if request.form == "eccentric":
@@ -62,10 +62,10 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
 
 def _draw_payload(request: DrawRequest) -> dict[str, float]:
     if request.form == "hose":
-        return {"per_metre": request.sized(*payload_error.MASS) / HEIGHT, "low": request.uniform(-0.3, 0.3)}
+        return {"per_metre": request.sized(*author1.MASS) / HEIGHT, "low": request.uniform(-0.3, 0.3)}
     axis = request.direction()
     return axis | {
-        "mass": request.sized(*payload_error.MASS),
+        "mass": request.sized(*author1.MASS),
         "slides": FURTHEST * request.uniform(0.3, 1.0),
         "away": request.uniform(0.0, 0.1),
     }
@@ -83,6 +83,6 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
 
 
 EFFECTS = (
-    Effect("geometry-error", ("eccentric", "crooked"), geometry_error.places, _draw_geometry, _geometry),
+    Effect("geometry-error", ("eccentric", "crooked"), author1.geometry_places, _draw_geometry, _geometry),
     Effect("payload-error", ("hose", "loose"), nowhere, _draw_payload, _payload),
 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from beamstiff.exam.across import lever, with_balancer
+from beamstiff.exam.added_parts import lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
-from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
+from beamstiff.exam.forms.author1 import levers as author1
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.reality import Reality
 
@@ -37,9 +37,9 @@ def _linkage(turn: Array, p: dict[str, float]) -> tuple[Array, Array]:
 def _draw_lever(request: DrawRequest) -> dict[str, float]:
     if request.form == "screw":
         # give of the free shaft over that of nut and bearings, in the middle of the range
-        return actuator_lever.draw(request) | {"shaft": request.uniform(0.5, 2.0)}
+        return author1.draw_lever(request) | {"shaft": request.uniform(0.5, 2.0)}
     middle, half = stroke(request.robot, request.component)
-    swing = request.sized(*actuator_lever.SWING)
+    swing = request.sized(*author1.SWING)
     even = np.linspace(-1.0, 1.0, 31)
     best, found = np.inf, dict[str, float]()
     for crank, base, stretch, start, share in request.rng.uniform(
@@ -69,7 +69,7 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
         return arm, length - DEAD * (p["frame"] - p["crank"])
 
     def screw(situation: Situation) -> Array:
-        clear = 0.5 * actuator_lever.CLEAR
+        clear = 0.5 * author1.CLEAR
         angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
         (arm, shaft), (arm0, shaft0) = (
             triangle(np.clip(angle, clear, np.pi - clear)),
@@ -82,7 +82,7 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_balancer(request: DrawRequest) -> dict[str, float]:
-    found = gravity_compensator.draw(request)
+    found = author1.draw_balancer(request)
     if request.form == "nested":
         return found | {
             "engages": request.uniform(-0.1, 0.1),  # m of stretch from mid-range
@@ -142,6 +142,6 @@ def _balancer(truth: Truth, reality: Reality) -> Reality:
 
 
 EFFECTS = (
-    Effect("actuator-lever", ("four-bar", "screw"), actuator_lever.places, _draw_lever, _lever),
-    Effect("gravity-compensator", ("nested", "disc"), gravity_compensator.places, _draw_balancer, _balancer),
+    Effect("actuator-lever", ("four-bar", "screw"), author1.rod_drives, _draw_lever, _lever),
+    Effect("gravity-compensator", ("nested", "disc"), author1.balanced_axes, _draw_balancer, _balancer),
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, named, nowhere, vector
-from beamstiff.exam.forms.author1 import frame_misalignment, load_error, thermal_drift
+from beamstiff.exam.forms.author1 import measurement as author1
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
@@ -26,7 +26,7 @@ def _tracker(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _draw_frame(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*frame_misalignment.ANGLE)
+    angle = request.sized(*author1.FRAME_ANGLE)
     found = request.direction(angle) | _tracker(request.rng)
     if request.form == "depth":
         found["deeper"] = angle * request.sign() * request.uniform(0.3, 0.8)
@@ -42,7 +42,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
         displaced = campaign.kind == "displacement"
-        share = 1.0 if displaced else frame_misalignment.REGISTERED
+        share = 1.0 if displaced else author1.REGISTERED
         R = turn(share * vector(p))
         view = place / np.linalg.norm(place)
         matrix = R @ (np.eye(3) + share * p.get("deeper", 0.0) * np.outer(view, view))
@@ -55,7 +55,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_load(request: DrawRequest) -> dict[str, float]:
-    gain = request.sized(*load_error.GAIN)
+    gain = request.sized(*author1.GAIN)
     if request.form == "hanger":
         return {"tare": gain * USUAL}
     if request.form == "push-pull":
@@ -114,7 +114,7 @@ def links(robot: Robot) -> list[tuple[str, str]]:
 
 def _draw_drift(request: DrawRequest) -> dict[str, float]:
     rng = request.rng
-    found = {"drift": request.sized(*thermal_drift.DRIFT)}
+    found = {"drift": request.sized(*author1.DRIFT)}
     if request.form == "link":
         return found | {
             "link": float(rng.integers(len(links(request.robot)))),
@@ -136,7 +136,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     p, machine = truth.parameters, reality.machine
 
     def course(campaign: SimulatedCampaign) -> Array:
-        time = thermal_drift.since_start(campaign)
+        time = author1.since_start(campaign)
         part = time / (float(time.max()) or 1.0)
         if truth.form == "swing":
             turns = 2.0 * np.pi / p["period"]
@@ -146,7 +146,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             share = share - (1.0 - p["prompt"]) * np.expm1(-part / p["slow"])
         else:
             share = np.expm1(-part / p["slow"]) / np.expm1(-1.0 / p["slow"])
-        return thermal_drift.since_rest(campaign, np.asarray(share))
+        return author1.since_rest(campaign, np.asarray(share))
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         moved, turned = np.zeros((len(values), 3)), np.zeros((len(values), 3))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.exam.added_parts import tied_to_ground
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, nowhere, turns, vector
-from beamstiff.exam.forms.author2.springs import slackening
+from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.pedestal import tied_to_ground
 from beamstiff.exam.reality import Reality
 
 

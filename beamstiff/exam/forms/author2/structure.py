@@ -8,13 +8,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from beamstiff.exam.added_parts import on_pedestal
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
-from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_bending
+from beamstiff.exam.forms.author1 import structure as author1
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Profile, joints_of, tapered
-from beamstiff.exam.pedestal import on_pedestal
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import cross_matrix, turn
 
@@ -23,7 +23,7 @@ STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
 
 
 def _draw_base(request: DrawRequest) -> dict[str, float]:
-    found = {"tilt": request.sized(*base_compliance.TILT) * slender(request.robot)}
+    found = {"tilt": request.sized(*author1.BASE_TILT) * slender(request.robot)}
     if request.form == "three-feet":
         return (
             found
@@ -94,7 +94,7 @@ def _column(p: Mapping[str, float]) -> Array:
 
 
 def _draw_bearing(request: DrawRequest) -> dict[str, float]:
-    found = bearing_tilt.draw(request)
+    found = author1.draw_bearing(request)
     if request.form == "hertz":
         return found | {"moment": 2e3 * request.uniform(0.3, 1.5)}
     return found | {
@@ -107,7 +107,7 @@ def _draw_bearing(request: DrawRequest) -> dict[str, float]:
 def _bearing(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
     if truth.form == "hertz":
-        return bearing_tilt.with_tilting(truth, reality, lambda e, k: _hertz(e, k, p["moment"] * p["tilt"]))
+        return author1.with_tilting(truth, reality, lambda e, k: _hertz(e, k, p["moment"] * p["tilt"]))
     machine = reality.machine
     for name, own in joints_of(machine.robot, str(truth.component)):
         machine = machine.with_hinge(_pair(machine.hinge(name), own, p))
@@ -141,7 +141,7 @@ def _pair(hinge: Hinge, own: int, p: Mapping[str, float]) -> Hinge:
 
 
 def _draw_link(request: DrawRequest) -> dict[str, float]:
-    found = link_bending.draw(request)
+    found = author1.draw_link(request)
     if request.form == "hollow":
         found |= {
             "shear": request.uniform(0.1, 0.25),  # G A over E A, what of it stands against shear
@@ -164,7 +164,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
         return reality.with_machine(dataclasses.replace(machine, bars=bars))
     nodes = next(nodes for name, nodes in machine.rigids if name == truth.component)
     machine = machine.without(str(truth.component))
-    up = link_bending.up_of(machine, nodes)
+    up = author1.up_of(machine, nodes)
     EI, EA = p["EI"], p["EI"] / 0.12**2
     if truth.form == "hollow":
         rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
@@ -212,6 +212,6 @@ def _softer(bar: Bar, truth: Truth) -> Bar:
 
 EFFECTS = (
     Effect("base-compliance", ("three-feet", "column", "mounts"), nowhere, _draw_base, _base),
-    Effect("bearing-tilt", ("hertz", "pair"), bearing_tilt.places, _draw_bearing, _bearing),
-    Effect("link-bending", ("hollow", "bolted"), link_bending.places, _draw_link, _link),
+    Effect("bearing-tilt", ("hertz", "pair"), author1.bearings, _draw_bearing, _bearing),
+    Effect("link-bending", ("hollow", "bolted"), author1.links, _draw_link, _link),
 )

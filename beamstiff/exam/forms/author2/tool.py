@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
-from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
-from beamstiff.exam.forms.author2.springs import slackening
+from beamstiff.exam.forms.author1 import tool as author1
+from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 
@@ -20,7 +20,7 @@ NARROW = 0.05  # share of a force across a ring below which its eye does not set
 
 
 def _draw_soft(request: DrawRequest) -> dict[str, float]:
-    found = {"tilt": request.sized(*tool_compliance.TURN), "behind": request.uniform(0.02, 0.12)}
+    found = {"tilt": request.sized(*author1.TURN), "behind": request.uniform(0.02, 0.12)}
     if request.form == "struts":
         return (
             found
@@ -72,7 +72,7 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_offset(request: DrawRequest) -> dict[str, float]:
-    found = {"away": request.sized(*tool_offset.AWAY)}
+    found = {"away": request.sized(*author1.AWAY)}
     if request.form == "shackle":
         found |= request.direction()
     return found

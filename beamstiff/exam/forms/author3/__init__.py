@@ -1,21 +1,9 @@
 """Forms of a third author, who has not read the diagnosis; who writes the diagnosis must not read these."""
 
 from beamstiff.exam.effect import Effect
-from beamstiff.exam.forms.author3 import (
-    coupling,
-    friction,
-    geometry,
-    levers,
-    measurement,
-    outside,
-    springs,
-    structure,
-    tool,
-)
+from beamstiff.exam.forms.author3 import drives, geometry, levers, measurement, outside, structure, tool
 
 EFFECTS: tuple[Effect, ...] = tuple(
-    effect
-    for module in (coupling, friction, geometry, levers, measurement, springs, structure, tool)
-    for effect in module.EFFECTS
+    effect for module in (drives, geometry, levers, measurement, structure, tool) for effect in module.EFFECTS
 )
 OUTSIDE: tuple[Effect, ...] = outside.EFFECTS

@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, between, drive_of, nowhere, vector
-from beamstiff.exam.forms.author1 import geometry_error, payload_error
+from beamstiff.exam.forms.author1 import geometry as author1
 from beamstiff.exam.laws import WindUp
-from beamstiff.exam.pedestal import with_loose_mass
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
@@ -22,20 +22,20 @@ FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
 
 def _size(component: str, size: float) -> float:
     angle = "." not in component or FRAME_PARAMETERS[component.rsplit(".", 1)[1]] == "angle"
-    return between(size, *(geometry_error.ANGLE if angle else geometry_error.LENGTH))
+    return between(size, *(author1.ANGLE if angle else author1.LENGTH))
 
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     component, robot = str(request.component), request.robot
-    found = {"error": geometry_error.draw(dataclasses.replace(request, form="single"))["error"]}
+    found = {"error": author1.draw_geometry(dataclasses.replace(request, form="single"))["error"]}
     if request.form == "oval":
         encoder = "." not in component
         share = request.uniform(0.3, 0.7) if encoder else SMALL
         return found | {
-            "oval": share * request.sized(*geometry_error.ANGLE),
+            "oval": share * request.sized(*author1.ANGLE),
             "phase": request.uniform(0.0, 2.0 * np.pi),
         }
-    others = [name for name in map(str, geometry_error.places(robot)) if name != component]
+    others = [name for name in map(str, author1.geometry_places(robot)) if name != component]
     if robot.loops:  # rigid loops would not close with lengths that do not fit
         others = [name for name in others if "." not in name]
     return found | {
@@ -66,7 +66,7 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
 def _draw_payload(request: DrawRequest) -> dict[str, float]:
     found = request.direction()
     found |= {
-        "mass": request.sized(*payload_error.MASS),
+        "mass": request.sized(*author1.MASS),
         "along": request.sign() * request.uniform(0.0, 0.1),
         "half": request.uniform(0.03, 0.12),  # m to either side
     }
@@ -100,6 +100,6 @@ def _payload(truth: Truth, reality: Reality) -> Reality:
 
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("geometry-error", ("oval", "tolerances"), geometry_error.places, _draw_geometry, _geometry),
+    Effect("geometry-error", ("oval", "tolerances"), author1.geometry_places, _draw_geometry, _geometry),
     Effect("payload-error", ("rolling", "liquid"), nowhere, _draw_payload, _payload),
 )

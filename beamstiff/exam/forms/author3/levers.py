@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from beamstiff.exam.across import lever, with_balancer
+from beamstiff.exam.added_parts import lever, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, at_joints, stiffness_of, stroke
-from beamstiff.exam.forms.author1 import actuator_lever, gravity_compensator
+from beamstiff.exam.forms.author1 import levers as author1
 from beamstiff.exam.laws import Situation, Stiffness
 from beamstiff.exam.reality import Reality
 
-CLEAR = actuator_lever.CLEAR
+CLEAR = author1.CLEAR
 GEARS = 200  # tried
 BLUNT = 0.02  # m over which a chain draws taut
 SQUEEZED = 0.05  # least part of an oil column that is left
@@ -50,7 +50,7 @@ def _share(form: str, p: dict[str, float]) -> Callable[[Array], Array]:
 
 def _draw_lever(request: DrawRequest) -> dict[str, float]:
     middle, half = stroke(request.robot, request.component)
-    swing = request.sized(*actuator_lever.SWING)
+    swing = request.sized(*author1.SWING)
     found = {"way": request.sign(), "middle": middle}
     if request.form == "slider-crank":
         found |= {"rod": request.uniform(0.2, 0.45)}  # crank over connecting rod
@@ -94,7 +94,7 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_balancer(request: DrawRequest) -> dict[str, float]:
-    found = gravity_compensator.draw(request)
+    found = author1.draw_balancer(request)
     if request.form == "cam":
         return found | {
             "top": request.uniform(-0.6, 0.6),  # rad from mid-range, where it neither lifts nor sinks
@@ -158,6 +158,6 @@ def _balancer(truth: Truth, reality: Reality) -> Reality:
 
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("actuator-lever", ("slider-crank", "cylinder"), actuator_lever.places, _draw_lever, _lever),
-    Effect("gravity-compensator", ("cam", "chain"), gravity_compensator.places, _draw_balancer, _balancer),
+    Effect("actuator-lever", ("slider-crank", "cylinder"), author1.rod_drives, _draw_lever, _lever),
+    Effect("gravity-compensator", ("cam", "chain"), author1.balanced_axes, _draw_balancer, _balancer),
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, named, nowhere, vector
-from beamstiff.exam.forms.author1 import frame_misalignment, load_error, outliers, thermal_drift
+from beamstiff.exam.forms.author1 import measurement as author1
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by
@@ -18,7 +18,7 @@ COLUMN = 1.5  # m: height that a column's drift is told at
 
 
 def _draw_frame(request: DrawRequest) -> dict[str, float]:
-    rng, angle = request.rng, request.sized(*frame_misalignment.ANGLE)
+    rng, angle = request.rng, request.sized(*author1.FRAME_ANGLE)
     found = request.direction(angle)
     if request.form == "stations":
         return found | request.direction(angle, "uvw") | {"after": request.uniform(0.3, 0.7)}
@@ -53,7 +53,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
 
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         displaced = campaign.kind == "displacement"
-        share = 1.0 if displaced else frame_misalignment.REGISTERED
+        share = 1.0 if displaced else author1.REGISTERED
         first = turn(share * vector(p))
         R = np.broadcast_to(first, (len(values), 3, 3))
         moved = values[:, :3]
@@ -79,7 +79,7 @@ def _draw_load(request: DrawRequest) -> dict[str, float]:
     if request.form == "rope":
         missed = vector(request.direction()) * request.uniform(0.0, 0.3)  # of the arm's length
         return {"angle": request.sized(*ROPE)} | named(missed)
-    gain = 1.3 * request.sized(*load_error.GAIN)
+    gain = 1.3 * request.sized(*author1.GAIN)
     wrong = request.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
     wrong *= gain / np.sqrt(np.mean(wrong**2))
@@ -130,7 +130,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_drift(request: DrawRequest) -> dict[str, float]:
-    found = {"drift": request.sized(*thermal_drift.DRIFT)}
+    found = {"drift": request.sized(*author1.DRIFT)}
     if request.form == "thermostat":
         return (
             found
@@ -171,17 +171,17 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     p, machine = truth.parameters, reality.machine
 
     def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
-        part = p["start"] + thermal_drift.since_start(campaign) / p["period"]
+        part = p["start"] + author1.since_start(campaign) / p["period"]
         share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
-        moved = p["drift"] * thermal_drift.since_rest(campaign, share)[:, None] * vector(p)
+        moved = p["drift"] * author1.since_rest(campaign, share)[:, None] * vector(p)
         return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
     def sun(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        time = thermal_drift.since_start(campaign)
+        time = author1.since_start(campaign)
         bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
         lean = np.zeros((len(values), 3))
         for axis, part in ((0, np.cos), (1, np.sin)):
-            lean[:, axis] = thermal_drift.since_rest(campaign, part(bearing) - part(p["from"]))
+            lean[:, axis] = author1.since_rest(campaign, part(bearing) - part(p["from"]))
         lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
         turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
         moved = np.cross(turned, places_of(machine, campaign, placed))
@@ -192,7 +192,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
 
 def _draw_outliers(request: DrawRequest) -> dict[str, float]:
     return request.direction() | {
-        "size": request.sized(*outliers.SIZE),
+        "size": request.sized(*author1.SIZE),
         "length": request.integer(2, 7),
         "share": request.uniform(0.01, 0.05),
         "seed": request.integer(0, 2**31),

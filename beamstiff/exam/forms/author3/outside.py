@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender
 from beamstiff.exam.laws import Friction, fading
-from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import turn, turned_by

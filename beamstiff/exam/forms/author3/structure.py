@@ -7,19 +7,19 @@ import math
 
 import numpy as np
 
+from beamstiff.exam.added_parts import free_name, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
-from beamstiff.exam.forms.author1 import base_compliance, bearing_tilt, link_bending
-from beamstiff.exam.forms.author2.springs import slackening
+from beamstiff.exam.forms.author1 import structure as author1
+from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
-from beamstiff.exam.pedestal import free_name, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.reality import Reality
 
 
 def _draw_base(request: DrawRequest) -> dict[str, float]:
     found = {
-        "tilt": request.sized(*base_compliance.TILT) * slender(request.robot),
+        "tilt": request.sized(*author1.BASE_TILT) * slender(request.robot),
         "turned": request.uniform(0.0, math.pi),
     }
     if request.form == "carriage":
@@ -85,7 +85,7 @@ def girder(p: dict[str, float]) -> Array:
 
 
 def _draw_bearing(request: DrawRequest) -> dict[str, float]:
-    found = bearing_tilt.draw(request)
+    found = author1.draw_bearing(request)
     if request.form == "housing":
         return found | {"other": request.uniform(0.15, 0.6)}
     return found | {
@@ -106,9 +106,7 @@ def _bearing(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
     if truth.form == "unloading":
-        return bearing_tilt.with_tilting(
-            truth, reality, lambda e, k: slackening(e, k, p["loose"], p["strain"])
-        )
+        return author1.with_tilting(truth, reality, lambda e, k: slackening(e, k, p["loose"], p["strain"]))
     for name, own in joints_of(machine.robot, str(truth.component)):
         machine = _seated(machine, name, own, dict(p))
     return reality.with_machine(machine)
@@ -136,7 +134,7 @@ def _seated(machine: Machine, joint: str, own: int, p: dict[str, float]) -> Mach
 
 
 def _draw_link(request: DrawRequest) -> dict[str, float]:
-    found = link_bending.draw(request)
+    found = author1.draw_link(request)
     found["side"] = request.uniform(0.0, 2.0 * math.pi)
     if request.form == "channel":
         return found | {"beside": request.uniform(0.04, 0.12)}  # m for a metre of length
@@ -162,7 +160,7 @@ def _link(truth: Truth, reality: Reality) -> Reality:
         nodes = next(nodes for rigid, nodes in machine.rigids if rigid == name)
         rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
         profile = tapered(rigidity, lambda x: np.ones_like(x))
-        beam = Bar(name, nodes, profile, link_bending.up_of(machine, nodes))
+        beam = Bar(name, nodes, profile, author1.up_of(machine, nodes))
     else:
         profile = Profile(beam.profile.stations, beam.profile.compliance * p["softer"])
         beam = dataclasses.replace(beam, profile=profile)
@@ -199,6 +197,6 @@ def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float
 
 EFFECTS: tuple[Effect, ...] = (
     Effect("base-compliance", ("carriage", "girder"), nowhere, _draw_base, _base),
-    Effect("bearing-tilt", ("housing", "unloading"), bearing_tilt.places, _draw_bearing, _bearing),
-    Effect("link-bending", ("channel", "fork"), link_bending.places, _draw_link, _link),
+    Effect("bearing-tilt", ("housing", "unloading"), author1.bearings, _draw_bearing, _bearing),
+    Effect("link-bending", ("channel", "fork"), author1.links, _draw_link, _link),
 )

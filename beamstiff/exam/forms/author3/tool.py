@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, slender, vector
-from beamstiff.exam.forms.author1 import tool_compliance, tool_offset
+from beamstiff.exam.forms.author1 import tool as author1
 from beamstiff.exam.laws import Curve
-from beamstiff.exam.pedestal import UP, behind_flange, sprung
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 
@@ -20,7 +20,7 @@ FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 
 
 def _draw_soft(request: DrawRequest) -> dict[str, float]:
-    found = {"tilt": request.sized(*tool_compliance.TURN)}
+    found = {"tilt": request.sized(*author1.TURN)}
     if request.form == "balls":
         return (
             found
@@ -85,7 +85,7 @@ def _soft(truth: Truth, reality: Reality) -> Reality:
 
 
 def _draw_offset(request: DrawRequest) -> dict[str, float]:
-    found = {"away": request.sized(*tool_offset.AWAY)}
+    found = {"away": request.sized(*author1.AWAY)}
     if request.form == "eyes":
         return found | {
             "turned": request.uniform(0.0, 2.0 * math.pi),

@@ -2,22 +2,18 @@
 
 from beamstiff.exam.effect import Effect
 from beamstiff.exam.forms.author4 import (
-    coupling,
+    drives,
     ends,
-    friction,
     geometry,
     joint_errors,
     levers,
     measurement,
     outside,
-    springs,
     structure,
 )
 
 EFFECTS: tuple[Effect, ...] = tuple(
-    effect
-    for module in (coupling, ends, friction, geometry, levers, measurement, springs, structure)
-    for effect in module.EFFECTS
+    effect for module in (drives, ends, geometry, levers, measurement, structure) for effect in module.EFFECTS
 )
 OUTSIDE: tuple[Effect, ...] = outside.EFFECTS
 # in the table since the exam of crowded machines, which alone draws them

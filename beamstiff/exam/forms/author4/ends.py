@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.exam.added_parts import behind_flange, free_name, on_pedestal, sprung
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, nowhere, slender
 from beamstiff.exam.forms.author4.by_form import (
@@ -17,7 +18,6 @@ from beamstiff.exam.forms.author4.by_form import (
 from beamstiff.exam.forms.author4.structure import LEGENDRE, lifting
 from beamstiff.exam.laws import Curve
 from beamstiff.exam.machine import Machine, Rod
-from beamstiff.exam.pedestal import behind_flange, free_name, on_pedestal, sprung
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.across import axis_in_the_middle
+from beamstiff.exam.added_parts import axis_in_the_middle
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, at_joints, drives, in_the_middle, stroke, turning_drives
 from beamstiff.exam.forms.author4.by_form import STEP, Form, beside, effect_of

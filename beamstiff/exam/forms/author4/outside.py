@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.exam.added_parts import free_name
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, at_joints, drives, in_the_middle, nowhere, slender
 from beamstiff.exam.forms.author4.by_form import Form, effect_of
 from beamstiff.exam.laws import Friction, Memory, Remembering, Situation, fading
 from beamstiff.exam.machine import Rod
-from beamstiff.exam.pedestal import free_name
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import Node

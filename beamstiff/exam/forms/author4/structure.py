@@ -8,12 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from beamstiff.exam.added_parts import free_name
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.effect import DrawRequest, in_the_middle
 from beamstiff.exam.forms.author4.by_form import Form, effect_of, main_stiffness, round_about
 from beamstiff.exam.laws import Curve, Situation, Stiffness
 from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, joints_of, own_stiffness
-from beamstiff.exam.pedestal import free_name
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node

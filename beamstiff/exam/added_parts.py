@@ -1,4 +1,4 @@
-"""Machines with something between them and the ground, or between the last link and the tool."""
+"""Machines with parts that the robot lacks: under the base, across a joint, before the tool."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.effect import in_the_middle
 from beamstiff.exam.laws import Law
-from beamstiff.exam.machine import Hinge, Machine, axes_from
+from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Mass, Node
@@ -134,3 +134,52 @@ def free_name(machine: Machine, wanted: str) -> str:
     """Return a node's name that the machine does not have yet."""
     taken = {node.name for node in machine.nodes} | {hinge.name for hinge in machine.hinges}
     return next(name for name in (f"{wanted}{i or ''}" for i in count()) if name not in taken)
+
+
+def lever(near: float, far: float, angle: Array | float) -> tuple[Array, Array]:
+    """Return a rod's lever about an axis and its length, m, whose ends' arms there are at an angle."""
+    length = np.sqrt(near**2 + far**2 - 2.0 * near * far * np.cos(angle))
+    return np.asarray(near * far * np.sin(angle) / length), np.asarray(length)
+
+
+def axis_in_the_middle(machine: Machine, joint: str) -> tuple[Array, Array]:
+    """Return a joint's axis (3,) and a point on it (3,), base frame, in the middle of the range."""
+    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
+    axis = placed.rotations[hinge.frame][0] @ hinge.axes[:, 0]
+    return axis, placed.node(machine.node(hinge.nodes[1]))[0]
+
+
+def with_rod(
+    machine: Machine, joint: str, arms: tuple[float, float], angle: float, stiffness: float, law: Law | None
+) -> Machine:
+    """Return the machine with a rod across a joint, its ends rigidly on the nodes that the joint joins.
+
+    `arms`: m; distances of the ends on the moved side and on the other from the joint's axis.
+    `angle`: rad; from the arm before to the arm behind, about the axis, in the middle of its range.
+    """
+    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
+    axis, point = axis_in_the_middle(machine, joint)
+    up = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
+    u = up - (up @ axis) * axis
+    u = u / np.linalg.norm(u)
+    v = np.cross(axis, u)
+    at_before = point - arms[1] * u
+    at_behind = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * v)
+
+    a, b = hinge.nodes
+    before = node_at(machine, placed, machine.node(a).frame, at_before, "rod_before")
+    behind = node_at(machine, placed, machine.node(b).frame, at_behind, "rod_behind")
+    return machine.plus(
+        nodes=(before, behind),
+        rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
+        rods=(Rod(free_name(machine, "rod"), (before.name, behind.name), stiffness, law),),
+    )
+
+
+def with_balancer(
+    machine: Machine, variable: str, p: Mapping[str, float], stiffness: float, law: Law
+) -> Machine:
+    """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p."""
+    for name, _ in joints_of(machine.robot, variable):
+        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], stiffness, law)
+    return machine

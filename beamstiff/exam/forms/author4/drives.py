@@ -1,21 +1,23 @@
-"""Springs in the drives: wind-up of gears, ropes and splines, and play that is not a plain dead zone."""
+"""Drives: wind-up, play that is not a plain dead zone, friction by load or by way, and coupling of two."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, at_joints, drives, stiffness_of, stroke, turns
+from beamstiff.exam.effect import DrawRequest, at_joints, drives, stiffness_of, stroke, turning_drives, turns
 from beamstiff.exam.forms.author4.by_form import Form, effect_of, main_stiffness, rounded_ramp
-from beamstiff.exam.laws import Curve, Forgetful, Law, Memory, Situation, Stiffness, WindUp
-from beamstiff.exam.machine import drives_of, joints_of, own_stiffness
+from beamstiff.exam.laws import Curve, Forgetful, Friction, Law, Memory, Situation, Stiffness, WindUp, fading
+from beamstiff.exam.machine import Mesh, drives_of, joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 ROUND = 0.08  # of a play's width: its corners
+BLUNT = 2e-6  # rad
 
 
 def soft_zone(k: float, lost: float, knee: float) -> WindUp:
@@ -192,6 +194,136 @@ def stiff_joints(robot: Robot) -> Sequence[str | None]:
     return [n for n in names if all(np.isinf(own_stiffness(robot, *at)) for at in joints_of(robot, n))]
 
 
+@dataclass(frozen=True)
+class MeshFriction(Friction):
+    """Friction of seals, and of teeth in proportion to the torque that they carry: the loop is a bow tie.
+
+    `reach`: strain over which the friction turns round.
+    `share`: of the torque.
+    """
+
+    reach: float
+    share: float
+
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state after a way, by Dahl's law."""
+        return fading(state, way, self.reach)
+
+    def largest(self, strain: Array, state: Array) -> tuple[Array, Array]:
+        """Return the largest friction, and its growth."""
+        most = self.friction + self.share * self.stiffness * np.abs(strain)
+        return most, self.share * self.stiffness * np.sign(strain) * state
+
+
+@dataclass(frozen=True)
+class WormFriction(Friction):
+    """Friction that is larger one way than the other, as of a worm that is driven back.
+
+    `reach`: strain over which it turns round.
+    `power`: over 1; by which it nears its largest force, slower than exponentially.
+    `skew`: in (-1, 1): friction ``(1 + skew)`` forward, ``(1 - skew)`` back.
+    """
+
+    reach: float
+    power: float
+    skew: float
+
+    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
+        """Return the state after a way: what is left of it obeys ``du/dx = -u^power / reach``."""
+        n = self.power - 1.0
+        start = np.maximum(1.0 - state, 1e-12)
+        left = (start**-n + n * way / self.reach) ** (-1.0 / n)
+        return 1.0 - left, left**self.power / self.reach
+
+    def largest(self, strain: Array, state: Array) -> tuple[Array, float]:  # noqa: ARG002
+        """Return the largest friction, which does not grow."""
+        return self.friction * (1.0 + self.skew * np.sign(state)), 0.0
+
+
+def _gear(request: DrawRequest) -> dict[str, float]:
+    share = request.sized(0.01, 0.25)
+    return {
+        "share": share,
+        "friction": share * request.log_uniform(3e-5, 4e-4),
+        "reach": share * request.log_uniform(2e-4, 1e-3),  # the same teeth bend before they slide
+        "arrived": request.uniform(-0.9, 0.9),
+    }
+
+
+def _worm(request: DrawRequest) -> dict[str, float]:
+    friction = request.sized(8e-6, 2.5e-4)
+    return {
+        "friction": friction,
+        "reach": friction * request.log_uniform(0.35, 2.0),  # the same teeth bend before they slide
+        "power": request.uniform(1.2, 1.8),
+        "skew": request.sign() * request.uniform(0.15, 0.5),
+        "arrived": request.uniform(-0.9, 0.9),
+    }
+
+
+def _friction(truth: Truth, reality: Reality) -> Reality:
+    p = dict(truth.parameters)
+    friction = p.pop("friction")  # as the strain that it holds
+
+    def law_of(k: float) -> Law:
+        kind = MeshFriction if truth.form == "tooth-friction" else WormFriction
+        return kind(stiffness=k, friction=k * friction, **p)
+
+    return at_joints(truth, reality, law_of)
+
+
+def pairs(robot: Robot) -> Sequence[str | None]:
+    """Return the pairs of drives that follow one another."""
+    names = turning_drives(robot)
+    return [f"{a}+{b}" for a, b in pairwise(names)]
+
+
+def _housing(request: DrawRequest) -> dict[str, float]:
+    return {
+        "compliance": request.sized(0.02, 0.8),
+        "share": request.sign() * request.uniform(0.5, 1.2),
+        "phase": request.uniform(0.0, 2.0 * np.pi),
+    }
+
+
+def _idler(request: DrawRequest) -> dict[str, float]:
+    return {
+        "stiffness": request.sized(0.03, 1.2),
+        "ratio": request.sign() * request.uniform(0.4, 1.3),
+        "side": request.sign(),
+    }
+
+
+def _coupling(truth: Truth, reality: Reality) -> Reality:
+    p, machine = truth.parameters, reality.machine
+    names = str(truth.component).split("+")
+    (first, a), (second, b) = (joints_of(machine.robot, name)[0] for name in names)
+    k1, k2 = own_stiffness(machine.robot, first, a), own_stiffness(machine.robot, second, b)
+    softer = min(k1, k2)
+    if truth.form == "one-way-idler":
+        k, side = softer * p["stiffness"], p["side"]
+
+        def curve(strain: Array) -> tuple[Array, Array]:
+            carried, slope = rounded_ramp(side * strain, BLUNT)
+            return side * k * (carried - 0.5 * BLUNT), k * slope
+
+        mesh = Mesh((first, a), (second, b), (1.0, p["ratio"]), Curve(curve))
+        return reality.with_machine(machine.plus(meshes=(mesh,)))
+
+    # both torques twist one housing, the second by the cosine of the angle between the axes: its compliance c
+    # in series, (C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)
+    c = p["compliance"] / max(k1, k2)
+
+    def leaning(situation: Situation) -> Array:
+        return np.asarray(p["share"] * np.cos(situation.values[names[1]] - p["phase"]))
+
+    def taken(situation: Situation) -> Array:
+        return np.asarray(-c / (1.0 + c * (k1 + k2 * leaning(situation) ** 2)))
+
+    mesh = Mesh((first, a), (second, b), (k1, lambda s: k2 * leaning(s)), Stiffness(taken))
+    return reality.with_machine(machine.plus(meshes=(mesh,)))
+
+
 EFFECTS = (
     effect_of(
         "hardening",
@@ -207,5 +339,15 @@ EFFECTS = (
         "backlash",
         drives,
         {"eccentric-mesh": Form(_mesh, _backlash), "scissor-gear": Form(_scissor, _backlash)},
+    ),
+    effect_of(
+        "hysteresis",
+        drives,
+        {"tooth-friction": Form(_gear, _friction), "driven-back": Form(_worm, _friction)},
+    ),
+    effect_of(
+        "joint-coupling",
+        pairs,
+        {"common-housing": Form(_housing, _coupling), "one-way-idler": Form(_idler, _coupling)},
     ),
 )

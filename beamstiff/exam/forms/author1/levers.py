@@ -1,0 +1,173 @@
+"""Rods whose lever arm about the axis changes with the joint angle, and spring balancers across an axis."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from beamstiff.exam.added_parts import axis_in_the_middle, lever, with_balancer, with_rod
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.effect import (
+    DrawRequest,
+    Effect,
+    at_joints,
+    in_the_middle,
+    stiffness_of,
+    stroke,
+    turning_drives,
+)
+from beamstiff.exam.laws import Situation, Stiffness
+from beamstiff.exam.machine import joints_of, machine_of
+from beamstiff.exam.reality import Reality
+from beamstiff.robot.description import Robot
+
+SWING = (1.15, 4.0)  # stiffness at the middle over that at an end of the range
+WIDEST = np.deg2rad(75.0)  # half the range that a rod can serve
+NEAR = 0.3  # of the swing's logarithm: else a rod sits behind gears
+GEARED = np.deg2rad(130.0)  # and with gears
+CLEAR = np.deg2rad(12.0)  # from its dead centres
+SHARE = (0.03, 0.7)  # of the drive's stiffness that it adds where its lever is longest
+PULL = (1e3, 3e4)  # N in the middle of the range
+LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
+
+
+def rod_drives(robot: Robot) -> list[str | None]:
+    """Return the turning drives whose range a rod can serve, by gears perhaps; all where there is none."""
+    found = turning_drives(robot)
+    return [name for name in found if stroke(robot, name)[1] <= GEARED] or found
+
+
+def draw_lever(request: DrawRequest) -> dict[str, float]:
+    """Return the crank's shape; the stiffness is that of the drive at mid-range.
+
+    The crank's angle to the frame is `start` at mid-range; `gear` is its turn over the joint's.
+    """
+    middle, half = stroke(request.robot, request.component)
+    swing = request.sized(*SWING)
+    crank, frame = request.uniform(0.2, 0.35), request.uniform(0.8, 1.3)
+    way = request.sign()
+    direct = [1.0] if request.form == "rod" and half <= WIDEST else []
+    best: tuple[float, float, float] | None = None
+    for gear in (*direct, *np.linspace(0.1, 1.0, 46).tolist()):
+        reach = gear * half
+        low, high = CLEAR + reach, np.pi - CLEAR - reach
+        if low >= high:
+            continue
+        starts = np.linspace(low, high, 41)
+        arms = lever(crank, frame, starts[:, None] + np.linspace(-reach, reach, 31))[0] ** 2
+        miss = np.abs(np.log(arms.max(axis=1) / arms.min(axis=1) / swing))
+        at = int(miss.argmin())
+        if best is None or miss[at] < best[0]:
+            best = (float(miss[at]), float(starts[at]), float(gear))
+        if gear == 1.0 and best[0] < NEAR:
+            break  # a rod on the joint itself
+    assert best is not None
+    return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}
+
+
+def _lever(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the joint driven through a lever."""
+    p, variable = truth.parameters, str(truth.component)
+    joint_stiffness = stiffness_of(reality.machine.robot, variable)
+    arm = float(lever(p["crank"], p["frame"], p["start"])[0])
+    machine = reality.machine
+    if truth.form == "rod" and p["gear"] == 1.0:
+        arms, angle = (p["crank"], p["frame"]), p["way"] * p["start"]
+        for name, own in joints_of(machine.robot, variable):
+            hinge = machine.hinge(name)
+            free = hinge.stiffness.copy()
+            free[own] = 0.0
+            machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=free))
+            machine = with_rod(machine, name, arms, angle, joint_stiffness / arm**2, None)
+        return reality.with_machine(machine)
+
+    def stiffness(situation: Situation) -> Array:
+        angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
+        angle = np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR)
+        return np.asarray(joint_stiffness * (lever(p["crank"], p["frame"], angle)[0] / arm) ** 2)
+
+    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
+
+
+def balanced_axes(robot: Robot) -> list[str | None]:
+    """Return the level axes among the first three that are driven."""
+    g = np.array(robot.gravity)
+    if not g.any():
+        return []
+    machine = machine_of(robot)
+    main = [variable.name for variable in robot.actuated][:3]
+    found: list[str | None] = []
+    for name in turning_drives(robot):
+        axis, _ = axis_in_the_middle(machine, joints_of(robot, str(name))[0][0])
+        if name in main and abs(axis @ g) < LEVEL * np.linalg.norm(g):
+            found.append(name)
+    return found
+
+
+def draw_balancer(request: DrawRequest) -> dict[str, float]:
+    """Return the spring: its pull N at mid-range, its stiffness over the drive's, and where it sits.
+
+    The stiffness is that against small strains, in which the rod's seals or the coils' ends stick; over the
+    stroke the pull grows far less.
+    """
+    middle, _ = stroke(request.robot, request.component)
+    crank, frame = request.uniform(0.2, 0.4), request.uniform(0.8, 1.4)
+    pull = request.sized(*PULL) * request.uniform(0.6, 1.5)
+    return {
+        "share": request.sized(*SHARE),
+        "pull": pull,
+        "growth": pull * request.uniform(1.0, 3.0),  # N/m over the stroke
+        "crank": crank,
+        "frame": frame,
+        "angle": request.sign() * request.uniform(np.deg2rad(40.0), np.deg2rad(140.0)),
+        "middle": middle,
+        "way": _way(request.robot, str(request.component)),
+    }
+
+
+def _way(robot: Robot, variable: str) -> float:
+    """Return whether the joint turns with or against its axis when the variable grows."""
+    machine = machine_of(robot)
+    hinge = machine.hinge(joints_of(robot, variable)[0][0])
+
+    here, there = in_the_middle(robot), in_the_middle(robot, **{variable: 1e-3})
+    a, b = (machine.node(n).frame for n in hinge.nodes)
+    relative = [p.rotations[a][0].T @ p.rotations[b][0] for p in (here, there)]
+    turned = relative[1] @ relative[0].T
+    spin = here.rotations[a][0] @ np.array(
+        [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
+    )
+    return float(np.sign(spin @ (here.rotations[hinge.frame][0] @ hinge.axes[:, 0])))
+
+
+def _balancer(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the balancer."""
+    p, variable, machine = truth.parameters, str(truth.component), reality.machine
+    strong = p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2  # N/m
+
+    def longer(situation: Situation) -> Array:
+        turned = p["way"] * (situation.values[variable] - p["middle"])
+        now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in (turned, 0.0))
+        return np.asarray(now - middle)
+
+    def pull(situation: Situation) -> Array:
+        if truth.form == "gas":  # polytropic, squeezed where the rod is drawn out
+            column = 1.3 * p["pull"] / p["growth"]
+            squeezed = 1.0 - np.minimum(longer(situation) / column, 0.7)
+            return np.asarray(p["pull"] * squeezed**-1.3)
+        return p["pull"] + p["growth"] * longer(situation)
+
+    def stiffness(situation: Situation) -> Array:
+        if truth.form == "gas":
+            return strong * pull(situation) / p["pull"]
+        return np.full(len(situation.time), strong)
+
+    law = Stiffness(stiffness, pull)
+    return reality.with_machine(with_balancer(machine, variable, p, strong, law))
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("actuator-lever", ("rod", "geared"), rod_drives, draw_lever, _lever),
+    Effect("gravity-compensator", ("coil", "gas"), balanced_axes, draw_balancer, _balancer),
+)

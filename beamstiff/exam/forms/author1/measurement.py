@@ -1,0 +1,219 @@
+"""Loads that are not what the table says, and readings: a wrong frame, drift, a few bad rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
+from beamstiff.exam.placing import Placed
+from beamstiff.exam.reality import Reality, places_of
+from beamstiff.exam.rotations import turn, turned_by
+
+GAIN = (0.008, 0.25)
+LOAD_ANGLE = (4e-3, 0.2)  # rad
+FRAME_ANGLE = (2e-3, 0.2)  # rad
+REGISTERED = 0.01  # share that remains where the frame was fitted to absolute positions
+DRIFT = (8e-6, 2e-3)  # m, over the campaign
+PAUSE = 30.0  # s
+SIZE = (1e-4, 3e-3)  # m
+
+
+def _draw_load(request: DrawRequest) -> dict[str, float]:
+    """Return by how much the load is misread."""
+    if request.form == "direction":
+        return request.direction(request.sized(*LOAD_ANGLE))
+    gain = request.sized(*GAIN)
+    if request.form == "sensor":
+        error = request.rng.standard_normal((3, 3))
+        error -= np.eye(3) * np.trace(error) / 3.0  # an equal gain of all would be a softer machine
+        error *= gain / np.linalg.norm(error, 2)
+        return {f"{a}{b}": float(error[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
+    if request.form == "quadratic":
+        return {"gain": gain * request.sign(), "reference": 1500.0}
+    return {"gain": gain}
+
+
+def _load(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with loads misread."""
+    p = truth.parameters
+
+    def along(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+        turned = turn(vector(p))
+        return np.concatenate([wrench[:, :3] @ turned.T, wrench[:, 3:] @ turned.T], axis=1)
+
+    def sensor(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
+        error = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
+        frames = {node.name: node.frame for node in reality.machine.nodes}
+        axes = np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
+        wrong = axes @ error @ np.swapaxes(axes, -1, -2)
+        more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
+        return np.asarray(wrench + np.concatenate(more, axis=1))
+
+    def quadratic(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+        size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
+        return np.asarray(wrench * (1.0 + p["gain"] * size / p["reference"]))
+
+    def pulley(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+        return wrench * (1.0 - p["gain"] * _growing(campaign, wrench))[:, None]
+
+    change = {"direction": along, "sensor": sensor, "quadratic": quadratic, "pulley": pulley}[truth.form]
+    return reality.with_load(change)
+
+
+def _growing(campaign: SimulatedCampaign, wrench: Array) -> Array:
+    """Return 1 where the load grew since the state before in its pose, -1 where it shrank, (N,)."""
+    size = np.linalg.norm(wrench, axis=1)
+    growing = np.ones(len(size))
+    order = np.lexsort((campaign.step, campaign.pose))
+    last: dict[int, tuple[int, float, float, float]] = {}
+    for row in order:  # rows, not states: a few hundred cheap steps
+        pose, step = int(campaign.pose[row]), int(campaign.step[row])
+        known = last.get(pose)
+        if known is None:
+            last[pose] = (step, size[row], 0.0, 1.0)
+            continue
+        before = known[1] if known[0] != step else known[2]
+        way = known[3] if size[row] == before else float(np.sign(size[row] - before))
+        growing[row] = way
+        last[pose] = (step, size[row], before, way)
+    return growing
+
+
+def _draw_frame(request: DrawRequest) -> dict[str, float]:
+    """Return the rotation vector, rad; the scale, or how far the axes are from square."""
+    angle = request.sized(*FRAME_ANGLE)
+    found = request.direction(angle)
+    if request.form == "scaled":
+        found["scale"] = angle * request.uniform(-0.3, 0.3)
+    if request.form == "sheared":
+        found |= {n: angle * request.uniform(-0.5, 0.5) for n in ("xy", "xz", "yz")}
+    return found
+
+
+def _frame(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality read in a wrong frame."""
+    p = truth.parameters
+
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+        share = 1.0 if campaign.kind == "displacement" else REGISTERED
+        shear = np.eye(3)
+        for name, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
+            shear[i, j] += share * p.get(name, 0.0)
+        R = turn(share * vector(p))
+        matrix = (1.0 + share * p.get("scale", 0.0)) * R @ shear
+        turned = turn(values[:, 3:])
+        turned = R @ turned @ R.T if campaign.kind == "displacement" else R @ turned
+        return np.concatenate([values[:, :3] @ matrix.T, turned_by(turned)], axis=1)
+
+    return reality.with_reading(read)
+
+
+def _draw_drift(request: DrawRequest) -> dict[str, float]:
+    """Return the whole drift, m, its direction, and its lag as a share of the campaign's time."""
+    found = {"drift": request.sized(*DRIFT), "lag": request.uniform(0.1, 0.7)}
+    found |= request.direction()
+    found["turn"] = request.uniform(0.0, 0.3)  # rad per metre of drift
+    return found
+
+
+def _drift(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with readings that drift.
+
+    All drift counts from the start of the campaign, but where the rows of a pose share one unloaded reading,
+    from that reading.
+    """
+    p = truth.parameters
+    along = vector(p)
+
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
+        share = since_rest(campaign, _course(truth.form, campaign, p["lag"]))
+        if truth.form == "growth":  # the machine grows: away from its base
+            reach = places_of(reality.machine, campaign, placed)
+            ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
+        else:
+            ways = np.broadcast_to(along, (len(values), 3))
+        drift = p["drift"] * share[:, None] * ways
+        turned = p["turn"] * p["drift"] * share[:, None] * np.roll(along, 1)
+        return np.asarray(values + np.concatenate([drift, turned], axis=1))
+
+    return reality.with_reading(read)
+
+
+def _course(form: str, campaign: SimulatedCampaign, lag: float) -> Array:
+    """Return how much of the drift has happened in each row, (N,), 0 at the start."""
+    time = since_start(campaign)
+    whole = float(time.max()) or 1.0
+    if form != "lagged-temperature" or np.isnan(campaign.temperature).any():
+        return np.asarray((1.0 - np.exp(-time / (lag * whole))) / (1.0 - np.exp(-1.0 / lag)))
+    order = np.argsort(time, kind="stable")
+    heat = campaign.temperature[order]
+    felt = np.empty(len(order))
+    felt[0] = heat[0]
+    for at in range(1, len(order)):
+        fade = np.exp(-(time[order[at]] - time[order[at - 1]]) / (0.3 * lag * whole))
+        felt[at] = heat[at] + (felt[at - 1] - heat[at]) * fade
+    span = float(np.abs(felt - felt[0]).max()) or 1.0
+    share = np.empty(len(order))
+    share[order] = (felt - felt[0]) / span
+    return share
+
+
+def since_start(campaign: SimulatedCampaign) -> Array:
+    """Return the time of each row from the first one, (N,), s; even where the campaign gives none."""
+    rows = np.lexsort((campaign.step, campaign.pose))
+    clock = np.empty(len(rows))
+    clock[rows] = PAUSE * np.arange(len(rows))
+    time = np.where(np.isnan(campaign.time), clock, campaign.time)
+    since: Array = time - time.min()
+    return since
+
+
+def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
+    """Return the share (N,) of a drift less that at the unloaded reading, where a pose's rows share one.
+
+    That reading is taken with the pose's first row.
+    """
+    if not (campaign.shared_unloaded and campaign.kind == "displacement"):
+        return share
+    order = np.lexsort((campaign.step, campaign.pose))
+    _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)
+    result = np.empty(len(share))
+    result[order] = share[order][first][back.reshape(-1)]
+    return np.asarray(share - result)
+
+
+def _draw_outliers(request: DrawRequest) -> dict[str, float]:
+    """Return the size of the errors, m, the share of bad rows and the seed that says which they are."""
+    return {
+        "size": request.sized(*SIZE),
+        "share": request.uniform(0.01, 0.05),
+        "seed": request.integer(0, 2**31),
+    }
+
+
+def _outliers(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with bad rows."""
+    p = truth.parameters
+
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+        rng = np.random.default_rng(int(p["seed"]))
+        count = max(1, round(p["share"] * len(values)))
+        rows = rng.choice(len(values), size=count, replace=False)
+        values = values.copy()
+        if truth.form == "spikes":  # one component each
+            values[rows, rng.integers(3, size=count)] += p["size"] * rng.choice([-1.0, 1.0], size=count)
+        else:  # the reflector was touched, or the beam broken
+            jump = rng.standard_normal((count, 6)) * np.repeat([p["size"], 2.0 * p["size"]], 3) / np.sqrt(3.0)
+            values[rows] += jump * rng.uniform(0.5, 1.5, size=(count, 1))
+        return values
+
+    return reality.with_reading(read)
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("load-error", ("direction", "sensor", "quadratic", "pulley"), nowhere, _draw_load, _load),
+    Effect("frame-misalignment", ("turned", "scaled", "sheared"), nowhere, _draw_frame, _frame),
+    Effect("thermal-drift", ("lagged-time", "lagged-temperature", "growth"), nowhere, _draw_drift, _drift),
+    Effect("outliers", ("spikes", "jumps"), nowhere, _draw_outliers, _outliers),
+)
