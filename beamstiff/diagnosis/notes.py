@@ -88,7 +88,7 @@ def unloaded(baseline: Baseline) -> Iterator[str]:
     else:
         yield (
             "no row carries a load, and the robot weighs nothing: what sags under its weight looks like an "
-            "angle-curve; give it `masses`, estimates too"
+            "angle-curve or geometry-error; give it `masses`, estimates too"
         )
 
 

@@ -82,5 +82,5 @@ def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else()
     robot = load_robot(UR10)
     bare = robot.model_copy(update={"masses": (), "payload": None})
     found = diagnose(bare, measured(robot, 2))
-    assert found.verdict.effect == "angle-curve"  # the best that it can say
+    assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
