@@ -12,7 +12,7 @@ from beamstiff.calibration.corrected import corrected, nominal_value
 from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled_rows, start_of
-from beamstiff.calibration.observability import NOTICED, observability
+from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
@@ -61,12 +61,38 @@ def calibrate(
         stations=stations,
     )
     problem, found = _settled(statement, method)
-    seen = observability(problem.linearised(found.theta, deformed=False)[1], problem.parameters, noticed)
-    more = len(seen.identified) > len(statement.identified)
-    if more:  # as of a reflector that was guessed on an axis, and hid its zero
+    while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
     return _told(statement, problem, found, method, folds)
+
+
+def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Observability:
+    """Return what can be identified about an estimate.
+
+    That may be more than before it: a reflector that was guessed on an axis hid its zero, or the robot is
+    off by more than is realistic. Its own deviations over what is left of the readings then count in place of
+    the realistic ones over the noise: the mean square of what was found, less what noise adds to it.
+    """
+    own = np.array(
+        [
+            item.group in ("offset", "frame") and item.name in statement.identified
+            for item in problem.parameters
+        ]
+    )
+    if own.any():
+        noise = max(1.0, _noise_factor(problem.residuals(found.theta), statement))
+        variance = noise**2 * np.diag(covariance_of(problem, found.theta, statement.identified))
+        moved = ((found.theta - problem.expected) ** 2 - variance)[own] / problem.size[own] ** 2
+        noticed *= noise / np.sqrt(max(moved.mean(), noise**2))
+    _, jacobian = problem.linearised(found.theta, deformed=False)
+    return observability(jacobian, problem.parameters, noticed)
+
+
+def _noise_factor(residual: Array, statement: Statement) -> float:
+    """Return the residual (n + p,) over the noise as stated; 1 where none is left."""
+    freedom = residual.size - len(statement.identified)
+    return float(np.sqrt(residual @ residual / freedom)) if freedom > 0 else 1.0
 
 
 def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
@@ -108,7 +134,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     residual = problem.residuals(theta)
     freedom = residual.size - len(statement.identified)
     chi2 = float(residual @ residual)
-    factor = float(np.sqrt(chi2 / freedom)) if freedom > 0 else 1.0
+    factor = _noise_factor(residual, statement)
     covariance = covariance_of(problem, theta, statement.identified)
     widened = not problem.claimed or stats.chi2.sf(chi2, max(freedom, 1)) < CHANCE
     if widened:

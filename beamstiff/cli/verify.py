@@ -69,7 +69,9 @@ def verify(
         [f"and {in_words([name])}", f"{1e3 * after:.4f} mm", f"{100 * closes:.0f} %"]
         for name, after, closes in found.causes
     ]
-    add_rows(rows, [*lines, ["noise as stated", f"{1e3 * found.noise:.4f} mm", ""]])
+    if found.noise > 0.0:
+        lines.append(["noise as stated", f"{1e3 * found.noise:.4f} mm", ""])
+    add_rows(rows, lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
     with_them = "with its effects" if found.causes else "as described"
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""

@@ -22,7 +22,7 @@ from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
-from beamstiff.diagnosis.notes import chosen_for
+from beamstiff.diagnosis.notes import chosen_for, unloaded
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
@@ -98,7 +98,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
         outliers=(),
-        notes=(*notes, *(one.text for one in found.behind)),
+        notes=(*notes, *unloaded(found.model.baseline), *(one.text for one in found.behind)),
         fits=(),
         ceiling=min(
             [found.rms, found.remainder.rms, *(cause.rms_after for cause in (*found.causes, *found.unclear))]

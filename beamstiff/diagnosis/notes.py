@@ -62,12 +62,8 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             f"the residual is {scale:.2g} times the assumed noise: either that noise is wrong, or an effect "
             "acts that these rows cannot show"
         )
-    if not (np.abs(rows.wrench).max(axis=1) > 0).any():
-        places = (*baseline.places.joints.values(), *baseline.places.links.values())
-        weighs = baseline.absolute and any(place.dead.any() for place in places)
-        what = "only compliance under the dead weight" if weighs else "no compliance"
-        yield f"no row carries a load: {what} can show"
-    else:
+    yield from unloaded(baseline)
+    if rows.wrench.any():
         force = rows.wrench[:, :3]
         values = np.linalg.svd(force / max(float(np.linalg.norm(force)), 1e-300), compute_uv=False)
         if (values > 0.05).sum() < 3:
@@ -78,6 +74,22 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             yield "one load level only: nonlinear effects can hardly show"
     if count := len(screened.outliers):
         yield f"{count} row{'s' * (count > 1)} excluded as {'outliers' if count > 1 else 'an outlier'}"
+
+
+def unloaded(baseline: Baseline) -> Iterator[str]:
+    """Yield what rows without a load leave unseen."""
+    if baseline.rows.wrench.any():
+        return
+    places = (*baseline.places.joints.values(), *baseline.places.links.values())
+    if not baseline.absolute:
+        yield "no row carries a load: no compliance can show"
+    elif any(place.dead.any() for place in places):
+        yield "no row carries a load: only compliance under the dead weight can show"
+    else:
+        yield (
+            "no row carries a load, and the robot weighs nothing: what sags under its weight looks like an "
+            "angle-curve or geometry-error; give it `masses`, estimates too"
+        )
 
 
 def chosen_for(robot: Robot) -> Iterator[str]:

@@ -79,12 +79,11 @@ def fail(source: str, line: int, column: str, message: str) -> NoReturn:
 
 
 def read_header(
-    cells: Sequence[str], robot: Robot, orientation: str | None, source: str, line: int
+    cells: Sequence[str], robot: Robot, turns_declared: bool, source: str, line: int
 ) -> list[Column]:
     """Return the columns that header cells such as ``q1 [deg]`` name.
 
-    `orientation`: the declared meaning of columns A, B, C (or a, b, c): ``"KUKA ABC"`` or ``"rotation
-    vector"``.
+    `turns_declared`: whether the table says what its columns A, B, C (or a, b, c) mean.
     """
     declared = {variable.name: variable for variable in robot.variables}
     wrong = partial(fail, source, line)
@@ -93,7 +92,7 @@ def read_header(
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"]:
             wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
-        column = _read_cell(match["name"], match["unit"], declared, robot, orientation, wrong)
+        column = _read_cell(match["name"], match["unit"], declared, robot, turns_declared, wrong)
         for place, other in enumerate(columns, start=1):
             if other.name == column.name:
                 wrong(column.name, f"found twice, in columns {place} and {at}, expected once")
@@ -112,7 +111,7 @@ def _read_cell(
     unit: str | None,
     declared: dict[str, Variable],
     robot: Robot,
-    orientation: str | None,
+    turns_declared: bool,
     wrong: Wrong,
 ) -> Column:
     if name in declared:
@@ -129,7 +128,7 @@ def _read_cell(
             kind = "force" if kind == "length" else "moment"
         return Column(name, kind, _unit(kind, unit, name, wrong))
     if name in ("A", "B", "C"):
-        if orientation is None:
+        if not turns_declared:
             wrong(name, KUKA_HINT)
         name = name.lower()
     if name in LABELS:

@@ -10,7 +10,8 @@ decided so:
   missing, that of the ``# sigma_position`` or ``# sigma_rotation`` line holds.
 - ``a b c`` are a rotation vector, never longer than pi. Euler angles are refused unless declared:
   ``# orientation: KUKA ABC`` converts columns A B C (or a b c), R = Rz(A) Ry(B) Rx(C), to the rotation
-  vector; ``# orientation: rotation vector`` says that columns A B C (or a b c) are one.
+  vector, and so do ``Euler ZYZ``, ``fixed XYZ`` and the like; ``# orientation: rotation vector`` says that
+  columns A B C (or a b c) are one.
 - Orientations may be quaternions or matrices instead (`measure.pose_columns`).
 - ``q2_link`` is the reading of an encoder behind the gear of q2, ``tau_q2`` the measured torque (or force) of
   its drive; empty cells are unmeasured.
@@ -36,7 +37,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of, read_header, to_si
 from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
-from beamstiff.measure.orientation import KUKA
+from beamstiff.measure.orientation import EulerAngles, Orientation, named_orientation
 from beamstiff.measure.pose_columns import with_rotation_vectors
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import CHOICES, RawTable, RowError, numbers, split_table
@@ -101,14 +102,17 @@ def parse_measurements(
     """
     raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
     choices = {key: _choice(key, raw) for key in CHOICES}
-    columns = read_header(raw.header, robot, choices["orientation"], name, raw.header_line)
+    turns = _declared_orientation(raw)
+    columns = read_header(raw.header, robot, turns is not None, name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
     if not raw.cells:
         raw.fail_in_header("", "found a header without rows, expected at least one row of measurements")
     if kind is None and require_measured:
         raw.fail_in_header("", "found no measured column, expected dx dy dz rx ry rz or x y z a b c")
     kind = kind or "displacement"
-    _check_choices(choices, columns, kind, raw)
+    _check_choices(choices, kind, raw)
+    if isinstance(turns, EulerAngles):
+        _check_angles(columns, raw)
 
     cells = dict(zip((column.name for column in columns), zip(*raw.cells, strict=True), strict=True))
     actuated = [variable.name for variable in robot.actuated]
@@ -138,7 +142,7 @@ def parse_measurements(
             f"{f' or {READINGS[kind]}' if 'instrument' in cells else ''}",
         )
     if kind == "absolute":
-        measured[:, 3:] = _orientation(measured[:, 3:], choices["orientation"], raw)
+        measured[:, 3:] = _orientation(measured[:, 3:], turns, raw)
     q = stack(actuated, 0.0)
     nodes = {column: _nodes(column, cells[column], robot, raw) for column in NODES if column in cells}
     return make_measurements(
@@ -248,11 +252,8 @@ def _choice(key: str, raw: RawTable) -> str | None:
     raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, CHOICES[key])}")
 
 
-def _check_choices(
-    choices: Mapping[str, str | None], columns: Sequence[Column], kind: Kind, raw: RawTable
-) -> None:
+def _check_choices(choices: Mapping[str, str | None], kind: Kind, raw: RawTable) -> None:
     """Refuse declarations that contradict the table."""
-    names = [column.name for column in columns]
     if choices["decimal"] == "comma" and raw.separator == ",":
         raw.fail_in_metadata(
             "decimal", "found comma in a table separated by commas, expected semicolons between cells"
@@ -262,13 +263,27 @@ def _check_choices(
             "unloaded_reading",
             "found shared in a table of absolute positions, expected a table of differences",
         )
-    if choices["orientation"] == "KUKA ABC":
-        if "a" not in names:
-            raw.fail_in_metadata("orientation", "found KUKA ABC, expected columns A B C beside x y z")
-        if any(f"sigma_{name}" in names for name in "abc"):
-            raw.fail_in_metadata(
-                "orientation", "found KUKA ABC with sigma_a, sigma_b or sigma_c, expected '# sigma_rotation'"
-            )
+
+
+def _declared_orientation(raw: RawTable) -> Orientation | None:
+    if "orientation" not in raw.metadata:
+        return None
+    try:
+        return named_orientation(raw.metadata["orientation"][0])
+    except BeamstiffError as error:
+        raw.fail_in_metadata("orientation", str(error))
+
+
+def _check_angles(columns: Sequence[Column], raw: RawTable) -> None:
+    said = shown(raw.metadata["orientation"][0])
+    names = [column.name for column in columns]
+    if "a" not in names:
+        raw.fail_in_metadata("orientation", f"found {said}, expected columns A B C beside x y z")
+    if any(f"sigma_{name}" in names for name in "abc"):
+        raw.fail_in_metadata(
+            "orientation",
+            f"found {said} with sigma_a, sigma_b or sigma_c, expected '# sigma_rotation'",
+        )
 
 
 def _sigma(key: str, kind: str, raw: RawTable) -> float | None:
@@ -286,25 +301,25 @@ def _sigma(key: str, kind: str, raw: RawTable) -> float | None:
     return sigma
 
 
-def _orientation(angles: Array, orientation: str | None, raw: RawTable) -> Array:
+def _orientation(angles: Array, turns: Orientation | None, raw: RawTable) -> Array:
     """Return rotation vectors of the columns a b c."""
     partly = np.isnan(angles).any(axis=1) & ~np.isnan(angles).all(axis=1)
     if partly.any():
         row = int(np.flatnonzero(partly)[0])
         raw.fail_in_row(row, "a b c", "found some of the three empty, expected all or none")
-    if orientation == "KUKA ABC":
+    if isinstance(turns, EulerAngles):
         known = ~np.isnan(angles).any(axis=1)
         result = angles.copy()
-        result[known] = vector_from_rotation(KUKA.rotations(angles[known]))
+        result[known] = vector_from_rotation(turns.rotations(angles[known]))
         return result
     length = np.linalg.norm(angles, axis=1)
-    if orientation is None and (length > np.pi * (1 + 1e-9)).any():
+    if turns is None and (length > np.pi * (1 + 1e-9)).any():
         row = int(np.flatnonzero(length > np.pi * (1 + 1e-9))[0])
         raw.fail_in_row(
             row,
             "a b c",
             f"found a rotation vector of {np.rad2deg(length[row]):.0f} deg, expected at most 180 deg; Euler "
-            "angles of a KUKA table need '# orientation: KUKA ABC' before the header, degrees need a [deg]",
+            "angles need '# orientation: KUKA ABC' (or fixed XYZ ...) before the header, degrees a [deg]",
         )
     return angles
 
@@ -346,7 +361,7 @@ def _nodes(name: str, cells: Sequence[str], robot: Robot, raw: RawTable) -> Name
     for cell in dict.fromkeys(cells):
         node = cell.strip() or robot.tcp
         if node not in known:
-            hint = suggest(node, known) or f", expected one of {listed(known)}"
+            hint = suggest(node, known) or f", expected one of {listed(known)}, or a node that you add for it"
             row = cells.index(cell)
             raw.fail_in_row(row, name, f"found {shown(node)}, which is no node of robot {robot.name!r}{hint}")
         nodes[cell] = node

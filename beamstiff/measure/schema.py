@@ -26,7 +26,7 @@ HEADER_TEXTS = {
     "sigma_load": "standard deviation of the loads, such as 2 N",
     "unloaded_reading": "shared: all rows of a pose were subtracted from one unloaded reading",
     "history": "continuous: the load history runs on from pose to pose; else each pose starts unloaded",
-    "orientation": "KUKA ABC: a, b, c are KUKA's angles",
+    "orientation": "what a, b, c are: KUKA ABC, Euler ZYZ, fixed XYZ (any axes), rotation vector",
     "decimal": "comma: decimal commas",
 }
 NUMBER = {"type": ["number", "null"]}

@@ -26,7 +26,6 @@ METADATA = (
 CHOICES = {
     "unloaded_reading": ("independent", "shared"),
     "history": ("unloaded", "continuous"),
-    "orientation": ("rotation vector", "KUKA ABC"),
     "decimal": ("point", "comma"),
 }
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}

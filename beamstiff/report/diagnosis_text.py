@@ -288,6 +288,8 @@ def _factor(result: Diagnosis) -> float:
 
 def _scaled(result: Diagnosis) -> str:
     """Return what the noise that is counted with is to the one that the table states."""
+    if result.decomposition is not None and not result.baseline.claimed:
+        return " (a laser tracker's: the table states none, and scatter beyond it counts as gap)"
     factor = _factor(result)
     if 1.0 / OFF < factor < OFF:
         return ""

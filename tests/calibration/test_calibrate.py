@@ -102,6 +102,18 @@ def test_a_model_that_lacks_something_is_told_by_its_stated_noise() -> None:
     assert "the model is incomplete" in found.notes[-1]
 
 
+def test_a_robot_off_by_more_than_is_realistic_is_sought_in_full_though_the_noise_is_large() -> None:
+    """Errors of some 10 mm and 10 mrad, read to 2 mm: nothing that shows beyond the noise is held."""
+    noise = 2e-3
+    real = machine(serial(), machined(serial(), 3, size=1e-2))
+    rows = measured(real, within(serial(), 60, 1), noise=noise, base=BASE)
+    rows = replace(rows, sigma=rows.sigma * noise / SIGMA, sigma_position=noise)
+    found = calibrate(serial(), rows, folds=0)
+    assert found.noise == pytest.approx(1.0, abs=0.15)
+    exact = measured(real, within(serial(), 200, 2), noise=0.0, base=BASE)
+    assert errors_on(found, exact).position_rms < 1.2 * noise
+
+
 def test_held_out_errors_are_those_of_fresh_poses() -> None:
     rows = measured(REAL, within(serial(), 60, 6), base=BASE)
     found = calibrate(serial(), rows, folds=10)

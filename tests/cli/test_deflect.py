@@ -51,6 +51,7 @@ def test_absolute_rows_get_the_position_by_hand(told: Run, succeed: Run, folder:
     assert "at most 0.1 mm" in said
     again = succeed("verify", "crane.yaml", "predicted.csv").stdout
     assert "0.0000 mm" in again
+    assert "noise" not in again  # the table states none
 
 
 def test_point_and_load_point_need_not_be_the_tcp(told: Run, folder: Path) -> None:

@@ -76,3 +76,11 @@ def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | No
         assert hidden[effect] == "the model holds every joint rigid about its axis"
     assert hidden["load-error"] == "no row carries a load"
     assert "no row carries a load: only compliance under the dead weight can show" in told[2].notes
+
+
+def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else() -> None:
+    robot = load_robot(UR10)
+    bare = robot.model_copy(update={"masses": (), "payload": None})
+    found = diagnose(bare, measured(robot, 2))
+    assert found.verdict.effect != "joint-compliance"
+    assert sum("give it `masses`" in note for note in found.notes) == 1

@@ -99,6 +99,13 @@ def test_declared_kuka_angles_are_z_y_x_euler_angles(names: str, arm: Robot) -> 
     np.testing.assert_allclose(turned, 0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("said", "order"), [("Euler ZYZ", "ZYZ"), ("fixed XYZ", "xyz")])
+def test_other_angles_may_be_declared(said: str, order: str, arm: Robot) -> None:
+    table = parse_measurements(f"# orientation: {said}\nq1,d2,a [deg],b [deg],c [deg]\n0,0,20,-50,110\n", arm)
+    expected = Rotation.from_euler(order, [20, -50, 110], degrees=True).as_rotvec()
+    np.testing.assert_allclose(table.rotation, [expected], atol=1e-12)
+
+
 def test_declared_rotation_vectors_may_be_called_a_b_c_and_turn_more_than_half(arm: Robot) -> None:
     table = parse_measurements("# orientation: rotation vector\nq1,d2,A,B,C\n0,0,4,0,0\n", arm)
     assert table.rotation.tolist() == [[4, 0, 0]]

@@ -112,6 +112,13 @@ def test_few_postures_weaken_the_headline() -> None:
     assert "are too few to check these shares" in summary(doubtful)
 
 
+def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None:
+    result, _ = found("approach", "gear", "slip")
+    assert "the table states none" not in summary(result)
+    unclaimed = replace(result, baseline=replace(result.baseline, claimed=False))
+    assert "mm (a laser tracker's: the table states none" in summary(unclaimed)
+
+
 def test_undecided_effects_of_the_written_robot_are_named() -> None:
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
