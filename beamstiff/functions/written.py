@@ -17,9 +17,7 @@ from beamstiff.simulators.mjcf_edit import mjcf_like
 from beamstiff.simulators.mjcf_writer import SETTLE, robot_to_mjcf
 from beamstiff.simulators.series_joints import robot_to_series
 
-SERIES = (
-    "the SDF holds every compliance as a joint in series, for simulators: read back, these count as drives"
-)
+SERIES = "the SDF holds every compliance as a joint in series, for simulators"
 LOOPS = "URDF knows no loops: its passive joints look free to other readers"
 
 
@@ -68,10 +66,10 @@ def robot_text(
 def applied_text(robot: Robot, path: str, source: Path) -> tuple[str, tuple[str, ...]]:
     """Return a robot with what was found in it, in a simulator's format, and what is lost.
 
-    An MJCF that the robot was read from is edited in place; an SDF takes effects as joints.
+    An MJCF that the robot was read from is edited in place; an SDF takes stiffness and effects as joints.
     """
     ending = Path(path).suffix.lower()
-    series = ending == ".sdf" and bool(robot.effects)
+    series = ending == ".sdf"
     like = source if ending == source.suffix.lower() == ".xml" else None
     text, lost = robot_text(robot, path, source, like=like, series=series)
     return text, (*lost, SERIES) if series else lost

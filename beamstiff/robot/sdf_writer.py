@@ -28,7 +28,7 @@ from beamstiff.robot.placement import from_roll_pitch_yaw, roll_pitch_yaw
 from beamstiff.robot.sdf import parse_sdf
 from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
 from beamstiff.robot.urdf.reader import disagreement, read_tree
-from beamstiff.robot.urdf.writer import differences, robot_to_urdf
+from beamstiff.robot.urdf.writer import robot_to_urdf
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array, transform
 
@@ -63,12 +63,19 @@ def robot_to_sdf(robot: Robot) -> Written:
         lines += _joint(joint, stiffness.get(joint.name, JointStiffness()))
     for frame, at in ends:
         lines += _end(robot.tcp, frame, at)
-    text = "\n".join([*lines, "  </model>", "</sdf>", ""])
-    known = robot.tcp if ends or robot.tcp in links else tree.joints[-1].child if tree.joints else None
-    again = parse_sdf(text, "<sdf>", tcp=known)
+    known = robot.tcp if ends or robot.tcp in links else tree.joints[-1].child if tree.joints else ""
+    text = "\n".join([*lines, f"    {extension(known, robot.gravity)}", "  </model>", "</sdf>", ""])
+    again = parse_sdf(text, "<sdf>")
     if far := disagreement(again, robot):
         raise BeamstiffError(f"robot {robot.name!r} cannot be written as SDF: {far}")
     return Written(text, tuple(_lost(robot, again, root, stiffness)))
+
+
+def extension(tcp: str, gravity: tuple[float, float, float]) -> str:
+    """Return the element of ours that says what is the TCP, and where gravity is not as usual."""
+    usual = gravity == Robot.model_fields["gravity"].default
+    said = "" if usual else f"gravity: [{', '.join(map(short_number, gravity))}]"
+    return f"<{EXTENSION} tcp={quoteattr(tcp)}>{said}</{EXTENSION}>" if tcp else ""
 
 
 def _stiffness(robot: Robot, tree: LinkTree) -> dict[str, JointStiffness]:
@@ -171,17 +178,8 @@ def _lost(
         yield f"the stiffness of {listed(rest, 12)} is not written: no joint of the SDF moves there"
     if again.tcp != robot.tcp:
         yield f"the TCP {robot.tcp!r} is no link of the SDF"
-    elif not _only_end(again):
-        yield f"SDF does not say which end is the TCP: read it with --tcp '{robot.tcp}'"
-    if differences(robot, robot.model_copy(update={"gravity": again.gravity})):
-        yield "gravity is not written"
     heavy, left = (sum(item.mass for item in one.masses) for one in (robot, again))
     if abs(heavy - left) > 1e-9 * max(heavy, 1.0):
         yield f"masses: {left:g} of {heavy:g} kg are written"
     if any(item.all(name) for item in root.all("link") for name in DRAWN):
         yield "meshes and other shapes of the URDF are not written"
-
-
-def _only_end(robot: Robot) -> bool:
-    parents = {frame.parent for frame in robot.frames}
-    return sum(frame.name not in parents for frame in robot.frames) <= 1

@@ -23,7 +23,6 @@ STEPS = 4  # time steps in it
 # of stops: as hard as the time step lets them be
 STOP = 'solreflimit="{!r} 1" solimplimit="0.99 0.9999 1e-06"'
 TCP = "beamstiff-tcp"  # name of the text that says which site is the TCP
-LEAST_MASS = 1e-9  # kg, and kg m^2: MuJoCo refuses moving bodies without; weighs 1e-8 N
 LEAST_ARMATURE = 1e-6  # kg or kg m^2: of joints that nothing resists, so that they can be simulated
 HEADER = """
     Written by beamstiff. Every compliance is a joint in series, named as in the robot file.
@@ -116,18 +115,9 @@ def _text(values: Array) -> str:
     return " ".join(f"{0.0 if abs(value) < 1e-15 else value:.15g}" for value in values.tolist())
 
 
-def mass_of(masses: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia about it of point masses; the least that simulators take for none."""
-    least = LEAST_MASS * np.eye(3)
-    if not any(mass > 0.0 for mass, _ in masses):
-        return LEAST_MASS, np.zeros(3), least
-    mass, centre, inertia = mass_of_points(masses)
-    return mass, centre, inertia + least
-
-
 def _inertial(body: Body) -> str:
     """Return the element of mass, centre and inertia of a body."""
-    mass, centre, inertia = mass_of(body.masses)
+    mass, centre, inertia = mass_of_points(body.masses)
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return f'<inertial pos="{_text(centre)}" mass="{mass!r}" fullinertia="{_text(moments)}"/>'
 
