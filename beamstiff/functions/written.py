@@ -44,7 +44,7 @@ def robot_text(
     if like is not None and ending not in (".urdf", ".xml"):
         raise OptionError("like", "goes with an --out that ends in .urdf or .xml")
     if series:
-        return robot_to_series(robot, ending[1:])
+        return robot_to_series(robot, ending[1:], q)
     if ending == ".urdf":
         lost = (LOOPS,) if robot.loops else ()
         return robot_to_urdf(robot, None if like is None else read_text(Path(like))), lost

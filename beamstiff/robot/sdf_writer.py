@@ -33,6 +33,8 @@ from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array, transform
 
 UNSAID = ("loops", "beams", "struts", "effects")  # what a tree of links has no words for
+PREFIXED = f"{EXTENSION}:extension"  # what SDF's own parser lets pass; one without prefix Drake refuses
+SDF_HEAD = f'<?xml version="1.0"?>\n<sdf version="1.11" xmlns:{EXTENSION}="{EXTENSION}">'
 DRAWN = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -52,7 +54,7 @@ def robot_to_sdf(robot: Robot) -> Written:
     links = {item.attributes["name"]: item for item in root.all("link")}
     stiffness = _stiffness(robot, tree)
     ends = _tcp(robot, links)
-    lines = ['<?xml version="1.0"?>', '<sdf version="1.11">', f"  <model name={quoteattr(robot.name)}>"]
+    lines = [SDF_HEAD, f"  <model name={quoteattr(robot.name)}>"]
     carriers = {joint.child: joint for joint in tree.joints}
     for name, link in links.items():
         lines += _link(name, link, carriers.get(name))
@@ -71,11 +73,11 @@ def robot_to_sdf(robot: Robot) -> Written:
     return Written(text, tuple(_lost(robot, again, root, stiffness)))
 
 
-def extension(tcp: str, gravity: tuple[float, float, float]) -> str:
-    """Return the element of ours that says what is the TCP, and where gravity is not as usual."""
+def extension(tcp: str, gravity: tuple[float, float, float], name: str = PREFIXED) -> str:
+    """Return the element of ours that says what is the TCP, and gravity where it is not as usual."""
     usual = gravity == Robot.model_fields["gravity"].default
     said = "" if usual else f"gravity: [{', '.join(map(short_number, gravity))}]"
-    return f"<{EXTENSION} tcp={quoteattr(tcp)}>{said}</{EXTENSION}>" if tcp else ""
+    return f"<{name} tcp={quoteattr(tcp)}>{said}</{name}>" if tcp else ""
 
 
 def _stiffness(robot: Robot, tree: LinkTree) -> dict[str, JointStiffness]:
@@ -144,7 +146,7 @@ def _joint(joint: TreeJoint, stiffness: JointStiffness) -> list[str]:
             )
         lines.append("      </axis>")
     if said := stiffness_attributes(stiffness):
-        lines.append(f"      <{EXTENSION} {said}/>")
+        lines.append(f"      <{PREFIXED} {said}/>")
     return [*lines, "    </joint>"]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import EXTENSION, SPRING
 from beamstiff.robot.placement import roll_pitch_yaw
-from beamstiff.robot.sdf_writer import extension
+from beamstiff.robot.sdf_writer import SDF_HEAD, extension
 from beamstiff.robot.urdf.export import FARTHEST, WEIGHTLESS_LINKS, link_lines, mass_of_points, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
@@ -35,21 +35,25 @@ class SeriesLink:
     frame: Array  # (4, 4): that body's frame in the link's
 
 
-def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say."""
-    tree = assemble(robot)
-    links = [*series_links(tree)]
+def robot_to_series(robot: Robot, kind: str, q: Array | None = None) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say; `q`: see `assemble`."""
+    tree = assemble(robot, q)
     lost = [*tree.lost, *(item.partition(";")[0] for item in lost_of_urdf(robot))]
     if tree.closures:
         lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
     if tree.tendons:
         lost.append(f"struts and balancers: {', '.join(one.name for one in tree.tendons)}")
-    joints = [link.joint for link in links if link.joint is not None]
+    joints = [joint for body in tree.bodies for joint in body.joints]
     if any(joint.friction or joint.cubic for joint in joints):
         lost.append("friction and cubic springs of drives")
     if kind == "urdf" and any(joint.stiffness for joint in joints):
         lost.append("the stiffness of the joints in series, but in <beamstiff>: URDF has no springs")
-    return (_urdf if kind == "urdf" else _sdf)(tree, links, lost), tuple(lost)
+    return series_text(tree, kind, lost), tuple(lost)
+
+
+def series_text(tree: BodyTree, kind: str, lost: list[str]) -> str:
+    """Return the text of a machine, `kind` "urdf" or "sdf", which says what is `lost` in it."""
+    return (_urdf if kind == "urdf" else _sdf)(tree, [*series_links(tree)], lost)
 
 
 def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
@@ -96,7 +100,7 @@ def _urdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
         '<?xml version="1.0"?>',
         f"<robot name={quoteattr(tree.name)}>",
         *_comment(lost),
-        f"  {extension(tree.tcp, tree.gravity)}",
+        f"  {extension(tree.tcp, tree.gravity, EXTENSION)}",
         '  <mujoco><compiler fusestatic="false"/></mujoco>',
     ]
     for link in links:
@@ -127,8 +131,7 @@ def _urdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
 
 def _sdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
     lines = [
-        '<?xml version="1.0"?>',
-        '<sdf version="1.11">',
+        SDF_HEAD,
         f"  <model name={quoteattr(tree.name)}>",
         *_comment(lost),
         f"    {extension(tree.tcp, tree.gravity)}",

@@ -22,6 +22,7 @@ from beamstiff.robot.placement import elementary, roll_pitch_yaw
 from beamstiff.se3 import Array
 
 LEAST_MASS = 1e-9  # kg, and kg m^2: of links that move; simulators refuse less, Gazebo takes none for 1 kg
+FLATTEST = 1e-6  # of the moments of inertia: the least of them, for Drake refuses flat ones by their rounding
 WEIGHTLESS_LINKS = "links without mass have 1e-9 kg and 1e-9 kg m^2, which simulators ask for"
 FARTHEST = 100.0  # m: limits of a slide that has none, which URDF asks for
 
@@ -131,17 +132,17 @@ def _masses(robot: Robot) -> dict[str, tuple[float, Array, Array]]:
 def mass_of_points(points: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
     """Return mass, centre (3,) and inertia about it (3, 3) of point masses: kg, and where, m.
 
-    Never less than what simulators take for a link that moves.
+    Never less than what simulators take for a link that moves, and none as flat as points in a plane are.
     """
-    inertia = LEAST_MASS * np.eye(3)
+    inertia = np.zeros((3, 3))
     total = float(sum(mass for mass, _ in points))
     if total == 0.0:
-        return LEAST_MASS, np.zeros(3), inertia
+        return LEAST_MASS, np.zeros(3), LEAST_MASS * np.eye(3)
     centre = np.asarray(np.sum([mass * at for mass, at in points], axis=0) / total)
     for mass, at in points:
         arm = at - centre
         inertia += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return total, centre, inertia
+    return total, centre, inertia + max(LEAST_MASS, FLATTEST * float(np.trace(inertia))) * np.eye(3)
 
 
 def link_lines(name: str, mass: float, centre: Array, inertia: Array) -> list[str]:
