@@ -109,7 +109,7 @@ def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
         for share in SHARES:
             rows = loads(machine, share * force, count)
             found = relative(predict_displacements(machine, rows, True), mujoco_deflection(machine, rows)[0])
-            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in found))
+            cells.append(median_and_largest(found))
     return cells
 
 
@@ -233,8 +233,10 @@ class Engine:
         length = float(np.linalg.norm(other - one))
         return length, (other - one) @ (K - J)[:3] / length
 
-    def rest(self, v: Array, held: list[int], wrench: Array) -> Array:
-        """Return values in equilibrium by Newton's method, loops and screws closed by Lagrange multipliers."""
+    def rest(
+        self, v: Array, held: list[int], wrench: Array, tangent: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return equilibrium and tangent by Newton's method, loops closed by Lagrange multipliers."""
         free = np.setdiff1d(np.arange(len(v)), held)
         tool, v, pull = self.tree.tcp, v.copy(), np.zeros(len(self.gaps(v)[0]))
 
@@ -243,7 +245,7 @@ class Engine:
 
         for turn in range(40):
             left, (gap, G) = forces(v), self.gaps(v)
-            if turn % 10 == 0:  # Newton's chords between
+            if tangent is None or turn % 10 == 9:  # chords between
                 tangent = np.empty((free.size, free.size))
                 for column, at in enumerate(free):
                     ahead, behind = v.copy(), v.copy()
@@ -261,7 +263,7 @@ class Engine:
             v[free] += step[: free.size] / size
             pull += step[free.size :] / most
             if np.abs(step[: free.size] / size).max() < 1e-11:
-                return v
+                return v, tangent
         raise BeamstiffError("no equilibrium")
 
 
@@ -323,9 +325,10 @@ def in_drake(robot: Robot, q: Array) -> Engine:
 
 
 def deflections(make: Callable[[Robot, Array], Engine], robot: Robot, rows: Measurements) -> Array:
-    """Return displacements (N, 6) in an engine's equilibria, drives held."""
+    """Return displacements (shares, N, 6) in an engine's equilibria under shares of loads, drives held."""
     kinematics = compile_kinematics(robot)
-    values, result, engine_of = close_loops(kinematics, rows.q).values, np.zeros((len(rows), 6)), None
+    values, engine_of = close_loops(kinematics, rows.q).values, None
+    result = np.zeros((len(SHARES), len(rows), 6))
     for row, (q, wrench) in enumerate(zip(rows.q, rows.wrench, strict=True)):
         if engine_of is None or engine_of.tree.varies:
             engine_of = make(robot, q)
@@ -334,34 +337,43 @@ def deflections(make: Callable[[Robot, Array], Engine], robot: Robot, rows: Meas
         for joint in (joint for body in engine_of.tree.bodies for joint in body.joints):
             start[engine_of.place[joint.name]] = known.get(joint.leader or joint.name, 0.0) * joint.factor
         held = [engine_of.place[name] for name in rows.variables]
-        unloaded = engine_of.rest(start, held, np.zeros(6))
-        loaded = engine_of.rest(unloaded, held, wrench)
-        (before, turned, _), (after, on, _) = (engine_of.link(v, robot.tcp) for v in (unloaded, loaded))
-        result[row] = [*(after - before), *vector_from_rotation(on @ turned.T)]
+        unloaded, tangent = engine_of.rest(start, held, np.zeros(6))
+        before, turned, _ = engine_of.link(unloaded, robot.tcp)
+        for at, share in enumerate(SHARES):
+            loaded = engine_of.rest(unloaded, held, share * wrench, tangent)[0]
+            after, on, _ = engine_of.link(loaded, robot.tcp)
+            result[at, row] = [*(after - before), *vector_from_rotation(on @ turned.T)]
     return result
+
+
+def errors_in(
+    make: Callable[[Robot, Array], Engine], robot: Robot, load: float, count: int, seed: int = 1
+) -> list[tuple[Array, Array]]:
+    """Return the errors of positions and rotations at every share of the load."""
+    theirs = deflections(make, robot, loads(robot, load, count, seed))
+    return [
+        relative(predict_displacements(robot, loads(robot, share * load, count, seed), True), one)
+        for share, one in zip(SHARES, theirs, strict=True)
+    ]
 
 
 def second_engine(name: str, make: Callable[[Robot, Array], Engine], count: int) -> Any:
     """Return the table of an engine that loads URDF or SDF."""
     found = table(name, "robot", "weight, load/10 (1e-3)", "weight, nominal (1e-2)")
     for robot_name, robot, load in robots():
-        cells = []
-        for share in SHARES:
-            rows = loads(robot, share * load, count)
-            errors = relative(predict_displacements(robot, rows, True), deflections(make, robot, rows))
-            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in errors))
-        found.add_row(robot_name, *cells)
-    arms = []
-    for seed in range(count):
-        robot, load = random_robot(seed)
-        row = []
-        for share in SHARES:
-            rows = loads(robot, share * load, 1, seed)
-            one = relative(predict_displacements(robot, rows, True), deflections(make, robot, rows))
-            row.append((float(one[0][0]), float(one[1][0])))
-        arms.append(row)
-    found.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
+        found.add_row(robot_name, *map(median_and_largest, errors_in(make, robot, load, count)))
+    arms = [errors_in(make, *random_robot(seed), 1, seed) for seed in range(count)]
+    together = [
+        (np.concatenate([one[0] for one in share]), np.concatenate([one[1] for one in share]))
+        for share in zip(*arms, strict=True)
+    ]
+    found.add_row(f"{count} random arms, a posture each", *map(median_and_largest, together))
     return found
+
+
+def median_and_largest(errors: tuple[Array, Array]) -> str:
+    """Return what is printed of the errors of positions and of rotations."""
+    return " ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in errors)
 
 
 def effects() -> Iterator[list[str]]:

@@ -10,6 +10,7 @@ names its TCP: ``<beamstiff tcp="tool0"/>``.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -46,6 +47,12 @@ REFUSED = ("include", "model")
 def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
     """Return the robot of an SDF file; `tcp` names a link, by default the only end of the tree."""
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
+
+
+def unread(text: str) -> list[str]:
+    """Return what an SDF says of links for which a robot has no words."""
+    counts = {name: len(re.findall(rf"<{name}\b", text)) for name in ("visual", "collision", "inertia")}
+    return [f"not read: <{name}> ({count})" for name, count in counts.items() if count]
 
 
 def parse_sdf(text: str, name: str = "<text>", *, tcp: str | None = None) -> Robot:

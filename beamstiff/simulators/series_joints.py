@@ -15,12 +15,13 @@ import numpy as np
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import EXTENSION, SPRING
 from beamstiff.robot.placement import roll_pitch_yaw
-from beamstiff.robot.sdf_writer import SDF_HEAD, extension
+from beamstiff.robot.sdf_writer import DRAWN, SDF_HEAD, extension
 from beamstiff.robot.urdf.export import FARTHEST, WEIGHTLESS_LINKS, link_lines, mass_of_points, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
-from beamstiff.simulators.bodies import BodyJoint, BodyTree, free_name
-from beamstiff.simulators.mjcf_writer import SETTLE, lost_of_urdf
+from beamstiff.simulators.bodies import BodyJoint, BodyTree, free_name, inertia_of
+from beamstiff.simulators.mjcf_writer import SETTLE
+from beamstiff.simulators.urdf_parts import Files, with_urdf_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +36,15 @@ class SeriesLink:
     frame: Array  # (4, 4): that body's frame in the link's
 
 
-def robot_to_series(robot: Robot, kind: str, q: Array | None = None) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say; `q`: see `assemble`."""
-    tree = assemble(robot, q)
-    lost = [*tree.lost, *(item.partition(";")[0] for item in lost_of_urdf(robot))]
+def robot_to_series(
+    robot: Robot, kind: str, q: Array | None = None, files: Files | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say.
+
+    `q`, `files`: as of `robot_to_mjcf`.
+    """
+    tree = with_urdf_parts(assemble(robot, q), robot, files)
+    lost = list(tree.lost)
     if tree.closures:
         lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
     if tree.tendons:
@@ -83,10 +89,30 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
 
 
 def _inertial(tree: BodyTree, link: SeriesLink) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia of a link, in its frame."""
-    masses = [] if link.body is None else tree.bodies[link.body].masses
-    mass, centre, inertia = mass_of_points(masses)
+    """Return mass, centre and inertia of a link, in its frame, which is turned as its body's."""
+    if link.body is None:
+        return mass_of_points([])
+    mass, centre, inertia = inertia_of(tree.bodies[link.body])
     return mass, link.frame[:3, :3] @ centre + link.frame[:3, 3], inertia
+
+
+def _shapes(tree: BodyTree, link: SeriesLink, kind: str) -> Iterator[str]:
+    """Yield the shapes that a link carries."""
+    for number, shape in enumerate([] if link.body is None else tree.bodies[link.body].shapes):
+        drawn, pose = DRAWN[shape.collision], link.frame @ shape.pose
+        sizes = {name: numbers_text(value) for name, value in shape.sizes.items()}
+        place = [numbers_text(part) for part in (pose[:3, 3], roll_pitch_yaw(pose[:3, :3]))]
+        if kind == "urdf":
+            sizes |= {"filename": shape.file} if shape.file else {}
+            inside = " ".join(f"{name}={quoteattr(value)}" for name, value in sizes.items())
+            at = '<origin xyz="{}" rpy="{}"/>'.format(*place)
+            yield f"    <{drawn}>{at}<geometry><{shape.kind} {inside}/></geometry></{drawn}>"
+        else:
+            sizes |= {"uri": escape(shape.file)} if shape.file else {}
+            inside = "".join(f"<{name}>{value}</{name}>" for name, value in sizes.items())
+            at = "<pose>{} {}</pose>".format(*place)
+            geometry = f"<geometry><{shape.kind}>{inside}</{shape.kind}></geometry>"
+            yield f'<{drawn} name="{drawn} {number}">{at}{geometry}</{drawn}>'
 
 
 def _comment(lost: list[str]) -> list[str]:
@@ -101,10 +127,11 @@ def _urdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
         f"<robot name={quoteattr(tree.name)}>",
         *_comment(lost),
         f"  {extension(tree.tcp, tree.gravity, EXTENSION)}",
-        '  <mujoco><compiler fusestatic="false"/></mujoco>',
+        '  <mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco>',
     ]
     for link in links:
-        lines += link_lines(link.name, *_inertial(tree, link))
+        *start, end = link_lines(link.name, *_inertial(tree, link))
+        lines += [*start, *_shapes(tree, link, "urdf"), end]
     for link in links[1:]:
         joint, placed = link.joint, link.placed
         kind, name = "fixed", f"{link.name} in {link.parent}"
@@ -145,9 +172,10 @@ def _sdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
             for j in range(i, 3)
         )
         at = f"<pose relative_to={quoteattr(carried[link.name])}>0 0 0 0 0 0</pose>" if link.parent else ""
+        shapes = "".join(_shapes(tree, link, "sdf"))
         lines.append(
             f"    <link name={quoteattr(link.name)}>{at}<inertial><pose>{numbers_text(centre)} 0 0 0</pose>"
-            f"<mass>{mass!r}</mass><inertia>{moments}</inertia></inertial></link>"
+            f"<mass>{mass!r}</mass><inertia>{moments}</inertia></inertial>{shapes}</link>"
         )
     lines.append(
         f'    <joint name="base to world" type="fixed"><parent>world</parent><child>{escape(links[0].name)}'

@@ -118,7 +118,7 @@ def _link(item: Element) -> TreeLink:
         return TreeLink(name, fail=item.fail)
     value = inertial.need("mass")
     mass = mass_of(value, value.attribute("value"), "value")
-    x, y, z = _origin(inertial)[:3, 3].tolist()
+    x, y, z = origin_of(inertial)[:3, 3].tolist()
     return TreeLink(name, mass, (x, y, z), fail=item.fail)
 
 
@@ -143,7 +143,7 @@ def _joint(item: Element) -> TreeJoint:
         parent=item.need("parent").attribute("link"),
         child=item.need("child").attribute("link"),
         kind="fixed" if spring else KINDS[kind],
-        placed=_origin(item),
+        placed=origin_of(item),
         axis=axis + 0.0,
         limits=_limits(item) if kind != "continuous" else None,
         mimic=_mimic(item),
@@ -153,7 +153,8 @@ def _joint(item: Element) -> TreeJoint:
     )
 
 
-def _origin(item: Element) -> Array:
+def origin_of(item: Element) -> Array:
+    """Return the pose that an element's `<origin>` says, (4, 4)."""
     origin = item.one("origin")
     if origin is None:
         return np.eye(4)
