@@ -49,7 +49,7 @@ def mujoco_deflection(
 
 
 def follow_posture(model: Any, robot: Robot, q: Array) -> None:
-    """Give a MuJoCo model of a robot the springs and masses of a posture: of beams whose length follows a slide.
+    """Give a MuJoCo model of a robot the springs and masses of a posture, where beams follow slides.
 
     Parameters
     ----------
