@@ -166,19 +166,23 @@ def springs_joined(tree: LinkTree) -> LinkTree:
         apart = np.linalg.norm(np.cross(before.axis, turn @ spring.axis))
         if before.kind == "revolute":
             apart += np.linalg.norm(np.cross(before.axis, step))
-        alone = leaving[spring.parent] == 1 and spring.parent not in heavy
+        name = spring.name.removesuffix(f".{direction}")
+        # a node that every joint has before its spring (`robot_data`), from a robot that was written
+        beside = [joint for joint in joints if joint.parent == spring.parent and joint is not spring]
+        own = all(joint.child == f"{name} joint" and not leaving[joint.child] for joint in beside)
+        alone = own and not heavy & {spring.parent, *(joint.child for joint in beside)}
         if alone and ALONG[before.kind] == direction and apart < SAME_AXIS:
             joints[joints.index(before)] = replace(
                 before,
-                name=spring.name.removesuffix(f".{direction}"),
+                name=name,
                 child=spring.child,
                 placed=before.placed @ spring.placed,
                 axis=turn.T @ before.axis,
                 variable=before.variable or before.name,
                 stiffness={direction: value},
             )
-            joints.remove(spring)
-            dropped.add(spring.parent)
+            dropped |= {spring.parent, *(joint.child for joint in beside)}
+            joints = [joint for joint in joints if joint is not spring and joint not in beside]
     links = tuple(link for link in tree.links if link.name not in dropped)
     return replace(tree, links=links, joints=tuple(joints))
 

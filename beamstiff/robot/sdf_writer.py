@@ -66,14 +66,14 @@ def robot_to_sdf(robot: Robot) -> Written:
     for frame, at in ends:
         lines += _end(robot.tcp, frame, at)
     known = robot.tcp if ends or robot.tcp in links else tree.joints[-1].child if tree.joints else ""
-    text = "\n".join([*lines, f"    {extension(known, robot.gravity)}", "  </model>", "</sdf>", ""])
+    text = "\n".join([*lines, f"    {extension(known, robot.gravity, PREFIXED)}", "  </model>", "</sdf>", ""])
     again = parse_sdf(text, "<sdf>")
     if far := disagreement(again, robot):
         raise BeamstiffError(f"robot {robot.name!r} cannot be written as SDF: {far}")
     return Written(text, tuple(_lost(robot, again, root, stiffness)))
 
 
-def extension(tcp: str, gravity: tuple[float, float, float], name: str = PREFIXED) -> str:
+def extension(tcp: str, gravity: tuple[float, float, float], name: str) -> str:
     """Return the element of ours that says what is the TCP, and gravity where it is not as usual."""
     usual = gravity == Robot.model_fields["gravity"].default
     said = "" if usual else f"gravity: [{', '.join(map(short_number, gravity))}]"

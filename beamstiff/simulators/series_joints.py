@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import EXTENSION, SPRING
 from beamstiff.robot.placement import roll_pitch_yaw
-from beamstiff.robot.sdf_writer import DRAWN, SDF_HEAD, extension
+from beamstiff.robot.sdf_writer import DRAWN, PREFIXED, SDF_HEAD, extension
 from beamstiff.robot.urdf.export import FARTHEST, WEIGHTLESS_LINKS, link_lines, mass_of_points, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
@@ -67,9 +67,7 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
 
     No link is called as a joint is: SDF takes both for one name.
     """
-    taken = {joint.name for body in tree.bodies for joint in body.joints}
-    sites = [site for body in tree.bodies for site, _ in body.sites]
-    called = {site: free_name(f"{site} site" if site in taken else site, taken) for site in sites}
+    called, taken = _site_links(tree)
     own: dict[int, tuple[str, Array]] = {-1: ("", np.eye(4))}
     for number, body in enumerate(tree.bodies):
         parent, frame = own[body.parent]
@@ -86,6 +84,17 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
         own[number] = parent, frame
         for site, pose in body.sites:
             yield SeriesLink(called[site], parent, frame @ pose, None, None, np.eye(4))
+
+
+def _site_links(tree: BodyTree) -> tuple[dict[str, str], set[str]]:
+    """Return the links of sites, and all names that are taken: `world` is SDF's own."""
+    taken = {"world", *(joint.name for body in tree.bodies for joint in body.joints)}
+    sites = [site for body in tree.bodies for site, _ in body.sites]
+    return {site: free_name(f"{site} site" if site in taken else site, taken) for site in sites}, taken
+
+
+def _extension(tree: BodyTree, name: str) -> str:
+    return extension(_site_links(tree)[0][tree.tcp], tree.gravity, name)
 
 
 def _inertial(tree: BodyTree, link: SeriesLink) -> tuple[float, Array, Array]:
@@ -126,7 +135,7 @@ def _urdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
         '<?xml version="1.0"?>',
         f"<robot name={quoteattr(tree.name)}>",
         *_comment(lost),
-        f"  {extension(tree.tcp, tree.gravity, EXTENSION)}",
+        f"  {_extension(tree, EXTENSION)}",
         '  <mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco>',
     ]
     for link in links:
@@ -161,7 +170,7 @@ def _sdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
         SDF_HEAD,
         f"  <model name={quoteattr(tree.name)}>",
         *_comment(lost),
-        f"    {extension(tree.tcp, tree.gravity)}",
+        f"    {_extension(tree, PREFIXED)}",
     ]
     carried = {link.name: _joint_name(link) for link in links[1:]}
     for link in links:

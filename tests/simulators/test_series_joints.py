@@ -31,6 +31,7 @@ def test_what_is_read_back_is_the_same_machine(name: str, kind: str) -> None:
     text, lost = robot_to_series(robot, kind)
     assert any("stiffness" in line for line in lost) == (kind == "urdf")  # told, not dropped
     again = (parse_urdf if kind == "urdf" else parse_sdf)(text)
+    again = (parse_urdf if kind == "urdf" else parse_sdf)(robot_to_series(again, kind)[0])  # and once more
     assert (again.tcp, again.gravity, again.urdf) == (robot.tcp, robot.gravity, None)
     assert [v.name for v in again.actuated] == [v.name for v in robot.actuated]
     assert sum(one.mass for one in again.masses) == pytest.approx(weight(robot), rel=1e-9)
