@@ -38,11 +38,12 @@ from beamstiff.robot.parts import Beam, Mass, Node
 from beamstiff.robot.reference import sampled_postures
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.simulators.assemble import assemble
+from beamstiff.simulators.bodies import BodyTree
 from beamstiff.simulators.deflection import mujoco_deflection
 from beamstiff.simulators.mjcf_edit import mjcf_like
 from beamstiff.simulators.mjcf_reader import robot_of_model
 from beamstiff.simulators.mjcf_writer import robot_to_mjcf, write_mjcf
-from beamstiff.simulators.series_joints import robot_to_series
+from beamstiff.simulators.series_joints import series_text
 from beamstiff.simulators.statics import MujocoModel, engine
 from tests.fem.random_frames import machine_frame
 from tests.simulators.test_effects import EFFECTS, cycle, with_effect
@@ -108,7 +109,7 @@ def in_mujoco(robot: Robot, force: float, count: int) -> list[str]:
         for share in SHARES:
             rows = loads(machine, share * force, count)
             found = relative(predict_displacements(machine, rows, True), mujoco_deflection(machine, rows)[0])
-            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in found))
+            cells.append(median_and_largest(found))
     return cells
 
 
@@ -195,21 +196,85 @@ def in_pieces(robot: Robot, pieces: int) -> Robot:
 
 @dataclass(frozen=True)
 class Engine:
-    """A robot in an engine that loads URDF or SDF with joints in series."""
+    """A robot in an engine that loads URDF or SDF with joints in series, its loops cut open."""
 
+    tree: BodyTree
     place: dict[str, int]  # of joints among the n degrees of freedom
-    balance: Callable[[Array, Array], Array]  # generalised forces (n,) at values (n,) under a wrench (6,)
-    pose: Callable[[Array], tuple[Array, Array]]  # of the TCP
+    inner: Callable[[Array], Array]  # forces of gravity and springs (n,) at values (n,)
+    link: Callable[[Array, str], tuple[Array, Array, Array]]  # position, rotation, Jacobian (6, n) of a link
+
+    def gaps(self, v: Array) -> tuple[Array, Array]:
+        """Return what keeps loops, screws and followers from being closed, and its derivatives: our own.
+
+        ``g``, (c,), and ``dg/dv``, (c, n).
+        """
+        gap, rows = list[float](), list[Array]()
+        for loop in self.tree.closures:
+            (one, turned, J), (other, held, K) = (self.link(v, name) for name in (loop.one, loop.other))
+            count = 6 if loop.kind == "weld" else 3
+            gap += [*(one - other), *vector_from_rotation(turned @ held.T)][:count]
+            rows += [*(J - K)[:count]]
+        lengths = {tendon.name: self.length(v, *tendon.sites) for tendon in self.tree.tendons}
+        for tendon in self.tree.tendons:
+            if tendon.like:
+                (longer, J), (length, K) = lengths[tendon.name], lengths[tendon.like]
+                gap.append(longer - length)
+                rows.append(J - K)
+        for joint in (joint for body in self.tree.bodies for joint in body.joints if joint.leader):
+            row = np.zeros(len(v))
+            row[self.place[joint.name]], row[self.place[joint.leader]] = 1.0, -joint.factor
+            gap.append(float(row @ v))
+            rows.append(row)
+        return np.array(gap), np.array(rows).reshape(-1, len(v))
+
+    def length(self, v: Array, first: str, second: str) -> tuple[float, Array]:
+        """Return the distance of two links and its derivatives."""
+        (one, _, J), (other, _, K) = self.link(v, first), self.link(v, second)
+        length = float(np.linalg.norm(other - one))
+        return length, (other - one) @ (K - J)[:3] / length
+
+    def rest(
+        self, v: Array, held: list[int], wrench: Array, tangent: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return equilibrium and tangent by Newton's method, loops closed by Lagrange multipliers."""
+        free = np.setdiff1d(np.arange(len(v)), held)
+        tool, v, pull = self.tree.tcp, v.copy(), np.zeros(len(self.gaps(v)[0]))
+
+        def forces(at: Array) -> Array:
+            return (self.inner(at) + self.link(at, tool)[2].T @ wrench + self.gaps(at)[1].T @ pull)[free]
+
+        for turn in range(40):
+            left, (gap, G) = forces(v), self.gaps(v)
+            if tangent is None or turn % 10 == 9:  # chords between
+                tangent = np.empty((free.size, free.size))
+                for column, at in enumerate(free):
+                    ahead, behind = v.copy(), v.copy()
+                    ahead[at] += STEP
+                    behind[at] -= STEP
+                    tangent[:, column] = (forces(behind) - forces(ahead)) / (2 * STEP)
+            size = np.sqrt(np.maximum(np.abs(np.diag(tangent)), 1e-10 * np.abs(tangent).max()))
+            rows = G[:, free] / size
+            most = np.linalg.norm(rows, axis=1)
+            matrix = np.zeros((free.size + len(gap),) * 2)
+            matrix[: free.size, : free.size] = tangent / size[:, None] / size
+            matrix[: free.size, free.size :] = -(rows / most[:, None]).T
+            matrix[free.size :, : free.size] = rows / most[:, None]
+            step = np.linalg.lstsq(matrix, np.concatenate([left / size, -gap / most]), rcond=1e-13)[0]
+            v[free] += step[: free.size] / size
+            pull += step[free.size :] / most
+            if np.abs(step[: free.size] / size).max() < 1e-11:
+                return v, tangent
+        raise BeamstiffError("no equilibrium")
 
 
-def in_pinocchio(robot: Robot) -> Engine:
+def in_pinocchio(robot: Robot, q: Array) -> Engine:
     """Return a robot in Pinocchio: its gravity and Jacobians, our springs (URDF has none)."""
     import pinocchio
 
-    tree = assemble(robot)
-    model = pinocchio.buildModelFromXML(robot_to_series(robot, "urdf")[0])
+    tree = assemble(robot, q)
+    model = pinocchio.buildModelFromXML(series_text(tree, "urdf", []))
     model.gravity.linear = np.array(robot.gravity)
-    data, tool = model.createData(), model.getFrameId(f"site {robot.tcp}")
+    data = model.createData()
     stiffness = np.zeros(model.nv)
     place = {name: model.joints[model.getJointId(name)].idx_v for name in model.names[1:]}
     for joint in (joint for body in tree.bodies for joint in body.joints):
@@ -218,106 +283,97 @@ def in_pinocchio(robot: Robot) -> Engine:
     def placed(v: Array) -> Array:
         return np.asarray(pinocchio.integrate(model, pinocchio.neutral(model), v))
 
-    def balance(v: Array, wrench: Array) -> Array:
-        q = placed(v)
-        weight = pinocchio.computeGeneralizedGravity(model, data, q)
-        pinocchio.computeJointJacobians(model, data, q)
-        pinocchio.updateFramePlacements(model, data)
-        J = pinocchio.getFrameJacobian(model, data, tool, pinocchio.LOCAL_WORLD_ALIGNED)
-        return np.asarray(J.T @ wrench - weight - stiffness * v)
+    def inner(v: Array) -> Array:
+        return np.asarray(-pinocchio.computeGeneralizedGravity(model, data, placed(v)) - stiffness * v)
 
-    def pose(v: Array) -> tuple[Array, Array]:
-        pinocchio.framesForwardKinematics(model, data, placed(v))
-        return data.oMf[tool].translation.copy(), data.oMf[tool].rotation.copy()
+    def link(v: Array, name: str) -> tuple[Array, Array, Array]:
+        frame = model.getFrameId(name)
+        J = pinocchio.computeFrameJacobian(model, data, placed(v), frame, pinocchio.LOCAL_WORLD_ALIGNED)
+        return data.oMf[frame].translation.copy(), data.oMf[frame].rotation.copy(), J
 
-    return Engine(place, balance, pose)
+    return Engine(tree, place, inner, link)
 
 
-def in_drake(robot: Robot) -> Engine:
+def in_drake(robot: Robot, q: Array) -> Engine:
     """Return a robot in Drake, which reads the springs of the SDF itself."""
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
     from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
-    plant = MultibodyPlant(0.0)
-    (machine,) = Parser(plant).AddModelsFromString(robot_to_series(robot, "sdf")[0], "sdf")
+    tree, plant = assemble(robot, q), MultibodyPlant(0.0)
+    (machine,) = Parser(plant).AddModelsFromString(series_text(tree, "sdf", []), "sdf")
     plant.mutable_gravity_field().set_gravity_vector(np.array(robot.gravity))
     plant.Finalize()
     context, world = plant.CreateDefaultContext(), plant.world_frame()
-    tool = plant.GetBodyByName(f"site {robot.tcp}")
     joints = [plant.get_joint(at) for at in plant.GetJointIndices(machine)]
     place = {joint.name(): joint.velocity_start() for joint in joints if joint.num_velocities()}
     forces = MultibodyForces(plant)
 
-    def balance(v: Array, wrench: Array) -> Array:
+    def inner(v: Array) -> Array:
         plant.SetPositions(context, v)
         plant.CalcForceElementsContribution(context, forces)  # gravity and springs
-        inner = plant.CalcGeneralizedForces(context, forces)
-        variable, frame = JacobianWrtVariable.kV, tool.body_frame()
-        J = plant.CalcJacobianSpatialVelocity(context, variable, frame, np.zeros(3), world, world)
-        return np.asarray(inner + J[3:].T @ wrench[:3] + J[:3].T @ wrench[3:])
+        return np.asarray(plant.CalcGeneralizedForces(context, forces))
 
-    def pose(v: Array) -> tuple[Array, Array]:
+    def link(v: Array, name: str) -> tuple[Array, Array, Array]:
         plant.SetPositions(context, v)
-        at = plant.EvalBodyPoseInWorld(context, tool)
-        return at.translation().copy(), at.rotation().matrix().copy()
+        body = plant.GetBodyByName(name)
+        at, variable = plant.EvalBodyPoseInWorld(context, body), JacobianWrtVariable.kV
+        J = plant.CalcJacobianSpatialVelocity(context, variable, body.body_frame(), np.zeros(3), world, world)
+        return at.translation().copy(), at.rotation().matrix().copy(), J[[3, 4, 5, 0, 1, 2]]
 
-    return Engine(place, balance, pose)
+    return Engine(tree, place, inner, link)
 
 
-def deflections(engine: Engine, rows: Measurements) -> Array:
-    """Return displacements (N, 6) in an engine's equilibria, drives held, by Newton's method."""
-    size = len(engine.place)
-    drives = [engine.place[name] for name in rows.variables]
-    free = np.setdiff1d(np.arange(size), drives)
-
-    def rest(v: Array, wrench: Array) -> Array:
-        for _ in range(30):
-            left = engine.balance(v, wrench)[free]
-            tangent = np.empty((free.size, free.size))
-            for column, at in enumerate(free):
-                ahead = v.copy()
-                ahead[at] += STEP
-                tangent[:, column] = (left - engine.balance(ahead, wrench)[free]) / STEP
-            step = np.linalg.solve(tangent, left)
-            v = v.copy()
-            v[free] += step
-            if np.abs(step).max() < 1e-12:
-                break
-        return v
-
-    result = np.zeros((len(rows), 6))
+def deflections(make: Callable[[Robot, Array], Engine], robot: Robot, rows: Measurements) -> Array:
+    """Return displacements (shares, N, 6) in an engine's equilibria under shares of loads, drives held."""
+    kinematics = compile_kinematics(robot)
+    values, engine_of = close_loops(kinematics, rows.q).values, None
+    result = np.zeros((len(SHARES), len(rows), 6))
     for row, (q, wrench) in enumerate(zip(rows.q, rows.wrench, strict=True)):
-        start = np.zeros(size)
-        start[drives] = q
-        unloaded = rest(start, np.zeros(6))
-        (before, turned), (after, on) = engine.pose(unloaded), engine.pose(rest(unloaded, wrench))
-        result[row] = [*(after - before), *vector_from_rotation(on @ turned.T)]
+        if engine_of is None or engine_of.tree.varies:
+            engine_of = make(robot, q)
+        start = np.zeros(len(engine_of.place))
+        known = dict(zip(kinematics.coupling.names, values[row].tolist(), strict=True))
+        for joint in (joint for body in engine_of.tree.bodies for joint in body.joints):
+            start[engine_of.place[joint.name]] = known.get(joint.leader or joint.name, 0.0) * joint.factor
+        held = [engine_of.place[name] for name in rows.variables]
+        unloaded, tangent = engine_of.rest(start, held, np.zeros(6))
+        before, turned, _ = engine_of.link(unloaded, robot.tcp)
+        for at, share in enumerate(SHARES):
+            loaded = engine_of.rest(unloaded, held, share * wrench, tangent)[0]
+            after, on, _ = engine_of.link(loaded, robot.tcp)
+            result[at, row] = [*(after - before), *vector_from_rotation(on @ turned.T)]
     return result
 
 
-def second_engine(name: str, make: Callable[[Robot], Engine], count: int) -> Any:
+def errors_in(
+    make: Callable[[Robot, Array], Engine], robot: Robot, load: float, count: int, seed: int = 1
+) -> list[tuple[Array, Array]]:
+    """Return the errors of positions and rotations at every share of the load."""
+    theirs = deflections(make, robot, loads(robot, load, count, seed))
+    return [
+        relative(predict_displacements(robot, loads(robot, share * load, count, seed), True), one)
+        for share, one in zip(SHARES, theirs, strict=True)
+    ]
+
+
+def second_engine(name: str, make: Callable[[Robot, Array], Engine], count: int) -> Any:
     """Return the table of an engine that loads URDF or SDF."""
     found = table(name, "robot", "weight, load/10 (1e-3)", "weight, nominal (1e-2)")
-    open_chains = [one for one in robots() if one[0] in ("kr240-2", "ur10")]
-    for robot_name, robot, load in open_chains:
-        cells = []
-        for share in SHARES:
-            rows = loads(robot, share * load, count)
-            errors = relative(predict_displacements(robot, rows, True), deflections(make(robot), rows))
-            cells.append(" ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in errors))
-        found.add_row(robot_name, *cells)
-    arms = []
-    for seed in range(count):
-        robot, load = random_robot(seed)
-        row = []
-        for share in SHARES:
-            rows = loads(robot, share * load, 1, seed)
-            one = relative(predict_displacements(robot, rows, True), deflections(make(robot), rows))
-            row.append((float(one[0][0]), float(one[1][0])))
-        arms.append(row)
-    found.add_row(f"{count} random arms, a posture each", *map(summed, zip(*arms, strict=True)))
+    for robot_name, robot, load in robots():
+        found.add_row(robot_name, *map(median_and_largest, errors_in(make, robot, load, count)))
+    arms = [errors_in(make, *random_robot(seed), 1, seed) for seed in range(count)]
+    together = [
+        (np.concatenate([one[0] for one in share]), np.concatenate([one[1] for one in share]))
+        for share in zip(*arms, strict=True)
+    ]
+    found.add_row(f"{count} random arms, a posture each", *map(median_and_largest, together))
     return found
+
+
+def median_and_largest(errors: tuple[Array, Array]) -> str:
+    """Return what is printed of the errors of positions and of rotations."""
+    return " ".join(f"{np.median(one):.0e}/{one.max():.0e}" for one in errors)
 
 
 def effects() -> Iterator[list[str]]:

@@ -14,7 +14,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
 from beamstiff.robot.link_tree import robot_of, tree_robot
 from beamstiff.robot.pruning import pruned
-from beamstiff.robot.sdf import read_sdf
+from beamstiff.robot.sdf import read_sdf, unread
 from beamstiff.robot.stiffness import missing_stiffness, stiffness_parameters
 from beamstiff.robot.urdf.reader import read_tree, read_urdf
 from beamstiff.robot.xml_text import parse_xml
@@ -38,7 +38,7 @@ def read_any(
     if ending == ".urdf":
         return _pruned(file, tcp, hold) or (check_known(read_urdf(file, tcp=tcp), file), [])
     if ending == ".sdf":
-        return read_sdf(file, tcp=tcp), []
+        return read_sdf(file, tcp=tcp), unread(read_text(file))
     if ending == ".xml":
         from beamstiff.simulators.mjcf_reader import read_mjcf
 

@@ -16,10 +16,9 @@ from beamstiff.se3 import Array
 from beamstiff.simulators.mjcf_edit import mjcf_like
 from beamstiff.simulators.mjcf_writer import SETTLE, robot_to_mjcf
 from beamstiff.simulators.series_joints import robot_to_series
+from beamstiff.simulators.urdf_parts import Files
 
-SERIES = (
-    "the SDF holds every compliance as a joint in series, for simulators: read back, these count as drives"
-)
+SERIES = "the SDF holds every compliance as a joint in series, for simulators"
 LOOPS = "URDF knows no loops: its passive joints look free to other readers"
 
 
@@ -46,7 +45,7 @@ def robot_text(
     if like is not None and ending not in (".urdf", ".xml"):
         raise OptionError("like", "goes with an --out that ends in .urdf or .xml")
     if series:
-        return robot_to_series(robot, ending[1:])
+        return robot_to_series(robot, ending[1:], q, Files(source, Path(path)))
     if ending == ".urdf":
         lost = (LOOPS,) if robot.loops else ()
         return robot_to_urdf(robot, None if like is None else read_text(Path(like))), lost
@@ -56,7 +55,7 @@ def robot_text(
     if ending == ".xml" and like is not None:
         return mjcf_like(robot, read_text(Path(like)), str(like))
     if ending == ".xml":
-        return robot_to_mjcf(robot, q, settle)
+        return robot_to_mjcf(robot, q, settle, Files(source, Path(path)))
     if ending == ".csv":
         if convention is None:
             raise OptionError("convention", "is missing, expected classic, modified or khalil-kleinfinger")
@@ -68,10 +67,10 @@ def robot_text(
 def applied_text(robot: Robot, path: str, source: Path) -> tuple[str, tuple[str, ...]]:
     """Return a robot with what was found in it, in a simulator's format, and what is lost.
 
-    An MJCF that the robot was read from is edited in place; an SDF takes effects as joints.
+    An MJCF that the robot was read from is edited in place; an SDF takes stiffness and effects as joints.
     """
     ending = Path(path).suffix.lower()
-    series = ending == ".sdf" and bool(robot.effects)
+    series = ending == ".sdf"
     like = source if ending == source.suffix.lower() == ".xml" else None
     text, lost = robot_text(robot, path, source, like=like, series=series)
     return text, (*lost, SERIES) if series else lost

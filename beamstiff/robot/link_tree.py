@@ -8,6 +8,7 @@ child's origin, where the axis is. What joins two of them within a link is a rig
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NoReturn
@@ -32,6 +33,9 @@ KINDS: dict[str, Kind] = {
     "prismatic": "prismatic",
 }
 ALONG = {"revolute": "torsional", "prismatic": "axial"}
+SPRING = "spring"  # attribute: stiffness of a joint that is a spring in series, no drive
+SAME_AXIS = 1e-9
+WEIGHTLESS = 1e-6  # kg: masses below only keep simulators from refusing a link
 
 
 def _raise(message: str) -> NoReturn:
@@ -74,6 +78,7 @@ class TreeJoint:
     # as in a robot file: ``{"torsional": "1e6 N*m/rad"}``
     stiffness: Mapping[str, Any] = field(default_factory=dict)
     variable: str = ""  # what the joint's variable is called; by default after the joint
+    spring: bool = False  # a joint of a simulator's file that gives way to its spring and is not driven
     fail: Callable[[str], NoReturn] = _raise  # raises an error at the joint's place in its file
 
 
@@ -133,7 +138,7 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
         "masses": [
             {"node": link.name, "mass": link.mass, "at": list(link.centre)}
             for link in tree.links
-            if link.mass > 0
+            if link.mass > WEIGHTLESS
         ],
         "fixed": [root.name],
         "tcp": _tcp(tree, root.name, joints, tcp),
@@ -145,6 +150,41 @@ def robot_data(tree: LinkTree, tcp: str | None = None) -> dict[str, Any]:
         ],
     }
     return {key: value for key, value in data.items() if value}
+
+
+def springs_joined(tree: LinkTree) -> LinkTree:
+    """Return a tree in which a spring about the axis of the joint before it is that joint's stiffness."""
+    joints, dropped = list(tree.joints), set[str]()
+    leaving = Counter(joint.parent for joint in joints)
+    heavy = {link.name for link in tree.links if link.mass > WEIGHTLESS}
+    for spring in (joint for joint in tree.joints if joint.spring):
+        before = next((joint for joint in joints if joint.child == spring.parent), None)
+        if before is None or before.kind == "fixed" or before.stiffness:
+            continue
+        ((direction, value),) = spring.stiffness.items()
+        turn, step = spring.placed[:3, :3], spring.placed[:3, 3]
+        apart = np.linalg.norm(np.cross(before.axis, turn @ spring.axis))
+        if before.kind == "revolute":
+            apart += np.linalg.norm(np.cross(before.axis, step))
+        name = spring.name.removesuffix(f".{direction}")
+        # a node that every joint has before its spring (`robot_data`), from a robot that was written
+        beside = [joint for joint in joints if joint.parent == spring.parent and joint is not spring]
+        own = all(joint.child == f"{name} joint" and not leaving[joint.child] for joint in beside)
+        alone = own and not heavy & {spring.parent, *(joint.child for joint in beside)}
+        if alone and ALONG[before.kind] == direction and apart < SAME_AXIS:
+            joints[joints.index(before)] = replace(
+                before,
+                name=name,
+                child=spring.child,
+                placed=before.placed @ spring.placed,
+                axis=turn.T @ before.axis,
+                variable=before.variable or before.name,
+                stiffness={direction: value},
+            )
+            dropped |= {spring.parent, *(joint.child for joint in beside)}
+            joints = [joint for joint in joints if joint is not spring and joint not in beside]
+    links = tuple(link for link in tree.links if link.name not in dropped)
+    return replace(tree, links=links, joints=tuple(joints))
 
 
 def with_stiffness(tree: LinkTree, stiffness: Mapping[str, Any]) -> LinkTree:
@@ -166,10 +206,12 @@ def with_stiffness(tree: LinkTree, stiffness: Mapping[str, Any]) -> LinkTree:
 
 
 def stiffness_of(item: Element) -> dict[str, Any]:
-    """Return the stiffness that a joint's element `<beamstiff>` gives."""
+    """Return the stiffness that a joint's element `<beamstiff>` gives; `spring` stands alone."""
     extension = item.one(EXTENSION)
     if extension is None:
         return {}
+    if [*extension.attributes] == [SPRING] and item.attribute("type") != "fixed":
+        return {ALONG[KINDS[kind_of(item)]]: extension.attributes[SPRING]}
     for name in extension.attributes:
         if name not in STIFFNESS_KINDS:
             extension.fail(
@@ -230,13 +272,14 @@ def robot_of(fail: Callable[[str], NoReturn], data: Mapping[str, Any]) -> Robot:
         fail(f"{path_text(path)}: {message}" if path else message)
 
 
-def tree_robot(tree: LinkTree, tcp: str | None = None) -> Robot:
-    """Return the robot of links and joints; see `robot_data`."""
+def tree_robot(tree: LinkTree, tcp: str | None = None, more: Mapping[str, Any] | None = None) -> Robot:
+    """Return the robot of links and joints, see `robot_data`, with `more` keys of a robot file."""
 
     def fail(message: str) -> NoReturn:
         raise BeamstiffError(f"{tree.source}: {message}")
 
-    return robot_of(fail, robot_data(tree, tcp))
+    data = dict(more or {}) | ({"tcp": tcp} if tcp else {})
+    return robot_of(fail, robot_data(tree, data.get("tcp")) | data)
 
 
 def variable_names(joints: Iterable[TreeJoint]) -> dict[str, str]:

@@ -2,22 +2,26 @@
 
 Poses follow SDFormat: of a link in the model, of a joint in its child link, unless `relative_to` names a link
 or joint; rotations are roll, pitch, yaw. `<include>`, nested models and poses in quaternions are refused.
-Stiffness stands in a joint as in URDF: ``<beamstiff torsional="1e6 N*m/rad"/>``.
+Stiffness stands in a joint as in URDF: ``<beamstiff torsional="1e6 N*m/rad"/>``; a joint with a
+``<spring_stiffness>`` is a spring in series, which no drive moves; one with stops is rigid here. The model
+names its TCP: ``<beamstiff tcp="tool0"/>``.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from beamstiff.errors import shown, suggest
+from beamstiff.errors import listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.link_tree import (
+    ALONG,
     KINDS,
     LinkTree,
     Mimic,
@@ -26,10 +30,12 @@ from beamstiff.robot.link_tree import (
     check_limits,
     kind_of,
     mass_of,
+    springs_joined,
     stiffness_of,
     tree_robot,
 )
 from beamstiff.robot.placement import from_roll_pitch_yaw
+from beamstiff.robot.urdf.reader import extension_of
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array
 
@@ -43,6 +49,12 @@ def read_sdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
     return parse_sdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 
 
+def unread(text: str) -> list[str]:
+    """Return what an SDF says of links for which a robot has no words."""
+    counts = {name: len(re.findall(rf"<{name}\b", text)) for name in ("visual", "collision", "inertia")}
+    return [f"not read: <{name}> ({count})" for name, count in counts.items() if count]
+
+
 def parse_sdf(text: str, name: str = "<text>", *, tcp: str | None = None) -> Robot:
     """Return the robot of the only model of an SDF text; otherwise as `read_sdf`."""
     root = parse_xml(text, name)
@@ -53,7 +65,10 @@ def parse_sdf(text: str, name: str = "<text>", *, tcp: str | None = None) -> Rob
     for refused in REFUSED:
         for child in model.all(refused):
             child.fail("cannot be read here, expected links and joints of one model")
-    return tree_robot(_Poses.of(model).tree(), tcp)
+    extension, said = extension_of(model)
+    if extension is not None and said.keys() - {"tcp", "gravity"}:
+        extension.fail(f"found {listed(sorted(said))}, expected tcp and gravity alone")
+    return tree_robot(springs_joined(_Poses.of(model).tree()), tcp, said)
 
 
 @dataclass
@@ -115,7 +130,7 @@ class _Poses:
         moved = joint if apart else body
         between = f"{name} axis" if apart else child
         self.between.update([between] if apart else [])
-        axis, limits, mimic = np.array([0.0, 0.0, 1.0]), None, None
+        axis, limits, mimic, k = np.array([0.0, 0.0, 1.0]), None, None, 0.0
         if KINDS[kind] != "fixed":
             given = item.need("axis")
             direction = given.need("xyz")
@@ -126,17 +141,18 @@ class _Poses:
             turn = self.at(expressed, direction)[:3, :3] if expressed else joint[:3, :3]
             axis = moved[:3, :3].T @ turn @ (axis / np.linalg.norm(axis))
             axis = np.where(np.abs(axis) < 1e-15, 0.0, axis)
-            limits, mimic = _limits(given), _mimic(given)
+            limits, mimic, k = _limits(given), _mimic(given), _spring(given)
         yield TreeJoint(
             name=name,
             parent=parent,
             child=between,
-            kind=KINDS[kind],
+            kind="fixed" if k else KINDS[kind],
             placed=np.linalg.inv(self.at(parent, item)) @ moved,
             axis=axis,
             limits=limits if kind != "continuous" else None,
             mimic=mimic,
-            stiffness=stiffness_of(item),
+            stiffness=stiffness_of(item) if not k else {} if limits else {ALONG[KINDS[kind]]: k},
+            spring=bool(k and not limits),
             fail=item.fail,
         )
         if apart:
@@ -185,6 +201,12 @@ def _limits(axis: Element) -> tuple[float, float] | None:
         ends.append(item.numbers(text, 1, name)[0])
     check_limits(limit, *ends)
     return (ends[0], ends[1]) if max(map(abs, ends)) < UNLIMITED else None
+
+
+def _spring(axis: Element) -> float:
+    dynamics = axis.one("dynamics")
+    item = dynamics.one("spring_stiffness") if dynamics is not None else None
+    return item.numbers(item.text, 1, "spring_stiffness")[0] if item is not None else 0.0
 
 
 def _mimic(axis: Element) -> Mimic | None:

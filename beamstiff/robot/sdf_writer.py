@@ -28,11 +28,13 @@ from beamstiff.robot.placement import from_roll_pitch_yaw, roll_pitch_yaw
 from beamstiff.robot.sdf import parse_sdf
 from beamstiff.robot.urdf.export import numbers_text, urdf_skeleton
 from beamstiff.robot.urdf.reader import disagreement, read_tree
-from beamstiff.robot.urdf.writer import differences, robot_to_urdf
+from beamstiff.robot.urdf.writer import robot_to_urdf
 from beamstiff.robot.xml_text import Element, parse_xml
 from beamstiff.se3 import Array, transform
 
 UNSAID = ("loops", "beams", "struts", "effects")  # what a tree of links has no words for
+PREFIXED = f"{EXTENSION}:extension"  # what SDF's own parser lets pass; one without prefix Drake refuses
+SDF_HEAD = f'<?xml version="1.0"?>\n<sdf version="1.11" xmlns:{EXTENSION}="{EXTENSION}">'
 DRAWN = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -52,7 +54,7 @@ def robot_to_sdf(robot: Robot) -> Written:
     links = {item.attributes["name"]: item for item in root.all("link")}
     stiffness = _stiffness(robot, tree)
     ends = _tcp(robot, links)
-    lines = ['<?xml version="1.0"?>', '<sdf version="1.11">', f"  <model name={quoteattr(robot.name)}>"]
+    lines = [SDF_HEAD, f"  <model name={quoteattr(robot.name)}>"]
     carriers = {joint.child: joint for joint in tree.joints}
     for name, link in links.items():
         lines += _link(name, link, carriers.get(name))
@@ -63,12 +65,19 @@ def robot_to_sdf(robot: Robot) -> Written:
         lines += _joint(joint, stiffness.get(joint.name, JointStiffness()))
     for frame, at in ends:
         lines += _end(robot.tcp, frame, at)
-    text = "\n".join([*lines, "  </model>", "</sdf>", ""])
-    known = robot.tcp if ends or robot.tcp in links else tree.joints[-1].child if tree.joints else None
-    again = parse_sdf(text, "<sdf>", tcp=known)
+    known = robot.tcp if ends or robot.tcp in links else tree.joints[-1].child if tree.joints else ""
+    text = "\n".join([*lines, f"    {extension(known, robot.gravity, PREFIXED)}", "  </model>", "</sdf>", ""])
+    again = parse_sdf(text, "<sdf>")
     if far := disagreement(again, robot):
         raise BeamstiffError(f"robot {robot.name!r} cannot be written as SDF: {far}")
     return Written(text, tuple(_lost(robot, again, root, stiffness)))
+
+
+def extension(tcp: str, gravity: tuple[float, float, float], name: str) -> str:
+    """Return the element of ours that says what is the TCP, and gravity where it is not as usual."""
+    usual = gravity == Robot.model_fields["gravity"].default
+    said = "" if usual else f"gravity: [{', '.join(map(short_number, gravity))}]"
+    return f"<{name} tcp={quoteattr(tcp)}>{said}</{name}>" if tcp else ""
 
 
 def _stiffness(robot: Robot, tree: LinkTree) -> dict[str, JointStiffness]:
@@ -137,7 +146,7 @@ def _joint(joint: TreeJoint, stiffness: JointStiffness) -> list[str]:
             )
         lines.append("      </axis>")
     if said := stiffness_attributes(stiffness):
-        lines.append(f"      <{EXTENSION} {said}/>")
+        lines.append(f"      <{PREFIXED} {said}/>")
     return [*lines, "    </joint>"]
 
 
@@ -171,10 +180,6 @@ def _lost(
         yield f"the stiffness of {listed(rest, 12)} is not written: no joint of the SDF moves there"
     if again.tcp != robot.tcp:
         yield f"the TCP {robot.tcp!r} is no link of the SDF"
-    elif len({frame.name for frame in again.frames} - {frame.parent for frame in again.frames}) > 1:
-        yield f"SDF does not say which end is the TCP: read it with --tcp '{robot.tcp}'"
-    if differences(robot, robot.model_copy(update={"gravity": again.gravity})):
-        yield "gravity is not written"
     heavy, left = (sum(item.mass for item in one.masses) for one in (robot, again))
     if abs(heavy - left) > 1e-9 * max(heavy, 1.0):
         yield f"masses: {left:g} of {heavy:g} kg are written"

@@ -92,6 +92,7 @@ def parse_xml(text: str, source: str) -> Element:
         at = parser.CurrentByteIndex
         tag = _TAG_END.match(data, at)
         inside = tag.end() if tag else at
+        name = name.partition(":")[0] if name.startswith("beamstiff:") else name  # as SDF has it
         element = Element(name, attributes, source, parser.CurrentLineNumber, at, inside)
         if len(open_elements) >= DEEPEST:
             element.fail(f"found more than {DEEPEST} elements inside one another, expected fewer")

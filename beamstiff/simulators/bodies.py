@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from beamstiff.robot.urdf.export import mass_of_points
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
 MOST_JOINTS = 6  # of a body, in MuJoCo
@@ -39,6 +40,19 @@ class BodyJoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Shape:
+    """What a body looks like, or collides with."""
+
+    kind: str  # "box", "cylinder", "sphere" or "mesh"
+    pose: Array  # (4, 4): in its body
+    sizes: dict[
+        str, Array
+    ]  # as URDF calls them: size (3,), radius (1,), length (1,), m; scale (3,) of a mesh
+    file: str = ""  # of a mesh
+    collision: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A rigid body."""
 
@@ -47,6 +61,10 @@ class Body:
     placed: Array  # (4, 4): its frame in the parent's
     joints: list[BodyJoint] = field(default_factory=list)
     masses: list[tuple[float, Array]] = field(default_factory=list)  # kg, and where, (3,), m
+    moments: list[Array] = field(
+        default_factory=list
+    )  # kg m^2, (3, 3): of its masses about their own centres
+    shapes: list[Shape] = field(default_factory=list)
     sites: list[tuple[str, Array]] = field(default_factory=list)  # name and pose, (4, 4)
     lines: list[tuple[Array, Array]] = field(default_factory=list)  # from where to where a part is drawn
 
@@ -85,6 +103,12 @@ class BodyTree:
     reference: dict[str, float]  # joint values of a posture whose loops are closed, where they are not 0
     lost: tuple[str, ...]  # what of the robot it does not say, or not exactly
     varies: bool = False  # whether something that changes with the posture stands as in one posture
+
+
+def inertia_of(body: Body) -> tuple[float, Array, Array]:
+    """Return mass, kg, centre (3,), m, and inertia about it (3, 3), kg m^2, of a body in its frame."""
+    mass, centre, inertia = mass_of_points(body.masses)
+    return mass, centre, np.asarray(inertia + sum(body.moments, np.zeros((3, 3))))
 
 
 def motion(joint: BodyJoint, value: float) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from beamstiff.measure.rows import history_order
@@ -13,6 +15,9 @@ from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.mjcf_writer import write_mjcf
 from beamstiff.simulators.statics import MujocoModel
+
+JOINT_PARTS = ("pos", "axis", "stiffness", "damping", "armature", "qpos_spring")
+BODY_PARTS = ("pos", "quat", "mass", "inertia", "ipos", "iquat")
 
 
 def mujoco_deflection(
@@ -41,3 +46,32 @@ def mujoco_deflection(
         (before, turned), (after, turned_on) = (model.site_pose(point, qpos) for qpos in (unloaded, now))
         result[row] = [*(after - before), *vector_from_rotation(turned_on @ turned.T)]
     return result, tree.lost
+
+
+def follow_posture(model: Any, robot: Robot, q: Array) -> None:
+    """Give a MuJoCo model of a robot the springs and masses of a posture, where beams follow slides.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        Of `robot_to_mjcf`, with whatever was added to it; `mujoco.mj_setConst` has to follow.
+    robot : Robot
+    q : (A,) array, rad or m
+        Actuated variables.
+
+    Examples
+    --------
+    >>> from beamstiff import load_robot
+    >>> gantry = load_robot("gantry")
+    >>> model = MujocoModel(write_mjcf(assemble(gantry))).model
+    >>> follow_posture(model, gantry, np.array([1.0, 0.3, 0.5]))  # the ram sticks out by 0.5 m, not 0.7 m
+    >>> float(model.joint("ram.axial").stiffness[0] * 0.5 / (210e9 * (0.28**2 - 0.23**2)))
+    1.0
+    """
+    now = MujocoModel(write_mjcf(assemble(robot, q))).model
+    for count, kind, parts in ((now.njnt, "joint", JOINT_PARTS), (now.nbody, "body", BODY_PARTS)):
+        for at in range(count):
+            ours = getattr(now, kind)(at)
+            theirs = getattr(model, kind)(ours.name)
+            for part in parts:
+                getattr(theirs, part)[:] = getattr(ours, part)

@@ -18,11 +18,12 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.description import Robot
+from beamstiff.robot.urdf.export import LEAST_MASS
 from beamstiff.robot.xml_text import Edit, Element, apply_edits, parse_xml, set_attribute
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyJoint, BodyTree, placed_bodies
-from beamstiff.simulators.mjcf_writer import LEAST_MASS, SETTLE, joint_text
+from beamstiff.simulators.mjcf_writer import SETTLE, joint_text
 from beamstiff.simulators.statics import engine
 
 SAME = 1e-9  # of a stiffness: not worth an edit

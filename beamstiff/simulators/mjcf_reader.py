@@ -18,14 +18,22 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import read_text
 from beamstiff.robot.description import Robot
-from beamstiff.robot.link_tree import Kind, LinkTree, Mimic, TreeJoint, TreeLink, robot_data, robot_of
+from beamstiff.robot.link_tree import (
+    ALONG,
+    WEIGHTLESS,
+    Kind,
+    LinkTree,
+    Mimic,
+    TreeJoint,
+    TreeLink,
+    robot_data,
+    robot_of,
+    springs_joined,
+)
 from beamstiff.se3 import Array, rotation_from_vector, transform
 from beamstiff.simulators.bodies import free_name
 from beamstiff.simulators.mjcf_writer import TCP
 from beamstiff.simulators.statics import engine
-
-SAME_AXIS = 1e-9
-WEIGHTLESS = 1e-6  # kg: masses below only keep MuJoCo from refusing a body
 
 
 @dataclass(frozen=True)
@@ -63,13 +71,14 @@ def robot_of_model(mujoco: Any, model: Any, source: str, tcp: str | None) -> Rea
             if one is None:
                 lost.append(f"the free or ball joint of body {body.name!r}: it stands fixed here")
                 continue
-            behind = transform(np.eye(3), -np.array(joint.pos))
-            joints, parent, frame = _chained(joints, one, names, links, frame, behind)
+            parent, frame = free_name(one.child, names), transform(np.eye(3), -np.array(joint.pos))
+            links.append(TreeLink(parent))
+            joints.append(replace(one, child=parent))
         own = free_name(body.name or f"body {number}", names)
         joints.append(TreeJoint(f"{own} in {parent}", parent, own, "fixed", frame))
         mass = float(body.mass[0])
         x, y, z = body.ipos.tolist()
-        links.append(TreeLink(own, mass if mass > WEIGHTLESS else 0.0, (x, y, z)))
+        links.append(TreeLink(own, mass, (x, y, z)))
         origin[number] = own, np.eye(4)
     for at in range(model.nsite):
         site = model.site(at)
@@ -80,7 +89,7 @@ def robot_of_model(mujoco: Any, model: Any, source: str, tcp: str | None) -> Rea
             TreeJoint(f"{own} site", link, own, "fixed", frame @ _pose(mujoco, site.pos, site.quat))
         )
     lost += _lost(mujoco, model)
-    tree = LinkTree(_model_name(model, source), tuple(links), tuple(joints), source)
+    tree = springs_joined(LinkTree(_model_name(model, source), tuple(links), tuple(joints), source))
     data = robot_data(tree, tcp or _end(mujoco, model, tree))
 
     def fail(message: str) -> Any:
@@ -118,48 +127,20 @@ def _joint(joint: Any, parent: str, frame: Array, mimics: dict[str, Mimic]) -> T
         back = rotation_from_vector(-start * axis) if turned else np.eye(3)
         placed = placed @ transform(back, np.zeros(3) if turned else -start * axis)
     stiffness = float(joint.stiffness[0])
-    limits = tuple(joint.range.tolist()) if joint.limited[0] and not stiffness else None
-    along = {"torsional" if kind == "revolute" else "axial": stiffness} if stiffness > 0.0 else {}
+    limits = tuple(joint.range.tolist()) if joint.limited[0] else None
+    along = {ALONG[kind]: stiffness} if stiffness > 0.0 and limits is None else {}
     return TreeJoint(
         name=name,
         parent=parent,
         child=f"{name} link",
-        kind="fixed" if along else kind,
+        kind="fixed" if stiffness > 0.0 else kind,
         placed=placed,
         axis=axis + 0.0,
         limits=limits if limits is None or limits[0] < limits[1] else None,
         mimic=mimics.get(name),
         stiffness=along,
+        spring=bool(along),
     )
-
-
-def _chained(
-    joints: list[TreeJoint],
-    one: TreeJoint,
-    names: set[str],
-    links: list[TreeLink],
-    frame: Array,
-    behind: Array,
-) -> tuple[list[TreeJoint], str, Array]:
-    """Add a joint; a spring about the axis of the joint before it becomes that joint's stiffness.
-
-    `frame`: of the body before the joint, in its link; `behind`: in the joint's.
-    """
-    before = joints[-1] if joints else None
-    if before is not None and before.child == one.parent and one.stiffness and before.kind != "fixed":
-        step = one.placed[:3, 3]
-        (direction,) = one.stiffness
-        same = np.allclose(before.axis, one.placed[:3, :3] @ one.axis, rtol=0.0, atol=SAME_AXIS)
-        turns = (direction == "torsional") == (before.kind == "revolute")
-        beside = np.linalg.norm(np.cross(step, before.axis)) if before.kind == "revolute" else 0.0
-        if same and turns and beside < SAME_AXIS and not before.stiffness:
-            named = one.name.removesuffix(f".{direction}")
-            variable = before.variable or before.name
-            joined = replace(before, name=named, variable=variable, stiffness=dict(one.stiffness))
-            return [*joints[:-1], joined], before.child, frame
-    child = free_name(one.child, names)
-    links.append(TreeLink(child))
-    return [*joints, replace(one, child=child)], child, behind
 
 
 def _followers(mujoco: Any, model: Any) -> dict[str, Mimic]:
@@ -183,6 +164,8 @@ def _lost(mujoco: Any, model: Any) -> list[str]:
         lost.append("moments of inertia: masses are points at their centres")
     if model.ngeom:
         lost.append(f"shapes ({model.ngeom})")
+    if stops := int(np.sum((model.jnt_stiffness > 0.0) & (model.jnt_limited > 0))):
+        lost.append(f"springs with stops ({stops}): rigid here")
     if np.any(model.dof_frictionloss > 0.0):
         lost.append("friction of joints")
     if np.any(model.qpos_spring[: model.nq] != model.qpos0) and model.jnt_stiffness.any():

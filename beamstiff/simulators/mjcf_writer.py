@@ -9,12 +9,19 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from beamstiff.robot.description import Robot
-from beamstiff.robot.sdf_writer import DRAWN
-from beamstiff.robot.urdf.export import mass_of_points
-from beamstiff.robot.xml_text import parse_xml
 from beamstiff.se3 import Array
 from beamstiff.simulators.assemble import assemble
-from beamstiff.simulators.bodies import Body, BodyJoint, BodyTree, Closure, Tendon, placed_bodies
+from beamstiff.simulators.bodies import (
+    Body,
+    BodyJoint,
+    BodyTree,
+    Closure,
+    Shape,
+    Tendon,
+    inertia_of,
+    placed_bodies,
+)
+from beamstiff.simulators.urdf_parts import Files, with_urdf_parts
 
 # s: of springs without anything that they move. They get the armature k t^2, so that no motion of springs is
 # faster than 1/t (Rayleigh), and the damping 2 k t, which is critical where nothing else is moved.
@@ -23,7 +30,7 @@ STEPS = 4  # time steps in it
 # of stops: as hard as the time step lets them be
 STOP = 'solreflimit="{!r} 1" solimplimit="0.99 0.9999 1e-06"'
 TCP = "beamstiff-tcp"  # name of the text that says which site is the TCP
-LEAST_MASS = 1e-9  # kg, and kg m^2: MuJoCo refuses moving bodies without; weighs 1e-8 N
+MESHES = (".stl", ".obj", ".msh")
 LEAST_ARMATURE = 1e-6  # kg or kg m^2: of joints that nothing resists, so that they can be simulated
 HEADER = """
     Written by beamstiff. Every compliance is a joint in series, named as in the robot file.
@@ -32,25 +39,26 @@ HEADER = """
 
 
 def robot_to_mjcf(
-    robot: Robot, q: Array | None = None, settle: float = SETTLE
+    robot: Robot, q: Array | None = None, settle: float = SETTLE, files: Files | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """Return the MJCF text of a robot, and what it does not say.
 
-    `q` (A,): the posture whose values stand for what varies with it; `settle`: s, see `SETTLE`.
+    `q` (A,): the posture whose values stand for what varies with it; `settle`: s, see `SETTLE`; `files`: of
+    meshes.
     """
-    tree = assemble(robot, q)
-    tree = replace(tree, lost=(*tree.lost, *lost_of_urdf(robot)))
+    tree = with_urdf_parts(assemble(robot, q), robot, files)
+    strange = [shape.file for body in tree.bodies for shape in body.shapes if not _drawable(shape)]
+    lost = [*tree.lost, *(f"mesh {file}: MuJoCo reads {', '.join(MESHES)}" for file in strange)]
+    if tree.varies:
+        lost.append(
+            "what varies stands as in one posture: --q chooses it, follow_posture changes it in MuJoCo"
+        )
+    tree = replace(tree, lost=tuple(lost))
     return write_mjcf(tree, settle), tree.lost
 
 
-def lost_of_urdf(robot: Robot) -> Iterator[str]:
-    """Yield what the URDF that a robot was read from holds of its links, and a robot does not."""
-    links = [] if robot.urdf is None else parse_xml(robot.urdf, "<urdf>").all("link")
-    shapes = sum(len(link.all(name)) for link in links for name in DRAWN)
-    inertias = sum(bool(part.all("inertia")) for link in links for part in link.all("inertial"))
-    for count, what in ((shapes, "meshes and other shapes"), (inertias, "moments of inertia")):
-        if count:
-            yield f"{what} ({count}) of the URDF; --like keeps those of an MJCF that MuJoCo made of it"
+def _drawable(shape: Shape) -> bool:
+    return shape.kind != "mesh" or shape.file.lower().endswith(MESHES)
 
 
 def write_mjcf(tree: BodyTree, settle: float = SETTLE) -> str:
@@ -69,6 +77,7 @@ def write_mjcf(tree: BodyTree, settle: float = SETTLE) -> str:
         '  <default><geom type="capsule" contype="0" conaffinity="0" mass="0" group="1" rgba=".6 .6 .65 1"/>'
         '<site size=".005" group="3"/></default>',
         f'  <custom><text name="{TCP}" data={quoteattr(tree.tcp)}/></custom>',
+        *_meshes(tree),
         "  <worldbody>",
         *_bodies(tree, -1, settle),
         "  </worldbody>",
@@ -87,7 +96,7 @@ def _bodies(tree: BodyTree, parent: int, settle: float, depth: int = 2) -> Itera
         if body.parent != parent:
             continue
         yield f"{pad}<body name={quoteattr(body.name)}{_place(body.placed)}>"
-        if body.masses or body.joints:
+        if body.masses or body.moments or body.joints:
             yield f"{pad}  {_inertial(body)}"
         springs = sum(joint.stiffness for joint in body.joints if joint.kind == "hinge")
         for joint in body.joints:
@@ -95,10 +104,33 @@ def _bodies(tree: BodyTree, parent: int, settle: float, depth: int = 2) -> Itera
         for name, pose in body.sites:
             yield f"{pad}  <site name={quoteattr(name)}{_place(pose)}/>"
         for start, end in body.lines:
-            if (size := float(np.linalg.norm(end - start))) > 1e-6:
+            if not body.shapes and (size := float(np.linalg.norm(end - start))) > 1e-6:
                 yield f'{pad}  <geom fromto="{_text(start)} {_text(end)}" size="{0.04 * size:.4g}"/>'
+        yield from (f"{pad}  {_geom(shape)}" for shape in body.shapes if _drawable(shape))
         yield from _bodies(tree, number, settle, depth + 1)
         yield f"{pad}</body>"
+
+
+def _meshes(tree: BodyTree) -> Iterator[str]:
+    """Yield meshes by name; their volume is not looked at, so those that are not closed pass."""
+    drawn = [shape for body in tree.bodies for shape in body.shapes if shape.file and _drawable(shape)]
+    for name, shape in {_mesh_name(shape): shape for shape in drawn}.items():
+        yield (
+            f"  <asset><mesh name={quoteattr(name)} file={quoteattr(shape.file)} "
+            f'scale="{_text(shape.sizes["scale"])}" inertia="shell"/></asset>'
+        )
+
+
+def _mesh_name(shape: Shape) -> str:
+    return f"{shape.file} {_text(shape.sizes['scale'])}"
+
+
+def _geom(shape: Shape) -> str:
+    said = f'type="{shape.kind}"' + (' group="3"' if shape.collision else "") + _place(shape.pose)
+    if shape.kind == "mesh":
+        return f"<geom {said} mesh={quoteattr(_mesh_name(shape))}/>"
+    numbers = [0.5 * value if name != "radius" else value for name, value in shape.sizes.items()]
+    return f'<geom {said} size="{_text(np.concatenate(numbers))}"/>'
 
 
 def _place(pose: Array) -> str:
@@ -116,18 +148,9 @@ def _text(values: Array) -> str:
     return " ".join(f"{0.0 if abs(value) < 1e-15 else value:.15g}" for value in values.tolist())
 
 
-def mass_of(masses: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia about it of point masses; the least that simulators take for none."""
-    least = LEAST_MASS * np.eye(3)
-    if not any(mass > 0.0 for mass, _ in masses):
-        return LEAST_MASS, np.zeros(3), least
-    mass, centre, inertia = mass_of_points(masses)
-    return mass, centre, inertia + least
-
-
 def _inertial(body: Body) -> str:
     """Return the element of mass, centre and inertia of a body."""
-    mass, centre, inertia = mass_of(body.masses)
+    mass, centre, inertia = inertia_of(body)
     moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return f'<inertial pos="{_text(centre)}" mass="{mass!r}" fullinertia="{_text(moments)}"/>'
 

@@ -1,7 +1,7 @@
 """URDF and SDF in which every compliance is a joint in series, for simulators that read these formats.
 
-SDF says the stiffness of a joint itself (`<dynamics><spring_stiffness>`), URDF does not: there a comment
-lists it. Neither holds loops, tendons, stops that rub; what is lost is listed.
+SDF says the stiffness of a joint itself (`<dynamics><spring_stiffness>`), URDF does not: there our own
+element `<beamstiff>` does. Neither holds loops, tendons, stops that rub; what is lost is listed.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from beamstiff.robot.description import Robot
+from beamstiff.robot.link_tree import EXTENSION, SPRING
 from beamstiff.robot.placement import roll_pitch_yaw
-from beamstiff.robot.urdf.export import FARTHEST, link_lines, numbers_text
+from beamstiff.robot.sdf_writer import DRAWN, PREFIXED, SDF_HEAD, extension
+from beamstiff.robot.urdf.export import FARTHEST, WEIGHTLESS_LINKS, link_lines, mass_of_points, numbers_text
 from beamstiff.se3 import Array, transform
 from beamstiff.simulators.assemble import assemble
-from beamstiff.simulators.bodies import BodyJoint, BodyTree
-from beamstiff.simulators.mjcf_writer import SETTLE, lost_of_urdf, mass_of
+from beamstiff.simulators.bodies import BodyJoint, BodyTree, free_name, inertia_of
+from beamstiff.simulators.mjcf_writer import SETTLE
+from beamstiff.simulators.urdf_parts import Files, with_urdf_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,29 +36,38 @@ class SeriesLink:
     frame: Array  # (4, 4): that body's frame in the link's
 
 
-def robot_to_series(robot: Robot, kind: str) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say."""
-    tree = assemble(robot)
-    links = [*series_links(tree)]
-    lost = [*tree.lost, *(item.partition(";")[0] for item in lost_of_urdf(robot))]
+def robot_to_series(
+    robot: Robot, kind: str, q: Array | None = None, files: Files | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say.
+
+    `q`, `files`: as of `robot_to_mjcf`.
+    """
+    tree = with_urdf_parts(assemble(robot, q), robot, files)
+    lost = list(tree.lost)
     if tree.closures:
         lost.append(f"loops: cut open at {', '.join(one.name for one in tree.closures)}")
     if tree.tendons:
         lost.append(f"struts and balancers: {', '.join(one.name for one in tree.tendons)}")
-    joints = [link.joint for link in links if link.joint is not None]
+    joints = [joint for body in tree.bodies for joint in body.joints]
     if any(joint.friction or joint.cubic for joint in joints):
         lost.append("friction and cubic springs of drives")
     if kind == "urdf" and any(joint.stiffness for joint in joints):
-        lost.append("the stiffness of the joints in series: a comment in the file lists it")
-    return (_urdf if kind == "urdf" else _sdf)(tree, links), tuple(lost)
+        lost.append("the stiffness of the joints in series, but in <beamstiff>: URDF has no springs")
+    return series_text(tree, kind, lost), tuple(lost)
+
+
+def series_text(tree: BodyTree, kind: str, lost: list[str]) -> str:
+    """Return the text of a machine, `kind` "urdf" or "sdf", which says what is `lost` in it."""
+    return (_urdf if kind == "urdf" else _sdf)(tree, [*series_links(tree)], lost)
 
 
 def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
-    """Yield links, parents first: one for every joint of every body, and one for every site.
+    """Yield links, parents first: one for every joint of every body, and one of its name for every site.
 
     No link is called as a joint is: SDF takes both for one name.
     """
-    taken = {joint.name for body in tree.bodies for joint in body.joints}
+    called, taken = _site_links(tree)
     own: dict[int, tuple[str, Array]] = {-1: ("", np.eye(4))}
     for number, body in enumerate(tree.bodies):
         parent, frame = own[body.parent]
@@ -65,29 +77,70 @@ def series_links(tree: BodyTree) -> Iterator[SeriesLink]:
             last = at == len(joints) - 1
             anchor = transform(np.eye(3), np.zeros(3) if joint is None else joint.at)
             name = body.name if last or joint is None else f"{body.name} behind {joint.name}"
-            name = f"{name} link" if name in taken else name
+            name = free_name(f"{name} link" if name in taken else name, taken)
             behind: Array = np.asarray(np.linalg.inv(anchor), dtype=np.float64)
             yield SeriesLink(name, parent, frame @ anchor, joint, number if last else None, behind)
             parent, frame = name, behind
         own[number] = parent, frame
         for site, pose in body.sites:
-            yield SeriesLink(f"site {site}", parent, frame @ pose, None, None, np.eye(4))
+            yield SeriesLink(called[site], parent, frame @ pose, None, None, np.eye(4))
+
+
+def _site_links(tree: BodyTree) -> tuple[dict[str, str], set[str]]:
+    """Return the links of sites, and all names that are taken: `world` is SDF's own."""
+    taken = {"world", *(joint.name for body in tree.bodies for joint in body.joints)}
+    sites = [site for body in tree.bodies for site, _ in body.sites]
+    return {site: free_name(f"{site} site" if site in taken else site, taken) for site in sites}, taken
+
+
+def _extension(tree: BodyTree, name: str) -> str:
+    return extension(_site_links(tree)[0][tree.tcp], tree.gravity, name)
 
 
 def _inertial(tree: BodyTree, link: SeriesLink) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia of a link, in its frame."""
-    masses = [] if link.body is None else tree.bodies[link.body].masses
-    mass, centre, inertia = mass_of(masses)
+    """Return mass, centre and inertia of a link, in its frame, which is turned as its body's."""
+    if link.body is None:
+        return mass_of_points([])
+    mass, centre, inertia = inertia_of(tree.bodies[link.body])
     return mass, link.frame[:3, :3] @ centre + link.frame[:3, 3], inertia
 
 
-def _urdf(tree: BodyTree, links: list[SeriesLink]) -> str:
-    springs = [link.joint for link in links if link.joint is not None and link.joint.stiffness]
-    listed = "".join(f"\n    {one.name}: {float(one.stiffness)!r}" for one in springs)
-    said = f"stiffness of the joints in series, N/m and N m/rad:{listed}".replace("--", "- -")
-    lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(tree.name)}>", f"  <!-- {said} -->"]
+def _shapes(tree: BodyTree, link: SeriesLink, kind: str) -> Iterator[str]:
+    """Yield the shapes that a link carries."""
+    for number, shape in enumerate([] if link.body is None else tree.bodies[link.body].shapes):
+        drawn, pose = DRAWN[shape.collision], link.frame @ shape.pose
+        sizes = {name: numbers_text(value) for name, value in shape.sizes.items()}
+        place = [numbers_text(part) for part in (pose[:3, 3], roll_pitch_yaw(pose[:3, :3]))]
+        if kind == "urdf":
+            sizes |= {"filename": shape.file} if shape.file else {}
+            inside = " ".join(f"{name}={quoteattr(value)}" for name, value in sizes.items())
+            at = '<origin xyz="{}" rpy="{}"/>'.format(*place)
+            yield f"    <{drawn}>{at}<geometry><{shape.kind} {inside}/></geometry></{drawn}>"
+        else:
+            sizes |= {"uri": escape(shape.file)} if shape.file else {}
+            inside = "".join(f"<{name}>{value}</{name}>" for name, value in sizes.items())
+            at = "<pose>{} {}</pose>".format(*place)
+            geometry = f"<geometry><{shape.kind}>{inside}</{shape.kind}></geometry>"
+            yield f'<{drawn} name="{drawn} {number}">{at}{geometry}</{drawn}>'
+
+
+def _comment(lost: list[str]) -> list[str]:
+    """Return what a file does not say as a comment at its head."""
+    said = "".join(f"\n    - {item}" for item in [WEIGHTLESS_LINKS, *lost]).replace("--", "- -")
+    return [f"  <!-- Every compliance is a joint in series. Not here, or not exactly:{said}\n  -->"]
+
+
+def _urdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
+    lines = [
+        '<?xml version="1.0"?>',
+        f"<robot name={quoteattr(tree.name)}>",
+        *_comment(lost),
+        f"  {_extension(tree, EXTENSION)}",
+        '  <mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"/></mujoco>',
+    ]
     for link in links:
-        lines += link_lines(link.name, *_inertial(tree, link))
+        *start, end = link_lines(link.name, *_inertial(tree, link))
+        lines += [*start, *_shapes(tree, link, "urdf"), end]
     for link in links[1:]:
         joint, placed = link.joint, link.placed
         kind, name = "fixed", f"{link.name} in {link.parent}"
@@ -96,8 +149,9 @@ def _urdf(tree: BodyTree, links: list[SeriesLink]) -> str:
             name, slides = joint.name, joint.kind == "slide"
             kind = "prismatic" if slides else "revolute" if joint.limits else "continuous"
             inside = f'<axis xyz="{numbers_text(joint.axis)}"/>'
-            if joint.stiffness:
-                inside += f'<dynamics damping="{2 * float(joint.stiffness) * SETTLE!r}"/>'
+            if k := float(joint.stiffness):
+                unit = "N/m" if slides else "N*m/rad"
+                inside += f'<dynamics damping="{2 * k * SETTLE!r}"/><{EXTENSION} {SPRING}="{k!r} {unit}"/>'
             low, high = joint.limits or (-FARTHEST, FARTHEST)
             if kind != "continuous":
                 inside += f'<limit lower="{low!r}" upper="{high!r}" effort="0" velocity="0"/>'
@@ -111,8 +165,13 @@ def _urdf(tree: BodyTree, links: list[SeriesLink]) -> str:
     return "\n".join([*lines, "</robot>", ""])
 
 
-def _sdf(tree: BodyTree, links: list[SeriesLink]) -> str:
-    lines = ['<?xml version="1.0"?>', '<sdf version="1.11">', f"  <model name={quoteattr(tree.name)}>"]
+def _sdf(tree: BodyTree, links: list[SeriesLink], lost: list[str]) -> str:
+    lines = [
+        SDF_HEAD,
+        f"  <model name={quoteattr(tree.name)}>",
+        *_comment(lost),
+        f"    {_extension(tree, PREFIXED)}",
+    ]
     carried = {link.name: _joint_name(link) for link in links[1:]}
     for link in links:
         mass, centre, inertia = _inertial(tree, link)
@@ -122,9 +181,10 @@ def _sdf(tree: BodyTree, links: list[SeriesLink]) -> str:
             for j in range(i, 3)
         )
         at = f"<pose relative_to={quoteattr(carried[link.name])}>0 0 0 0 0 0</pose>" if link.parent else ""
+        shapes = "".join(_shapes(tree, link, "sdf"))
         lines.append(
             f"    <link name={quoteattr(link.name)}>{at}<inertial><pose>{numbers_text(centre)} 0 0 0</pose>"
-            f"<mass>{mass!r}</mass><inertia>{moments}</inertia></inertial></link>"
+            f"<mass>{mass!r}</mass><inertia>{moments}</inertia></inertial>{shapes}</link>"
         )
     lines.append(
         f'    <joint name="base to world" type="fixed"><parent>world</parent><child>{escape(links[0].name)}'

@@ -17,7 +17,7 @@ from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.reference import sampled_postures
-from beamstiff.simulators.deflection import mujoco_deflection
+from beamstiff.simulators.deflection import follow_posture, mujoco_deflection
 from beamstiff.simulators.mjcf_writer import robot_to_mjcf
 from beamstiff.simulators.statics import MujocoModel
 from tests.fem.random_frames import machine_frame
@@ -85,6 +85,21 @@ def test_random_structures_under_their_own_weight(seed: int) -> None:
     ours = predict_displacements(robot, push, True)
     gap = (mujoco_deflection(robot, push)[0] - ours)[0, :3]
     assert np.linalg.norm(gap) < 1e-3 * np.linalg.norm(ours[0, :3])
+
+
+def test_one_model_follows_the_posture() -> None:
+    robot = load_robot("gantry")
+    rows, model = pushes(robot, 100.0), MujocoModel(robot_to_mjcf(robot)[0])
+    names = [variable.name for variable in robot.actuated]
+    for q, wrench, expected in zip(
+        rows.q, rows.wrench, predict_displacements(robot, rows, True), strict=True
+    ):
+        follow_posture(model.model, robot, q)
+        held = dict(zip(names, q.tolist(), strict=True))
+        rest = model.equilibrium(held, np.zeros(6), robot.tcp, model.at(held))
+        moved = model.equilibrium(held, wrench, robot.tcp, rest)
+        found = model.site_pose(robot.tcp, moved)[0] - model.site_pose(robot.tcp, rest)[0]
+        np.testing.assert_allclose(found, expected[:3], atol=1e-5 * np.linalg.norm(expected[:3]))
 
 
 def test_joints_and_sites_have_the_names_of_the_robot_file() -> None:

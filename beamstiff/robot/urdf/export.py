@@ -21,6 +21,9 @@ from beamstiff.robot.link_tree import short_number
 from beamstiff.robot.placement import elementary, roll_pitch_yaw
 from beamstiff.se3 import Array
 
+LEAST_MASS = 1e-9  # kg, and kg m^2: of links that move; simulators refuse less, Gazebo takes none for 1 kg
+FLATTEST = 1e-6  # of the moments of inertia: the least of them, for Drake refuses flat ones by their rounding
+WEIGHTLESS_LINKS = "links without mass have 1e-9 kg and 1e-9 kg m^2, which simulators ask for"
 FARTHEST = 100.0  # m: limits of a slide that has none, which URDF asks for
 
 
@@ -61,8 +64,9 @@ def urdf_skeleton(robot: Robot) -> str:
             steps.append(own[name])
     masses = _masses(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
+    lines.append(f"  <!-- {WEIGHTLESS_LINKS} -->")
     for link in ["base", *(step.child for step in steps)]:
-        lines += link_lines(link, *masses[link]) if link in masses else [f"  <link name={quoteattr(link)}/>"]
+        lines += link_lines(link, *masses.get(link, mass_of_points([])))
     names: set[str] = set(joined.free)
     for step in steps:
         lines += _joint_lines(robot, step, own, names)
@@ -126,14 +130,19 @@ def _masses(robot: Robot) -> dict[str, tuple[float, Array, Array]]:
 
 
 def mass_of_points(points: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
-    """Return mass, centre (3,) and inertia about it (3, 3) of point masses: kg, and where, m."""
-    total = float(sum(mass for mass, _ in points))
-    centre = np.asarray(np.sum([mass * at for mass, at in points], axis=0) / total)
+    """Return mass, centre (3,) and inertia about it (3, 3) of point masses: kg, and where, m.
+
+    Never less than what simulators take for a link that moves, and none as flat as points in a plane are.
+    """
     inertia = np.zeros((3, 3))
+    total = float(sum(mass for mass, _ in points))
+    if total == 0.0:
+        return LEAST_MASS, np.zeros(3), LEAST_MASS * np.eye(3)
+    centre = np.asarray(np.sum([mass * at for mass, at in points], axis=0) / total)
     for mass, at in points:
         arm = at - centre
         inertia += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return total, centre, inertia
+    return total, centre, inertia + max(LEAST_MASS, FLATTEST * float(np.trace(inertia))) * np.eye(3)
 
 
 def link_lines(name: str, mass: float, centre: Array, inertia: Array) -> list[str]:

@@ -24,6 +24,7 @@ from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.link_tree import (
     EXTENSION,
     KINDS,
+    SPRING,
     LinkTree,
     Mimic,
     TreeJoint,
@@ -33,6 +34,7 @@ from beamstiff.robot.link_tree import (
     mass_of,
     robot_data,
     robot_of,
+    springs_joined,
     stiffness_of,
     with_stiffness,
 )
@@ -70,10 +72,10 @@ def parse_urdf(
     ('arm', (-3.0, 3.0), 1000000.0)
     """
     root = parse_xml(text, name)
-    tree = read_tree(root)
+    tree = springs_joined(whole := read_tree(root))
     if stiffness:
         tree = with_stiffness(tree, stiffness)
-    extension, fragment = _extension(root)
+    extension, fragment = extension_of(root)
     for joint in tree.joints:
         if joint.stiffness and "joints" in fragment:
             joint.fail(
@@ -81,7 +83,9 @@ def parse_urdf(
             )
     data = robot_data(tree, tcp or fragment.get("tcp"))
     place = (root if extension is None else extension).fail
-    robot = robot_of(place, data | fragment | ({"tcp": tcp} if tcp else {}) | {"urdf": text})
+    springs = any(joint.spring for joint in whole.joints)  # what it says is no tree of drives to be edited
+    more = ({"tcp": tcp} if tcp else {}) | ({} if springs else {"urdf": text})
+    robot = robot_of(place, data | fragment | more)
     if fragment.keys() & {"frames", "variables"}:
         far = disagreement(robot_of(root.fail, data | {"tcp": tree.links[0].name}), robot)
         if far:
@@ -114,7 +118,7 @@ def _link(item: Element) -> TreeLink:
         return TreeLink(name, fail=item.fail)
     value = inertial.need("mass")
     mass = mass_of(value, value.attribute("value"), "value")
-    x, y, z = _origin(inertial)[:3, 3].tolist()
+    x, y, z = origin_of(inertial)[:3, 3].tolist()
     return TreeLink(name, mass, (x, y, z), fail=item.fail)
 
 
@@ -132,21 +136,25 @@ def _joint(item: Element) -> TreeJoint:
         axis = axis / length
     if KINDS[kind] == "fixed":
         axis = np.array([0.0, 0.0, 1.0])
+    extension = item.one(EXTENSION)
+    spring = extension is not None and SPRING in extension.attributes
     return TreeJoint(
         name=name,
         parent=item.need("parent").attribute("link"),
         child=item.need("child").attribute("link"),
-        kind=KINDS[kind],
-        placed=_origin(item),
+        kind="fixed" if spring else KINDS[kind],
+        placed=origin_of(item),
         axis=axis + 0.0,
         limits=_limits(item) if kind != "continuous" else None,
         mimic=_mimic(item),
         stiffness=stiffness_of(item),
+        spring=spring,
         fail=item.fail,
     )
 
 
-def _origin(item: Element) -> Array:
+def origin_of(item: Element) -> Array:
+    """Return the pose that an element's `<origin>` says, (4, 4)."""
     origin = item.one("origin")
     if origin is None:
         return np.eye(4)
@@ -176,7 +184,7 @@ def _mimic(item: Element) -> Mimic | None:
     return Mimic(mimic.attribute("joint"), multiplier, offset)
 
 
-def _extension(root: Element) -> tuple[Element | None, dict[str, Any]]:
+def extension_of(root: Element) -> tuple[Element | None, dict[str, Any]]:
     """Return the extension of the robot as a whole, and the keys of a robot file that it says."""
     extension = root.one(EXTENSION)
     if extension is None:
