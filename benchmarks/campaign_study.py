@@ -1,12 +1,13 @@
-"""Rows until the cause is right: ``python -m benchmarks.campaign_study [--campaigns N]``.
+"""Rows until the cause is right: ``python -m benchmarks.campaign_study [--campaigns N] [--results FILE]``.
 
-Machines with one hidden effect are drawn by the exam, which simulates them with code of its own; those whose
-effect leaves a gap below twice the noise in a rich campaign are passed over. Displacements are read in
-batches of a dozen rows, as `beamstiff.campaign` proposes them; from a fixed D-optimal plan; and at random
+Planar arms of two to four joints with rigid links, or arms of six (`--robots`), have one hidden effect in six
+campaigns of seven, else none; the exam draws and simulates them with code of its own. Passed over are those
+whose effect leaves less than three times the noise in random rows. Displacements of the tool are read in
+batches: as `beamstiff.campaign` proposes them, until it stops; from a fixed D-optimal plan; and at random
 postures under random loads. All three begin with the plan's first batch. After every batch the same diagnosis
 is made: counted are the rows until it names the hidden effect at its place with a probability of 0.9. Also:
-how often the loop says that it is decided where the cause is wrong, and how often a proposal settled the
-matter as it promised.
+how often the loop says that it is decided where the cause is wrong, how often a proposal settled the matter
+as it promised, and what each campaign ends with.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from typing import Any
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.exam.campaign import SimulatedCampaign
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.designs import planned, reachable
 from beamstiff.exam.names import normal
+from beamstiff.exam.robots import MAIN_AXIS
 from beamstiff.exam.simulate import simulate
 from beamstiff.exam.sizes import linear_fit, whitened_gap
 from beamstiff.functions.campaign import CampaignState, campaign
@@ -32,10 +35,16 @@ from beamstiff.functions.plan import plan
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.robot.description import Robot
 
-BATCH, MOST = 12, 72  # rows
+BATCH, MOST = 8, 72  # rows
 SURE = 0.9
-GAP = 2.0  # over noise
+GAP = 3.0  # over noise
+LIMITS = ((-20, 120), (-150, -10))  # deg, of the first axis of a planar arm, and of the others
+EFFECTS = (  # that displacements of the tool can show
+    "link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "actuator-lever", "backlash",
+    "hardening", "hysteresis", "joint-coupling", "gravity-compensator", "load-error",
+)  # fmt: skip
 HOUR = 3600.0  # s between two batches
 
 Proposed = Callable[[int, CampaignState | None], Measurements | None]
@@ -54,33 +63,99 @@ class Trail:
     said: list[tuple[int, str, float]] = field(default_factory=list)  # rows, likeliest, its probability
 
 
-def drawn(exam: Exam, number: int) -> Case | None:
-    """Return a machine whose effect shows; None where it hardly does."""
+def planar_arm(rng: np.random.Generator, joints: int) -> Robot:
+    """Return an arm with parallel axes and rigid links, upright, its lengths and drive stiffness drawn."""
+    reach = rng.uniform(0.8, 2.5)
+    ends = np.concatenate([[0.0], rng.uniform(0.6, 1.4, joints)])
+    ends *= reach / ends.sum()
+    names = range(1, joints + 1)
+    frames: list[dict[str, Any]] = [{"name": "f1", "alpha": "90 deg", "theta": "q1"}]
+    nodes: list[dict[str, Any]] = [{"name": "n0"}, {"name": "n1a", "at": [0, 0, 0]}]
+    for k in names[1:]:
+        frames.append({"name": f"f{k}", "parent": f"f{k - 1}", "d": ends[k - 1], "theta": f"q{k}"})
+        nodes.append({"name": f"n{k}a", "frame": f"f{k - 1}", "at": [ends[k - 1], 0, 0]})
+    nodes += [{"name": f"n{k}b", "frame": f"f{k}"} for k in names]
+    nodes.append({"name": "tool", "frame": f"f{joints}", "at": [ends[joints], 0, 0]})
+    stiffness = MAIN_AXIS * reach**3.3 / 4.0 ** np.arange(joints) * np.exp(rng.uniform(-0.5, 0.5, joints))
+    made = {
+        "name": f"planar-{joints}r",
+        "variables": [
+            {"name": f"q{k}", "type": "revolute", "limits": [f"{end} deg" for end in LIMITS[k > 1]]}
+            for k in names
+        ],
+        "frames": frames,
+        "nodes": nodes,
+        "rigids": [
+            {"name": f"link{k}", "nodes": [f"n{k}b" if k else "n0", f"n{k + 1}a" if k < joints else "tool"]}
+            for k in range(joints + 1)
+        ],
+        "joints": [
+            {
+                "name": f"J{k}", "nodes": [f"n{k}a", f"n{k}b"], "frame": f"f{k}", "axis": "z",
+                "variable": f"q{k}", "stiffness": {"torsional": float(stiffness[k - 1])},
+            }
+            for k in names
+        ],
+        "fixed": ["n0"],
+        "tcp": "tool",
+        "identify": [f"J{k}.torsional" for k in names],
+    }  # fmt: skip
+    return Robot.model_validate(made)
+
+
+def drawn(options: argparse.Namespace, number: int) -> Case | None:
+    """Return a machine whose effect shows, or that has none; None where it hardly does."""
+    rng = np.random.default_rng([options.seed, number, 6])
+    joints = int(rng.choice(options.robots))
+    arm = {"robot": planar_arm(rng, joints)} if joints < 6 else {"robots": ("random-arm",)}
+    shares: Any = {"single": 6, "null": 1}
     try:
-        case = draw_case(exam, number)
+        case = draw_case(Exam(options.seed, shares, EFFECTS, lean=0.0, **arm), number)
         if case.campaign.kind != "displacement":
             return None
-        fit = linear_fit(case.robot, case.machine, case.campaign)
-        return case if whitened_gap(case.campaign, fit.residual(case.truths)) >= GAP else None
+        if not case.truths:
+            return case
+        states = replace(as_read(case, random_rows(case, rng), rng), rotations=False)
+        fit = linear_fit(case.robot, case.machine, states)
+        return case if whitened_gap(states, fit.residual(case.truths)) >= GAP else None
     except BeamstiffError:
         return None
 
 
+def as_read(case: Case, rows: Measurements, rng: np.random.Generator, number: int = 0) -> SimulatedCampaign:
+    """Return how the exam reads rows of a batch: with the case's noise, positions alone."""
+    states = planned(rng, replace(rows, sigma_position=case.campaign.sigma_position), (0.0, 0.0))
+    return replace(states, rotations=False, time=states.time - states.time.min() + HOUR * number)
+
+
+def random_rows(case: Case, rng: np.random.Generator) -> Measurements:
+    """Return rows at random postures under random forces, nothing measured."""
+    q = reachable(rng, case.robot, MOST)
+    force = rng.normal(size=(MOST, 3))
+    force *= force_of(case) * rng.uniform(0.3, 1.0, (MOST, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    return make_measurements(
+        [variable.name for variable in case.robot.actuated], q, tcp=case.robot.tcp,
+        wrench=np.hstack([force, 0 * force]), displacement=np.full((MOST, 6), np.nan), pose=np.arange(MOST),
+        source="<random>",
+    )  # fmt: skip
+
+
+def force_of(case: Case) -> float:
+    """Return the largest force of a case, N."""
+    return float(np.linalg.norm(case.campaign.wrench[:, :3], axis=1).max())
+
+
 def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState], looks: bool) -> Trail:
-    """Return what comes of a way of choosing rows; `looks`: whether it may stop by itself."""
+    """Return what comes of a way of choosing rows; `looks`: whether it stops by itself."""
     rng = np.random.default_rng([seed, 7])
     batches: list[Measurements] = []
     found, state = Trail(), None
-    for number in range(100):
+    truth = normal(case.truths[0].label if case.truths else "none")
+    for number in range(MOST // BATCH):
         rows = proposed(number, state)
-        if rows is None or found.read >= MOST:
+        if rows is None:
             return found
-        states = replace(
-            planned(rng, replace(rows, sigma_position=case.campaign.sigma_position), (0.0, 0.0)),
-            rotations=False,
-        )
-        states = replace(states, time=states.time - states.time.min() + HOUR * number)
-        batches.append(simulate(case.machine, case.truths, states, rng))
+        batches.append(simulate(case.machine, case.truths, as_read(case, rows, rng, number), rng))
         found.read += len(rows)
         promised = state.outlook.settles if state is not None and state.outlook is not None else None
         state = first[0] if number == 0 and first else campaign(case.robot, batches, rows=BATCH)
@@ -88,36 +163,28 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
         ahead = state.outlook
         assert ahead is not None
         if promised is not None:
-            found.promises.append((promised, ahead.probability >= SURE))
+            found.promises.append((round(promised, 4), ahead.probability >= SURE))
         found.said.append((found.read, ahead.leading, round(ahead.probability, 4)))
-        right = normal(ahead.leading) == normal(case.truths[0].label)
-        if looks and state.stop and not found.stopped:
+        right = normal(ahead.leading) == truth
+        if case.truths and right and ahead.probability >= SURE:
+            found.rows = found.rows or found.read
+        if looks and state.stop:
             found.stopped, found.stopped_at = state.stop, found.read
             found.false_stop = state.stop == "decided" and not right
-        if right and ahead.probability >= SURE:
-            found.rows = found.rows or found.read
-            if found.stopped or not looks:
-                return found
+            return found
+        if found.rows and not looks:
+            return found
     return found
 
 
 def strategies(case: Case, seed: int) -> dict[str, Proposed]:
     """Return the ways of choosing rows: from the state before to the rows of a batch."""
-    force = float(np.linalg.norm(case.campaign.wrench[:, :3], axis=1).max())
-    table = plan(case.robot, tests=MOST, force=force, seed=seed).to_csv()
+    table = plan(case.robot, tests=MOST, force=force_of(case), seed=seed).to_csv()
     fixed = parse_measurements(table, case.robot, require_measured=False)
-    rng = np.random.default_rng([seed, 8])
-    q = reachable(rng, case.robot, MOST)
-    towards = rng.normal(size=(MOST, 3))
-    towards *= force * rng.uniform(0.3, 1.0, (MOST, 1)) / np.linalg.norm(towards, axis=1, keepdims=True)
-    at_random = make_measurements(
-        list(fixed.variables), q, tcp=case.robot.tcp, wrench=np.hstack([towards, 0 * towards]),
-        displacement=np.full((MOST, 6), np.nan), pose=np.arange(MOST), source="<random>",
-    )  # fmt: skip
+    at_random = random_rows(case, np.random.default_rng([seed, 8]))
 
-    def of(rows: Measurements, number: int) -> Measurements | None:
-        some = np.arange(BATCH * number, min(BATCH * (number + 1), len(rows)))
-        return subset(rows, some) if len(some) else None
+    def of(rows: Measurements, number: int) -> Measurements:
+        return subset(rows, np.arange(BATCH * number, BATCH * (number + 1)))
 
     def loop(_: int, state: CampaignState | None) -> Measurements | None:
         if state is None:
@@ -138,65 +205,78 @@ def study(case: Case, seed: int) -> dict[str, Any]:
     ways = strategies(case, seed)
     begin = time.process_time()
     first: list[CampaignState] = []  # that all share
+    if not case.truths:  # false stops only
+        del ways["plan"], ways["random"]
     trails = {name: trail(case, way, seed, first, name == "loop") for name, way in ways.items()}
     told = {name: vars(one) for name, one in trails.items()}
-    return {"truth": case.truths[0].label, "seconds": time.process_time() - begin, **told}
+    truth = case.truths[0].label if case.truths else "none:null"
+    return {"robot": case.robot.name, "truth": truth, "seconds": time.process_time() - begin, **told}
 
 
-def report(lines: list[dict[str, Any]]) -> None:
+def report(every: list[dict[str, Any]]) -> None:
     """Print the figures of all campaigns."""
-    count = len(lines)
-    rows = {
-        name: np.array([one[name]["rows"] if 0 < one[name]["rows"] <= MOST else np.inf for one in lines])
-        for name in ("loop", "plan", "random")
-    }
+    lines = [one for one in every if "plan" in one]
+    print(f"{len(lines)} campaigns with an effect, {len(every) - len(lines)} without")
+    ways = ("loop", "plan", "random")
+    rows = {name: np.array([one[name]["rows"] or np.inf for one in lines]) for name in ways}
     for name, values in rows.items():
+        said = [(normal(one[name]["said"][-1][1]) == one["truth"], one[name]["said"][-1][2]) for one in lines]
+        count = [
+            sum(right and p < SURE for right, p in said),
+            sum(not right and p >= SURE for right, p in said),
+        ]
         print(
-            f"{name}: right within {MOST} rows in {np.isfinite(values).sum()} of {count}, "
-            f"median {np.median(values):g} rows"
+            f"{name}: right within {MOST} rows in {np.isfinite(values).sum()} of {len(lines)}; at the end "
+            f"right but less sure in {count[0]}, sure of something else in {count[1]}"
         )
-    some = np.isfinite(np.stack(list(rows.values()))).any(axis=0)
-    capped = {
-        name: np.where(np.isfinite(values), values, MOST + BATCH)[some] for name, values in rows.items()
-    }
+    some = np.isfinite(np.array(list(rows.values()))).any(axis=0)
     if some.any():
-        told = ", ".join(f"{name} {np.median(values):g}" for name, values in capped.items())
+        medians = {name: float(np.median(values[some])) for name, values in rows.items()}
+        told = ", ".join(f"{name} {value:g}" for name, value in medians.items())
+        print(f"of the {some.sum()} that any way found: median rows {told} (inf: not within {MOST})")
+    for name, most in (("plan", 0.7), ("random", 0.5)):
+        fewer, more = (op(rows["loop"], rows[name]).sum() for op in (np.less, np.greater))
         print(
-            f"of the {some.sum()} that any way found, more than {MOST} counted {MOST + BATCH}: median {told}"
+            f"loop: fewer rows than {name} in {fewer}, more in {more}; asked at most {most:g} of its median"
         )
-    stops = [one["loop"] for one in lines if one["loop"]["stopped"]]
-    decided = [one for one in stops if one["stopped"] == "decided"]
+    stops = [one for one in every if one["loop"]["stopped"]]
+    decided = [one for one in stops if one["loop"]["stopped"] == "decided"]
+    false = [one for one in decided if one["loop"]["false_stop"]]
+    early = [one for one in stops if one not in decided and one.get("plan", {}).get("rows")]
     print(
-        f"the loop stopped in {len(stops)} of {count}: decided {len(decided)}, of these wrong "
-        f"{sum(one['false_stop'] for one in decided)}; nothing more to decide {len(stops) - len(decided)}, "
-        f"of these right later {sum(one['rows'] > 0 for one in stops if one['stopped'] == 'undecidable')}"
+        f"the loop stopped in {len(stops)} of {len(every)}: decided {len(decided)}, of these wrong "
+        f"{len(false)} (asked at most 3 %); nothing more to decide {len(stops) - len(decided)}, of these "
+        f"found by the fixed plan {len(early)}"
     )
-    promises = [(p, did) for one in lines for p, did in one["loop"]["promises"]]
-    if promises:
-        p, did = np.array(promises, dtype=np.float64).T
+    promises = np.array([both for one in every for both in one["loop"]["promises"]], dtype=np.float64)
+    if len(promises):
+        p, did = promises.T
         print(f"proposals: promised to settle {p.mean():.2f} of {len(p)}, did settle {did.mean():.2f}")
+    for one in every:
+        stop = f"{one['loop']['stopped']} {one['loop']['stopped_at']}"
+        print(f"  {one['truth']}: {[one[name]['rows'] for name in ways if name in one]} {stop}", end="")
+        print(f" {one['loop']['said'][-1][1:]}")
 
 
 def main() -> None:
     """Run or take up the study, and print it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--campaigns", type=int, default=300)
+    parser.add_argument("--campaigns", type=int, default=300, help="0: print what there is")
     parser.add_argument("--seed", type=int, default=20261125)
-    parser.add_argument("--robot", default="kr240-2", help="of the exam")
+    parser.add_argument("--robots", type=int, nargs="+", default=[2, 3, 4], help="joints: 2 to 4, or 6")
     parser.add_argument("--results", type=Path, help="JSON lines, taken up where they are there")
     options = parser.parse_args()
-    exam = Exam(seed=options.seed, shares={"single": 1}, robots=(options.robot,), lean=0.0)
     lines: list[dict[str, Any]] = []
     if options.results is not None and options.results.exists():
         lines = [json.loads(line) for line in options.results.read_text(encoding="utf-8").splitlines()]
     number = lines[-1]["case"] + 1 if lines else 0
     while len(lines) < options.campaigns:
-        case = drawn(exam, number)
+        case = drawn(options, number)
         if case is not None:
             try:
                 lines.append({"case": number, **study(case, options.seed + number)})
             except BeamstiffError as error:
-                print(f"case {number} ({case.truths[0].label}): {error}")
+                print(f"case {number}: {error}")
             else:
                 print(json.dumps(lines[-1]), flush=True)
                 if options.results is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
-from beamstiff.diagnosis.decision.verdict import SECOND, Judged, judge, larger_first
+from beamstiff.diagnosis.decision.verdict import SECOND, SLIGHT, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
 from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
@@ -52,7 +52,7 @@ from beamstiff.robot.description import Robot
 NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
 REPORTED = 8  # candidates whose held-out gap is computed
-RIVALS = 3  # candidates that the next measurements are to tell apart
+RIVALS = 3  # candidates that the next measurements are to tell apart at least
 LEAST_NONE = 0.05  # probability of no cause, from which it is one of them
 
 
@@ -361,9 +361,11 @@ def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:
-    """Return the effects to distinguish: the likeliest few."""
-    named = sorted(found.named, key=lambda key: judged.probabilities.get(key, 0.0), reverse=True)
-    return named[:RIVALS]
+    """Return the effects to distinguish: the likeliest few, and those that hardly are less likely."""
+    odds = judged.probabilities
+    named = sorted(found.named, key=lambda key: odds.get(key, 0.0), reverse=True)[:REPORTED]
+    near = [key for key in named if odds.get(key, 0.0) >= SLIGHT * odds.get(named[0], 0.0)]
+    return named[: max(len(near), RIVALS)]
 
 
 def _candidates(

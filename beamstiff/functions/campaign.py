@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import groupby
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from beamstiff.robot.coerce import RobotLike
 from beamstiff.shown import Shown
 
 ROWS = 10  # of a batch
-REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+ANYWHERE = 3 * ((-np.inf, np.inf),)  # within the joint limits, as a plan is
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,29 +119,7 @@ def campaign(
             0, None, None, rows, plan(machine, tests=rows, region=region, seed=seed).to_csv()
         )
     tables = as_tables(list(batches), machine)
-    found = diagnose(machine, tables, region=region, seed=seed)
-    found = replace(found, next=_batch(found, rows))
+    found = diagnose(machine, tables, region=region or ANYWHERE, batch=rows, seed=seed)
     count = sum(len(table) for table in tables)
     table = proposed_csv(found) if found.next else ""
     return CampaignState(count, found, outlook(found), len(found.next), table)
-
-
-def _batch(found: Diagnosis, rows: int) -> Sequence[Mapping[str, Any]]:
-    """Return so many rows of the proposal as a batch may have.
-
-    The best of each load cycle: more postures tell causes apart better than more loads at one. Whole cycles
-    where a cause that is to be distinguished remembers the loads before.
-    """
-    cycles = [list(one) for _, one in groupby(found.next, key=lambda row: row["q"])]
-    if not cycles:
-        return ()
-    if any(key.partition(":")[0] in REMEMBER for key in found.next[0]["separates"]):
-        count = np.cumsum([len(one) for one in cycles])
-        return [row for one in cycles[: max(int((count <= rows).sum()), 1)] for row in one]
-    cycles = cycles[:rows]
-    told: list[Mapping[str, Any]] = []
-    for one in cycles:
-        score = [-row["discrimination"] for row in one]
-        best = sorted(np.argsort(score, kind="stable")[: rows // len(cycles)].tolist())
-        told += [one[k] for k in best]
-    return told

@@ -30,6 +30,7 @@ def diagnose(
     without: Sequence[str] = (),
     prior: Mapping[str, float] | None = None,
     region: Sequence[tuple[float, float]] | None = None,
+    batch: int | None = None,
     seed: int = 0,
     stations: bool = False,
 ) -> Diagnosis:
@@ -48,6 +49,9 @@ def diagnose(
         ``effect:component``; what is not named keeps the default (`docs/diagnosis.md`).
     region : three pairs, m, optional
         Least and largest x, y, z of the TCP in what is proposed to measure next.
+    batch : int, optional
+        Rows to propose at most, single ones of load cycles where no cause remembers the loads before; else
+        load cycles.
     seed : int
         Of simulated campaigns and held-out postures.
     stations : bool
@@ -71,8 +75,7 @@ def diagnose(
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     doubts += displacement_doubts(machine, rows, fitted_names(machine))
-    if region is not None:
-        rows = replace(rows, region=tuple(region))
+    rows = replace(rows, region=None if region is None else tuple(region), batch=batch)
     with doubted(doubts):
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
         if known:  # so that geometry and measuring frame can be left open beside them

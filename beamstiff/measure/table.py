@@ -87,6 +87,8 @@ class Measurements:
         them.
     region : three pairs, m, or None
         Least and largest x, y and z of the TCP where it can be measured; None: not said.
+    batch : int or None
+        Rows that a proposal has at most; None: whole load cycles.
     sigma_load : float or None, N
         Standard deviation of the size of each load; `identify` counts it in.
     targets : tuple of Target
@@ -121,6 +123,7 @@ class Measurements:
     sources: tuple[str, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     region: tuple[tuple[float, float], ...] | None = None
+    batch: int | None = None
     sigma_load: float | None = None
     targets: tuple[Target, ...] = ()
 

@@ -183,14 +183,7 @@ def parts_of(baseline: Baseline, fits: Sequence[Fitted]) -> list[Array]:
     return parts
 
 
-def stacked_covariance(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
-    """Return the covariance (N, 6, 6) of what a fit predicts, for columns (N, 6, c) of each of its shapes."""
-    stacked = _stacked(baseline, fit, columns)
-    result: Array = stacked @ fit.covariance @ stacked.swapaxes(-1, -2)
-    return result
-
-
-def _stacked(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
+def stacked(baseline: Baseline, fit: Fitted, columns: Sequence[Array]) -> Array:
     """Return the columns (N, 6, t + c) of all that a fit holds, for those (N, 6, c) of each of its shapes."""
     sized = (part * one.hypothesis.sizes for part, one in zip(columns, fit.shapes, strict=True))
     return np.concatenate([baseline.tangent, *sized], axis=-1)
@@ -308,8 +301,8 @@ def _variance(
     """Return the variance (n, 6) of what fits say of some rows (N,), for columns (N, 6, c) of each shape."""
     result = np.zeros((int(rows.sum()), 6))
     for fit, own in zip(fits, columns, strict=True):
-        stacked = _stacked(baseline, fit, own)[rows]
-        result += fit.weight * ((stacked @ fit.covariance) * stacked).sum(axis=-1)
+        every = stacked(baseline, fit, own)[rows]
+        result += fit.weight * ((every @ fit.covariance) * every).sum(axis=-1)
     return result
 
 

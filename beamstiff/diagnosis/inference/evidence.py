@@ -224,13 +224,14 @@ def _log_density_given_share(
         if signed.size:
             parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
             upper[signed] = _log_upper(*parts, sizes[signed] / middle, middle)
-        for k in range(MAGNITUDES.size):
-            ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, S)
-            grown = ratio[:, :, None] * eigenvalues[:, None]  # (h, S, c)
-            loss = 0.5 * np.log1p(grown).sum(axis=2)[..., None]
-            factor = ratio[:, :, None] / (1 + grown)
-            explained = factor @ projected**2  # (h, S, d)
-            result[1 + stack.index, k] = averaged(total - explained, loss - upper[:, k, None])
+        # of many gaps one size at a time, to save memory
+        for k in np.split(np.arange(MAGNITUDES.size), 1 if gaps.shape[1] == 1 else MAGNITUDES.size):
+            ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, k, S)
+            grown = ratio[..., None] * eigenvalues[:, None, None]  # (h, k, S, c)
+            loss = 0.5 * np.log1p(grown).sum(axis=-1)[..., None]
+            factor = ratio[..., None] / (1 + grown)
+            explained = factor @ projected[:, None] ** 2  # (h, k, S, d)
+            result[1 + stack.index[:, None], k] = averaged(total - explained, loss - upper[:, k, None])
     return result
 
 
@@ -313,11 +314,14 @@ def _farthest(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.
     """
     weight = np.where(positive, np.maximum(pull, 0.0), 0.0)
     places = np.flatnonzero(positive.any(axis=0)).tolist()
-    for _ in range(SWEEPS):
+    for _ in range(SWEEPS if len(places) > 1 else 1):
+        before = weight.copy()
         for k in places:
             own = np.maximum(covariance[:, k, k], 1e-300)
             others = (covariance[:, k] * weight).sum(axis=-1) - own * weight[:, k]
             weight[:, k] = np.where(positive[:, k], np.maximum(-(mean[:, k] + others) / own, 0.0), 0.0)
+        if np.array_equal(weight, before):
+            break
     middle = (weight * mean).sum(axis=-1)
     spread = np.sqrt(np.maximum(((covariance @ weight[..., None])[..., 0] * weight).sum(axis=-1), 1e-300))
     result: Array = np.where(middle < 0, log_ndtr(middle / spread), 0.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,13 @@ from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.next_measurement.candidates import load_cycles, noise_of
 from beamstiff.diagnosis.next_measurement.test_plan import (
     DECIDES,
+    SETTLED,
+    Foretold,
+    Pair,
     Programme,
-    best_cycles,
-    discriminations,
+    best_rows,
     most_cycles,
+    ways_to_load,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import columns_at
@@ -33,29 +37,6 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
-
-
-@dataclass(frozen=True, eq=False)
-class Foretold:
-    """What one set of causes foretells of new rows.
-
-    Attributes
-    ----------
-    mean : (R, 3) array, m
-    matrix : (R, 3, p) array
-        Positions by parameters, open ones first.
-    covariance : (p, p) array
-        Of the parameters.
-    """
-
-    mean: Array
-    matrix: Array
-    covariance: Array
-
-    @property
-    def spread(self) -> Array:
-        """Covariance of what is foretold, (R, 3, 3)."""
-        return self.matrix @ self.covariance @ self.matrix.swapaxes(1, 2)
 
 
 def propose_between(found: Decomposition, seed: int) -> Programme | None:
@@ -71,18 +52,23 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     causes = (*found.causes, *found.unclear)
     if not causes:
         return None
-    rows, cycle, posture = load_cycles(found.model.baseline, seed)
+    batch = found.model.baseline.rows.batch
+    single = ways_to_load(batch, [cause.key for cause in causes]) == (True,)
+    rows, cycle, posture = load_cycles(found.model.baseline, seed, single)
+    most = most_cycles(batch, cycle)
     points, often = np.unique(found.model.baseline.rows.point, return_counts=True)
     rows = replace(rows, point=np.full(len(rows), points[np.argmax(often)]))
     sigma = np.median(found.model.baseline.sigma[:, :3], axis=0)
     noise = noise_of(rows, max(found.scatter, 1.0) * sigma)
     ahead = Ahead(found, rows)
-    score, separates = _apart(ahead, causes, noise)
+    pairs, separates = _pairs(ahead, causes)
+    picked, score = np.zeros(0, dtype=np.intp), np.zeros(0)
+    if pairs:
+        picked, score = best_rows(pairs, noise, cycle, most, posture)
     if score.sum() < DECIDES:
         forms = [form for cause in causes for form in cause.forms]
-        return _bounding(ahead.foretold(forms), rows, cycle, posture, noise)
-    picked = best_cycles(score, cycle, posture)
-    return Programme(subset(rows, picked), separates, score[picked])
+        return _bounding(ahead.foretold(forms), rows, cycle, most, posture, noise)
+    return Programme(subset(rows, picked), separates, score)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +122,10 @@ class Ahead:
         return Foretold(matrix @ theta, matrix, max(self.found.scatter, 1.0) ** 2 * covariance)
 
 
-def _apart(ahead: Ahead, causes: Sequence[Cause], noise: Array) -> tuple[Array, tuple[str, ...]]:
-    """Return how far each row (R,) is expected to tell causes from look-alikes, and which these are."""
-    score, separates = np.zeros(len(ahead.rows)), dict[str, None]()
-    for cause in causes:
+def _pairs(ahead: Ahead, causes: Sequence[Cause]) -> tuple[list[Pair], tuple[str, ...]]:
+    """Return causes beside their look-alikes as they foretell rows, and which these are."""
+    pairs, separates = list[Pair](), dict[str, None]()
+    for cause in (one for one in causes if one.probability < SETTLED):
         others = [form for one in causes if one is not cause for form in one.forms]
         explained = []
         for key, forms in [(cause.key, cause.forms), *((rival.key, (rival,)) for rival in cause.rivals)]:
@@ -151,14 +137,19 @@ def _apart(ahead: Ahead, causes: Sequence[Cause], noise: Array) -> tuple[Array, 
             continue
         share = (1.0 - cause.probability) / (len(explained) - 1)
         odds = [cause.probability, *[share] * (len(explained) - 1)]
-        means, spreads = [one.mean for _, one in explained], [one.spread for _, one in explained]
-        score += discriminations(odds, means, spreads, noise)
+        told = zip(odds, (one for _, one in explained), strict=True)
+        pairs += [(p * q, one, other) for (p, one), (q, other) in combinations(told, 2)]
         separates |= dict.fromkeys(key for key, _ in explained)
-    return score, tuple(separates)
+    return pairs, tuple(separates)
 
 
 def _bounding(
-    one: Foretold, rows: Measurements, cycle: NDArray[np.intp], posture: NDArray[np.intp], noise: Array
+    one: Foretold,
+    rows: Measurements,
+    cycle: NDArray[np.intp],
+    most: int,
+    posture: NDArray[np.intp],
+    noise: Array,
 ) -> Programme:
     """Return the cycles that bound the parameters best, each beside those before it."""
     scaled = one.matrix / noise[..., None]
@@ -167,7 +158,7 @@ def _bounding(
     chosen: list[int] = []
     told: list[float] = []
     free = dict(parts)
-    while free and len(chosen) < most_cycles(cycle):
+    while free and len(chosen) < most:
         gains = {k: _information(part, covariance) for k, part in free.items()}
         best = max(gains, key=gains.__getitem__)
         chosen.append(best)

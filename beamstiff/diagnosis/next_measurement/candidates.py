@@ -31,11 +31,14 @@ UNREAD = 1e6  # m: noise of a component that an instrument does not read
 APART = 1e-3  # m: nodes nearer than this are one place for a reflector
 
 
-def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
+def load_cycles(
+    baseline: Baseline, seed: int, single: bool = False
+) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
     """Return states at postures within the limits, nothing measured, the cycle and the posture of each.
 
-    A cycle is loaded along one axis of the base frame. Where the table has absolute positions and no loads,
-    it is one unloaded reading, at a posture that was not measured yet where there is one.
+    A cycle is loaded along one axis of the base frame; `single`: each load is a cycle by itself. Where the
+    table has absolute positions and no loads, it is one unloaded reading, at a posture that was not measured
+    yet where there is one.
     """
     rows, robot = baseline.rows, baseline.nominal
     loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
@@ -45,24 +48,26 @@ def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
     else:
         q, axes = np.concatenate([known[: POSES // 2], new]), AXES
         shares = ABSOLUTE if baseline.absolute else STEPS
+        shares = tuple(dict.fromkeys(shares)) if single else shares
     largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or LOAD
     largest = float(f"{largest:.3g}")
     if baseline.absolute and rows.targets and not rows.by_tracker.any():
         return _seated(baseline, POSES // len(rows.targets) + 1, seed)
     steps, cycles = len(shares), len(q) * axes
     direction = np.tile(np.repeat(np.eye(6)[:axes], steps, axis=0), (len(q), 1))
-    cycle = np.repeat(np.arange(cycles), steps)
+    cycle = np.arange(cycles * steps) if single else np.repeat(np.arange(cycles), steps)
+    of = np.repeat(np.arange(len(q)), axes * steps)
     proposed = empty_rows(
         rows,
         robot.tcp,
-        np.repeat(q, axes * steps, axis=0),
+        q[of],
         direction * (largest * np.tile(shares, cycles))[:, None] + 0.0,  # no -0
         pose=cycle,
-        step=np.tile(np.arange(steps), cycles),
+        step=np.zeros(len(of)) if single else np.tile(np.arange(steps), cycles),
         time=60.0 * np.arange(cycles * steps),
     )
     if not rows.targets or rows.by_tracker.any():
-        return proposed, cycle, cycle // axes
+        return proposed, cycle, of
     every, direction = _read_along(rows)  # each state is read by every gauge that the table has
     number = np.repeat(np.arange(len(proposed)), len(every))
     read = replace(
@@ -71,7 +76,7 @@ def load_cycles(baseline: Baseline, seed: int) -> tuple[Measurements, NDArray[np
         direction=np.tile(direction, (len(proposed), 1)),
         targets=rows.targets,
     )
-    return read, cycle[number], cycle[number] // axes
+    return read, cycle[number], of[number]
 
 
 def _read_along(rows: Measurements) -> tuple[NDArray[np.str_], Array]:

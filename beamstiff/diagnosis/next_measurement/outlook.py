@@ -1,27 +1,29 @@
 """What proposed states are expected to settle, and whether to stop.
 
 For the likeliest cause against its rivals, the log odds that new rows add are about normal, with mean
-``+-d^2/2`` and variance ``d^2`` (Wald, Sequential Analysis, 1947); ``d^2`` is the expected square of how far
-apart they foretell the rows, from their expected discrimination (`test_plan`). So follows how probable it is
-that the rows settle the matter, and that they turn it.
+``+-d^2/2`` and variance ``d^2`` (Wald, Sequential Analysis, 1947); ``d^2 / 8`` is by how much the rows lower
+the logarithm of the probability of erring between them (`test_plan`). A diagnosis divides log odds by a
+number that grows with what its cause explains, and so with the rows (`decision.verdict`). So follows how
+probable it is that the rows settle the matter, and that they turn it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from scipy.special import logit
 from scipy.stats import norm
 
+from beamstiff.diagnosis.decision.verdict import TEMPERING
 from beamstiff.diagnosis.result import Diagnosis
 
 DECIDED = 0.9  # probability of the likeliest cause, from which it is decided
 TURNS = 0.05  # probability that the proposal would turn it, up to which it is
 SETTLES = 0.05  # probability that `MANY` such proposals settle it, below which nothing more can be decided
 MANY = 10
-NONE_FOR = 4  # times the proposal's rows: so many must have shown nothing
+NOTHING = ("none", "unknown")  # that names no cause
+NONE_FOR = 4  # times the proposal's rows: so many must have named nothing
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Outlook:
     ever : float
         Probability that `MANY` such proposals settle it.
     enough : bool
-        Whether rows enough were read to say that nothing shows.
+        Whether rows enough were read to say that nothing shows, or nothing known.
     """
 
     leading: str
@@ -57,39 +59,47 @@ class Outlook:
     @property
     def decided(self) -> bool:
         """Whether a cause is decided, and the proposal would hardly change it."""
-        return self.probability >= DECIDED and self.turns <= TURNS and self.leading != "none"
+        return self.probability >= DECIDED and self.turns <= TURNS and self.leading not in NOTHING
 
     @property
     def undecidable(self) -> bool:
         """Whether nothing more can be decided with this instrument: its noise hides what there may be."""
-        if self.leading == "none":
+        if self.leading in NOTHING:
             return self.probability >= DECIDED and self.enough
-        return not self.decided and self.ever < SETTLES
+        return not self.decided and self.ever < SETTLES and self.enough
 
 
 def outlook(result: Diagnosis) -> Outlook:
     """Return what the proposal of a diagnosis is expected to settle."""
     leading, probability = result.verdict.key, result.verdict.probability
-    if leading.partition(":")[0] in ("none", "unknown"):
+    if result.verdict.effect in NOTHING:
         leading = result.verdict.effect
     separates = tuple(result.next[0]["separates"]) if result.next else ()
     told = sum(one["discrimination"] for one in result.next)
-    likely = [one.probability for one in result.candidates if one.key in separates]
-    weight = sum(a * b for a, b in combinations(likely, 2))
     # where nothing is to be distinguished, information in nats: at most so far apart
-    by = max(weight, probability * (1.0 - probability), 1e-3) if separates else 0.5
-    square = told / by
-    settles, turns = chances(probability, square)
-    enough = len(result.baseline.rows) >= NONE_FOR * max(len(result.next), 1)
-    return Outlook(
-        leading, probability, separates, settles, turns, chances(probability, MANY * square)[0], enough
-    )
+    square = (8.0 if separates else 2.0) * told
+    rows, evidence = len(result.baseline.rows), max(-result.features.get("unknown", 0.0), 0.0)
+
+    # a cause outside the library foretells nothing: its share stays, however far the others are told apart
+    outside = sum(one.probability for one in result.candidates if one.effect == "unknown" != leading)
+
+    def after(times: int) -> tuple[float, float]:
+        then = 1.0 + evidence * (1.0 + times * len(result.next) / rows) / TEMPERING
+        return chances(probability, times * square, 1.0 + evidence / TEMPERING, then, outside)
+
+    settles, turns = after(1)
+    enough = rows >= NONE_FOR * max(len(result.next), 1)
+    return Outlook(leading, probability, separates, settles, turns, after(MANY)[0], enough)
 
 
-def chances(probability: float, square: float) -> tuple[float, float]:
+def chances(
+    probability: float, square: float, divided: float = 1.0, then: float = 1.0, outside: float = 0.0
+) -> tuple[float, float]:
     """Return how probable it is that new rows settle which of two causes it is, and that they turn it.
 
     `probability`: of the leading one now. `square`: expected square of how far apart they foretell the rows.
+    `divided`, `then`: by what log odds are divided now, and with the rows. `outside`: probability that it is
+    neither, which stays.
 
     >>> settles, turns = chances(0.6, 25.0)
     >>> round(settles, 2), round(turns, 2)
@@ -97,11 +107,12 @@ def chances(probability: float, square: float) -> tuple[float, float]:
     >>> chances(0.6, 0.0)
     (0.0, 0.0)
     """
-    p = float(np.clip(probability, 1e-6, 1.0 - 1e-6))
+    p = float(np.clip(probability / max(1.0 - outside, 1e-6), 1e-6, 1.0 - 1e-6))
+    needed = DECIDED / max(1.0 - outside, 1e-6)
     spread = float(np.sqrt(max(square, 0.0)))
     if spread < 1e-9:
-        return float(p >= DECIDED), 0.0
-    now, wanted = logit(p), logit(DECIDED)
+        return float(p >= needed), 0.0
+    now, wanted = logit(p) * divided, logit(min(needed, 1.0)) * then
 
     def below(level: float, mean: float) -> float:
         return float(norm.cdf((level - now - mean) / spread))

@@ -1,10 +1,14 @@
 """What to measure next: the states where rival explanations predict what the noise cannot hide.
 
-Rivals i and j, fitted to the rows, predict displacements m_i and m_j of a new row with covariances S_i and
-S_j of their parameters. The expected discrimination of a row (Box & Hill, Technometrics 9 (1967) 57, with
-the covariance of the estimates) is::
+Explanations i and j, fitted to the rows, foretell new ones as normal, with means m and covariances V of their
+open parameters and the noise. Whoever decides between them after reading errs with a probability of at most
+``sqrt(p_i p_j) exp(-B_ij)`` (Bhattacharyya; Kailath, IEEE Trans. Commun. 15 (1967) 52), where::
 
-    sum over i < j  p_i p_j (m_i - m_j)^T (S_i + S_j + 2 sigma^2)^-1 (m_i - m_j)
+    B_ij = (m_i - m_j)^T V^-1 (m_i - m_j) / 8 + log(|V|^2 / (|V_i| |V_j|)) / 4,    V = (V_i + V_j) / 2
+
+Rows are chosen one after another, so that the sum over pairs falls most. That holds what those before tell
+(Kalman's update), and counts a row where a cause would show, if there, before any has shown. The
+discrimination of a row is by how much it lowers the logarithm of the sum.
 """
 
 from __future__ import annotations
@@ -16,8 +20,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.special import logsumexp
 
-from beamstiff.diagnosis.held_out.prediction import Fitted, Weighted, fitted, shift, stacked_covariance
+from beamstiff.diagnosis.held_out.prediction import Fitted, Weighted, fitted, shift, stacked
 from beamstiff.diagnosis.next_measurement.candidates import empty_rows, load_cycles, noise_of, reflector_nodes
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import Diagnosis, columns_at
@@ -29,8 +35,31 @@ from beamstiff.se3 import Array
 
 PROGRAMME = 6  # load cycles that are proposed, each in another posture
 READINGS = 12  # postures, where a cycle is one reading
+SETTLED = 0.9  # probability among its rivals from which a cause needs no second reflector
 WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
+REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+
+
+@dataclass(frozen=True, eq=False)
+class Foretold:
+    """What one explanation foretells of new rows.
+
+    Attributes
+    ----------
+    mean : (R, 3) array, m
+    matrix : (R, 3, p) array
+        Positions by parameters.
+    covariance : (p, p) array
+        Of the parameters.
+    """
+
+    mean: Array
+    matrix: Array
+    covariance: Array
+
+
+Pair = tuple[float, Foretold, Foretold]  # two explanations to tell apart, with what that counts
 
 
 @dataclass(frozen=True)
@@ -81,74 +110,146 @@ def propose_tests(
     """
     if len(rivals) < 2:
         return None
-    rows, cycle, posture = load_cycles(baseline, seed)
     fits = [_rival(baseline, used, *rival, scale) for rival in rivals]
-    score, separates = discrimination(baseline, rows, fits, scale)
-    if len(separates) < 2:
+    noise = scale * np.median(baseline.sigma[:, :3], axis=0)
+    found = []
+    for single in ways_to_load(baseline.rows.batch, [key for key, _, _ in rivals]):
+        rows, cycle, posture = load_cycles(baseline, seed, single)
+        pairs, separates = foretold_pairs(baseline, rows, fits)
+        if pairs:
+            most = most_cycles(baseline.rows.batch, cycle)
+            picked, score = best_rows(pairs, noise_of(rows, noise), cycle, most, posture)
+            found.append(Programme(subset(rows, picked), separates, score))
+    if not found:
         return None
-    picked = best_cycles(score, cycle, posture)
-    found = Programme(subset(rows, picked), separates, score[picked])
-    return _with_a_second_reflector(found, baseline, fits, scale)
+    best = max(found, key=lambda one: one.score.sum())
+    return _with_a_second_reflector(best, baseline, fits, noise)
 
 
-def best_cycles(score: Array, cycle: NDArray[np.intp], posture: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the rows of the load cycles that tell most, (k,), the best first, each of another posture."""
-    whole = np.bincount(cycle, weights=score)
-    chosen: list[int] = []
-    for k in np.argsort(-whole, kind="stable").tolist():
-        if posture[cycle == k][0] not in [posture[cycle == other][0] for other in chosen]:
-            chosen.append(k)
-        if len(chosen) == most_cycles(cycle):
-            break
-    return np.concatenate([np.flatnonzero(cycle == k) for k in chosen])
+def ways_to_load(batch: int | None, causes: Sequence[str]) -> tuple[bool, ...]:
+    """Return whether postures are loaded once (True), in a cycle (False), or the better of the two.
+
+    Of so many rows as a batch has, single loads tell more, since there are more postures; but the answer of
+    some causes depends on the loads before.
+    """
+    if batch is None:
+        return (False,)
+    return (True, False) if any(key.partition(":")[0] in REMEMBER for key in causes) else (True,)
 
 
-def most_cycles(cycle: NDArray[np.intp]) -> int:
+def most_cycles(batch: int | None, cycle: NDArray[np.intp]) -> int:
     """Return how many load cycles are proposed: more where each is one reading."""
-    return READINGS if np.unique(cycle).size == cycle.size else PROGRAMME
+    count = len(cycle) // (int(cycle.max()) + 1)
+    if batch is not None:
+        return max(batch // count, 1)
+    return READINGS if count == 1 else PROGRAMME
 
 
-def discrimination(
-    baseline: Baseline, rows: Measurements, rivals: Sequence[Rival], scale: float
-) -> tuple[Array, tuple[str, ...]]:
-    """Return how far each row is expected to tell rivals apart (R,), and which of them can be foretold."""
+def best_rows(
+    pairs: Sequence[Pair], noise: Array, group: NDArray[np.intp], most: int, posture: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], Array]:
+    """Return the rows that tell pairs apart best, (k,), and what each adds to those before it, (k,).
+
+    Parameters
+    ----------
+    pairs : sequence of (float, Foretold, Foretold)
+        With the product of their probabilities.
+    noise : (R, 3) array, m
+        Standard deviation of a reading.
+    group : (R,) array of int
+        Rows that are read together, equally many in each, from 0.
+    most : int
+        Groups to choose, each of another posture where there are enough.
+    posture : (R,) array of int
+    """
+    of = np.argsort(group, kind="stable").reshape(int(group.max()) + 1, -1)  # (G, g)
+    read = np.eye(3 * of.shape[1]) * noise[of].reshape(len(of), 1, -1) ** 2
+    told = [_Told(weight, one, other, of) for weight, one, other in pairs]
+    chosen: list[int] = []
+    score: list[Array] = []
+    free = np.ones(len(of), dtype=np.bool_)
+    while len(chosen) < min(most, len(of)):
+        before = logsumexp([one.bound for one in told])
+        after = logsumexp([one.bound - one.adds(read).cumsum(axis=1) for one in told], axis=0)  # (G, g)
+        best = int(np.argmin(np.where(free, after[:, -1], np.inf)))
+        chosen.append(best)
+        score.append(-np.diff(after[best], prepend=before))
+        for one in told:
+            one.take(best, read)
+        free &= posture[of[:, 0]] != posture[of[best, 0]]
+        if not free.any():
+            free[:] = True
+            free[chosen] = False
+    return of[chosen].ravel(), np.concatenate(score)
+
+
+class _Open:
+    """Parameters that are open, and what groups of rows read of them, (G, 3 g, p)."""
+
+    def __init__(self, matrix: Array, covariance: Array) -> None:
+        self.matrix, self.covariance = matrix, covariance
+
+    def root(self, read: Array) -> Array:
+        """Return Cholesky's factor of the covariance of each group, (G, 3 g, 3 g)."""
+        spread = self.matrix @ self.covariance @ self.matrix.swapaxes(1, 2)
+        return np.asarray(np.linalg.cholesky(spread + read))
+
+    def take(self, group: int, read: Array) -> Array:
+        """Go on from what a group tells; return the gain (p, 3 g)."""
+        seen = self.matrix[group] @ self.covariance
+        gain: Array = np.linalg.solve(seen @ self.matrix[group].T + read[group], seen).T
+        self.covariance = self.covariance - gain @ seen
+        return gain
+
+
+class _Told:
+    """Two explanations: the bound of the error between them, beside the groups of rows that are taken."""
+
+    def __init__(self, weight: float, one: Foretold, other: Foretold, of: NDArray[np.intp]) -> None:
+        self.bound = 0.5 * float(np.log(max(weight, 1e-300)))  # log
+        self.apart = (one.mean - other.mean)[of].reshape(len(of), -1)
+        single = [(each.matrix[of].reshape(*self.apart.shape, -1), each.covariance) for each in (one, other)]
+        (a, p), (b, q) = single
+        self.single = [_Open(*each) for each in single]
+        self.both = _Open(np.concatenate([a, -b], axis=2), 0.5 * block_diag(p, q))
+        self.known = np.zeros(len(self.both.covariance))  # of the parameters, by the groups taken
+
+    def adds(self, read: Array) -> Array:
+        """Return what each row of each group adds to B, (G, g)."""
+        root = self.both.root(read)
+        off = np.linalg.solve(root, (self.apart - self.both.matrix @ self.known)[..., None])[..., 0]
+        sizes = [
+            np.log(np.diagonal(each, axis1=1, axis2=2))
+            for each in (root, *(o.root(read) for o in self.single))
+        ]
+        every = off**2 / 8.0 + sizes[0] - 0.5 * (sizes[1] + sizes[2])
+        return np.asarray(every.reshape(len(off), -1, 3).sum(axis=2))
+
+    def take(self, group: int, read: Array) -> None:
+        """Go on from what a group tells."""
+        self.bound -= float(self.adds(read)[group].sum())
+        off = self.apart[group] - self.both.matrix[group] @ self.known
+        self.known = self.known + self.both.take(group, read) @ off
+        for one in self.single:
+            one.take(group, read)
+
+
+def foretold_pairs(
+    baseline: Baseline, rows: Measurements, rivals: Sequence[Rival]
+) -> tuple[list[Pair], tuple[str, ...]]:
+    """Return the pairs of rivals as they foretell rows, and which of them can be foretold."""
     there = at_rows(baseline, rows)
-    told, means, covariances = [], [], []
+    told: list[tuple[Rival, Foretold]] = []
     for rival in rivals:
         try:
             columns = [columns_at(there, one.hypothesis) for one in rival.fit.shapes]
         except BeamstiffError:  # what it would be there is not known
             continue
-        told.append(rival)
-        means.append(shift(there, [rival.fit], [columns])[:, :3])
-        covariances.append(stacked_covariance(there, rival.fit, columns)[:, :3, :3])
-    if not told:
-        return np.zeros(len(rows)), ()
-    noise = noise_of(rows, scale * np.median(baseline.sigma[:, :3], axis=0))
-    odds = [rival.probability for rival in told]
-    return discriminations(odds, means, covariances, noise), tuple(rival.key for rival in told)
-
-
-def discriminations(
-    odds: Sequence[float], means: Sequence[Array], covariances: Sequence[Array], noise: Array
-) -> Array:
-    """Return the expected discrimination of each row, (R,).
-
-    Parameters
-    ----------
-    odds : sequence of float
-        Probability of each rival.
-    means, covariances : sequence of (R, 3) and (R, 3, 3) array, m and m^2
-        What each foretells of the rows.
-    noise : (3,) or (R, 3) array, m
-        Standard deviation of a reading.
-    """
-    score, read = np.zeros(len(means[0])), 2 * np.eye(3) * noise[..., None, :] ** 2
-    for i, j in combinations(range(len(odds)), 2):
-        apart, total = means[i] - means[j], covariances[i] + covariances[j] + read
-        square = np.einsum("na,na->n", apart, np.linalg.solve(total, apart[..., None])[..., 0])
-        score += odds[i] * odds[j] * square
-    return score
+        mean = shift(there, [rival.fit], [columns])[:, :3]
+        matrix = stacked(there, rival.fit, columns)[:, :3]
+        told.append((rival, Foretold(mean, matrix, rival.fit.covariance)))
+    pairs = [(a.probability * b.probability, x, y) for (a, x), (b, y) in combinations(told, 2)]
+    return pairs, tuple(rival.key for rival, _ in told)
 
 
 def _rival(
@@ -164,23 +265,30 @@ def _rival(
 
 
 def _with_a_second_reflector(
-    found: Programme, baseline: Baseline, rivals: Sequence[Rival], scale: float
+    found: Programme, baseline: Baseline, rivals: Sequence[Rival], noise: Array
 ) -> Programme:
     """Return a test plan with a second reflector where one tells far more than the TCP does."""
-    nodes, states = reflector_nodes(baseline), np.arange(len(found.rows))
-    if not nodes:
+    nodes, batch = reflector_nodes(baseline), baseline.rows.batch
+    states = np.arange(len(found.rows) if batch is None else max(batch // 2, 1))[: len(found.rows)]
+
+    def read_at(states: NDArray[np.intp], points: Sequence[str], read_together: int) -> Programme:
+        """Return the states, each read at its point; of readings that come together the best."""
+        rows = replace(subset(found.rows, states), point=np.array(points))
+        pairs, separates = foretold_pairs(baseline, rows, rivals)
+        group = np.arange(len(rows)) // read_together
+        picked, score = best_rows(pairs, noise_of(rows, noise), group, 1, np.zeros_like(group))
+        return Programme(subset(rows, picked), separates, score)
+
+    odds = [rival.probability for rival in rivals]
+    if not nodes or max(odds) >= SETTLED * sum(odds):
         return found
-    elsewhere = replace(
-        subset(found.rows, np.tile(states, len(nodes))), point=np.repeat(np.array(nodes), len(states))
-    )
-    told, separates = discrimination(baseline, elsewhere, rivals, scale)
-    by_node = told.reshape(len(nodes), -1)
-    best = int(np.argmax(by_node.sum(axis=1)))
-    if separates != found.separates or by_node[best].sum() < max(DECIDES, WORTH * found.score.sum()):
+    count = len(states)
+    best = read_at(np.tile(states, len(nodes)), np.repeat(nodes, count).tolist(), count)
+    told = best.score.sum()
+    if best.separates != found.separates or told < max(DECIDES, WORTH * found.score.sum()):
         return found
-    point = np.tile([baseline.nominal.tcp, nodes[best]], len(states))
-    rows = replace(subset(found.rows, np.repeat(states, 2)), point=point)
-    return Programme(rows, separates, np.stack([found.score, by_node[best]], axis=1).ravel())
+    both = [baseline.nominal.tcp, str(best.rows.point[0])]
+    return read_at(np.repeat(states, 2), both * count, 2 * count)
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from beamstiff.diagnosis.held_out.prediction import (
     held_out,
     shift,
     solve,
-    stacked_covariance,
+    stacked,
 )
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.baseline import Baseline
@@ -186,7 +186,8 @@ def test_a_fit_is_generalised_least_squares_with_a_prior_of_the_effects_size(sha
     np.testing.assert_allclose(found.covariance, inverse, rtol=1e-6, atol=1e-12 * np.abs(inverse).max())
     moved = shift(there, [found], [[one.hypothesis.shape.columns]])
     np.testing.assert_allclose(moved.ravel(), columns @ theta, rtol=1e-6, atol=1e-12)
-    spread = stacked_covariance(there, found, [one.hypothesis.shape.columns])
+    every = stacked(there, found, [one.hypothesis.shape.columns])
+    spread = every @ found.covariance @ every.swapaxes(1, 2)
     expected = columns[:6] @ inverse @ columns[:6].T
     np.testing.assert_allclose(spread[0], expected, rtol=1e-5, atol=1e-9 * np.abs(expected).max())
 
