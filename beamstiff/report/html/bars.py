@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, floor, log10
 from typing import Any
 
 from beamstiff.report.html.parts import axis, css, label, plain_layout, scatter
 
 ROW = 30  # px
-DECADES = 4  # ticks of a logarithmic axis at most
+DECADES = 4  # ticks of a logarithmic axis at most, and of intervals: a phone's labels must not meet
 WIDEST = 34  # characters of a name
 
 
@@ -79,11 +79,18 @@ def intervals(
     x, texts = [values[at] for at in known], [label(names[at]) for at in known]
     hover = "%{text}: %{x:.4g}<extra></extra>"
     traces.append(scatter(x, known, "identified", hover, ("circle", "blue", 10), text=texts))
-    more: dict[str, Any] = {}
+    more: dict[str, Any] = {"nticks": DECADES}
     if log:
         seen = [one for pair in ends for one in pair if one is not None and one > 0.0] + [v for v in x if v]
         more = {"type": "log", **({"tickvals": log_ticks(min(seen), max(seen))} if seen else {})}
     return traces, named_rows(names, title, exponentformat="SI", **more)
+
+
+def log_axis(title: str, traces: Sequence[Mapping[str, Any]], way: str = "y") -> dict[str, Any]:
+    """Return the logarithmic axis of traces, with a few round numbers: plotly's own labels overlap."""
+    known = [value for one in traces for value in one[way] if value and value > 0.0]
+    ticks = {"tickvals": log_ticks(min(known), max(known))} if known else {}
+    return axis(title, type="log", exponentformat="power", **ticks)
 
 
 def log_ticks(low: float, high: float) -> list[float]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from beamstiff.report.html.bars import log_axis
 from beamstiff.report.html.parts import (
     MARGIN,
     Figure,
@@ -38,7 +38,7 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
     layout = plain_layout(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(f"error, {unit}", type="log", exponentformat="power"),
+        xaxis=log_axis(f"error, {unit}", traces, "x"),
         yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
     )
     return Figure(key, title, caption, traces, layout)
@@ -54,13 +54,13 @@ def along(
     texts: Sequence[str] | str,
     lines: bool = False,
     marks: Sequence[tuple[str, str]] = BEFORE_AFTER,
-    **more: Any,
+    log: bool = False,
 ) -> Figure:
     """Return values along something, a curve (or marks) by name.
 
     `x` (n,), or str: a name of an array that the page holds. `values` (n,). `axes`: what is drawn across and
     up. `texts`: what each point is; a name of an array that the page holds. `lines`: join the points.
-    `marks`: symbol and colour of each; default: those of before and after. `more`: of the axis of values.
+    `marks`: symbol and colour of each; default: those of before and after.
     """
     across = shared(x) if isinstance(x, str) else numbers(x)
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
@@ -75,6 +75,6 @@ def along(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
         xaxis=axis(axes[0]),
-        yaxis=axis(axes[1], exponentformat="power", **more),
+        yaxis=log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power"),
     )
     return Figure(key, title, caption, traces, layout)
