@@ -31,7 +31,8 @@ def models_told(models: Models) -> Iterator[RenderableType]:
     yield from models_verdict(models).lines()
     yield models_table(models, f"{name}position error, RMS / max, mm")
     yield ""
-    yield from (loads_table(models, "Held-out rows, by load: RMS / max, mm"), "", *models_text(models))
+    yield loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    yield from ("", *models_text(models))
 
 
 def models_table(models: Models, title: str) -> Table:

@@ -34,8 +34,10 @@ def calibration_told(found: Calibration) -> Iterator[RenderableType]:
     yield parameters_table(found, f"{found.robot.name}: calibrated geometry")
     yield ""
     if (dependent := dependent_table(found)) is not None:
-        yield from (dependent, "")
-    yield from (errors_table(found), "", *calibration_text(found))
+        yield dependent
+        yield ""
+    yield errors_table(found)
+    yield from ("", *calibration_text(found))
 
 
 def parameters_table(found: Calibration, title: str) -> Table:
