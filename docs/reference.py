@@ -231,7 +231,7 @@ def effect_sections() -> Iterator[str]:
         alike = ", ".join(effect.look_alikes) or "none"
         text = (
             f"### {effect.name}\n\n{effect.meaning} Component: {where}. Look-alikes: {alike}. To "
-            f"identify it, measure {effect.separation}."
+            f"check it: {effect.separation}."
         )
         rows = [
             f"| {name} | {', '.join(dict.fromkeys(some[:8]))}{' ...' if len(some) > 8 else ''} |"

@@ -87,13 +87,7 @@ def calibrate(
     from beamstiff.measure.coerce import as_tables, refuse_fitted
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
-    from beamstiff.report.geometry import (
-        calibration_text,
-        calibration_verdict,
-        dependent_table,
-        errors_table,
-        parameters_table,
-    )
+    from beamstiff.report.geometry import calibration_told
     from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
@@ -126,11 +120,7 @@ def calibrate(
         )
     assert found.rows is not None
     assert found.statement is not None
-    shown: list[Any] = [*calibration_verdict(found, found.rows).lines()]
-    shown += [parameters_table(found, f"{machine.name}: calibrated geometry"), ""]
-    if (dependent := dependent_table(found)) is not None:
-        shown += [dependent, ""]
-    outputs.result(found.notes, [*shown, errors_table(found), "", *calibration_text(found)], found.to_dict())
+    outputs.result(found.notes, calibration_told(found), found.to_dict())
     if out is not None:
         write(out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n"))
     if readings is not None:

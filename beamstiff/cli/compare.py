@@ -80,7 +80,7 @@ def compare(
     from beamstiff.functions.fitted import best_of, judged_notes, robot_with
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.compare import loads_table, models_figure, models_table, models_text, models_verdict
+    from beamstiff.report.compare import models_figure, models_told
     from beamstiff.robot.yaml_edit import robot_yaml
 
     names = parse_names(models, "--models")
@@ -105,17 +105,9 @@ def compare(
             seed=seed,
             separate=separate,
         )
-    tables = (
-        models_table(found, f"{machine.name}: position error, RMS / max, mm"),
-        loads_table(found, "Rows not fitted, by load: RMS / max, mm"),
-    )
     judged = judged_notes(found)
     worse = [text for text in judged if "worse" in text]
-    outputs.result(
-        [*found.notes, *worse],
-        [*models_verdict(found).lines(), tables[0], "", tables[1], "", *models_text(found)],
-        found.to_dict(),
-    )
+    outputs.result([*found.notes, *worse], models_told(found), found.to_dict())
     if out is not None:
         best = best_of(found)
         robot_found = robot_with(found, best)

@@ -146,12 +146,8 @@ def compensate(
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.compensation import (
         compensation_figure,
-        compensation_table,
-        compensation_text,
-        compensation_verdict,
+        compensation_told,
         learned_head,
-        learned_table,
-        uncorrected_table,
     )
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
@@ -204,13 +200,8 @@ def compensate(
             ran=ran or (),
             **given,
         )
-    lost = [uncorrected_table(result)] if result.correction.reasons else []
-    refused = bool(lost) and unreachable == REFUSE
-    shown: list[Any] = [] if refused else [compensation_table(result), compensation_text(result)]
-    if result.learned is not None:
-        shown.insert(0, learned_table(result.learned))
-    head = compensation_verdict(result).lines()
-    outputs.result(result.notes, [*head, *lost, *shown], result.to_dict())
+    refused = bool(result.correction.reasons) and unreachable == REFUSE
+    outputs.result(result.notes, compensation_told(result, refused), result.to_dict())
     if learned is not None and result.learned is not None:
         write(learned, process_to_yaml(result.learned.process, learned_head(result.learned)))
     if refused:

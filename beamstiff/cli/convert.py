@@ -77,7 +77,7 @@ def convert(
         "NAME=VALUE", "Of a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
     ),
     point: list[str] | None = option(
-        "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are left out then."
+        "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are ignored then."
     ),
     skip: list[str] | None = option("TOPIC", "Of a bag: leave this out; repeatable."),
     lag: str | None = option(

@@ -10,8 +10,6 @@ from beamstiff.cli.output import Outputs, optional_file, working, write
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from beamstiff.measure.table import Measurements
     from beamstiff.robot.description import Robot
 
@@ -58,7 +56,7 @@ def deflect(
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure import measurements_to_csv
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.deflection import deflection_table, deflection_text, deflection_verdict
+    from beamstiff.report.deflection import deflection_told
     from beamstiff.robot.stiffness import check_stiffness
 
     machine = as_robot(robot, assembly=assembly)
@@ -73,9 +71,7 @@ def deflect(
     shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows"):
         found = predict(machine, loads, preload=preload)
-        said = deflection_text(found)  # of numbers that may overflow
-        verdict = deflection_verdict(found)
-    shown: list[RenderableType] = [*verdict.lines(), deflection_table(found), "\n".join(said)]
+        shown = list(deflection_told(found))  # of numbers that may overflow
     outputs.result(found.notes, shown, found.to_dict())
     if out is not None:
         write(out, measurements_to_csv(found.to_measurements(), machine))

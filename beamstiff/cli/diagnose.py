@@ -80,6 +80,7 @@ def diagnose(
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
     from beamstiff.report.diagnosis_text import LIKELY, undecided_text
+    from beamstiff.report.diagnosis_words import in_words
 
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
@@ -111,16 +112,20 @@ def diagnose(
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
             names = ", ".join(Path(path).name for path in data)
             doubt = "" if result.decomposition is None else undecided_text(result.decomposition)
+            kept = {one.effect for one in larger.effects}
+            found = () if result.decomposition is None else result.decomposition.causes
+            lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
+            measuring = f"; {lost} is of measuring, not of the robot" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
             if simulator:
-                text, lost = applied_text(larger, apply, file)
-                for item in lost:
+                text, losses = applied_text(larger, apply, file)
+                for item in losses:
                     note(item)
             else:  # the error's text is one line
                 text = robot_yaml(larger, file, written_std(larger), f"# {head}\n{below}")
-            write(apply, text, f"the fitted stiffness, and {added} added", as_it_is=simulator)
+            write(apply, text, f"the fitted stiffness, and {added} added{measuring}", as_it_is=simulator)
             if doubt:
                 note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:

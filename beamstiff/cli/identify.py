@@ -125,18 +125,11 @@ def identify(
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
     """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
-    from beamstiff.functions.checks import effects_text, whole
+    from beamstiff.functions.checks import whole
     from beamstiff.functions.identify import identify as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.identification import (
-        combinations_text,
-        front_table,
-        identification_table,
-        identification_text,
-        identification_verdict,
-        method_text,
-    )
+    from beamstiff.report.identification import identification_told
     from beamstiff.report.residuals import front_figure, residual_figure
     from beamstiff.robot.yaml_edit import robot_yaml
 
@@ -185,21 +178,14 @@ def identify(
         )
     fitted = found.rows
     assert fitted is not None
-    table = identification_table(found, machine, f"{machine.name}: identified stiffness")
-    texts = [*combinations_text(found), identification_text(found, fitted, folds), method_text(found)]
-    if machine.effects:
-        texts.append(f"The fit includes the robot's effects unchanged: {effects_text(machine.effects)}.")
-    if (points := found.front) is not None:
-        texts += ["", front_table(points)]
-    verdict = identification_verdict(found, fitted)
-    outputs.result(found.notes, [*verdict.lines(), table, "", *texts], found.to_dict())
+    outputs.result(found.notes, identification_told(found, folds), found.to_dict())
     if out is not None:
         write(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
         write(reduce, robot_yaml(found.reduced.robot, file, head=head))
     outputs.draw("figure", lambda: residual_figure(found, fitted, machine.name))
-    if points is not None:
+    if (points := found.front) is not None:
         outputs.draw("front", lambda: front_figure(points, machine.name))
     outputs.page("identification", found, machine, fitted, folds=folds)
     if found.interrupted:

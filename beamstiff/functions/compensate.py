@@ -355,7 +355,7 @@ def _notes(
             f"its standard deviation: {listed(names, 5)}"
         )
     if machine.set_aside:
-        said.append(f"{effects_text(machine.set_aside)}: of measuring, which moves no tool: left out")
+        said.append(f"{effects_text(machine.set_aside)} is of measuring and moves no tool: ignored")
     if machine.real.model is not None:
         said.append(
             f"by the robot's model ({machine.real.model.kind}), fitted to {machine.real.model.source}"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.console import RenderableType
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.functions.checks import effects_text
@@ -22,6 +23,16 @@ from beamstiff.se3 import Array
 AXES = ("x", "y", "z")
 COLUMNS = 3  # of maps side by side
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+
+def models_told(models: Models) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of models side by side."""
+    name = "" if models.robot is None else f"{models.robot.name}: "
+    yield from models_verdict(models).lines()
+    yield models_table(models, f"{name}position error, RMS / max, mm")
+    yield ""
+    yield loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    yield from ("", *models_text(models))
 
 
 def models_table(models: Models, title: str) -> Table:
@@ -172,7 +183,7 @@ def _by_load(axes: Axes, shown: Sequence[Judged], models: Models) -> None:
         drawn = [np.nan if value is None else 1e3 * value for value in values]
         axes.plot([split.loads[at] for at in levels], drawn, marker=marker, label=one.name, linewidth=1)
     axes.set_xlabel(f"load, {split.unit}")
-    axes.set_ylabel("RMS of rows not fitted, mm")
+    axes.set_ylabel("held-out RMS, mm")
     axes.set_ylim(bottom=0.0)
     axes.legend(frameon=False, fontsize="small")
     plain(axes)

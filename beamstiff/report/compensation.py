@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.console import RenderableType
 
 from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
@@ -19,9 +20,20 @@ from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plai
 from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
 from beamstiff.report.verdict import Verdict, rounded
 
-NOTHING = 1e-6  # mm
+NOTHING, LEAST = 1e-6, 0.001  # mm: what is rounding, what no robot reaches
 UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
+
+
+def compensation_told(result: Compensated, refused: bool = False) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a corrected path, or of one that is `refused`."""
+    yield from compensation_verdict(result).lines()
+    if result.correction.reasons:
+        yield uncorrected_table(result)
+    if result.learned is not None:
+        yield learned_table(result.learned)
+    if not refused:
+        yield from (compensation_table(result), compensation_text(result))
 
 
 def compensation_table(result: Compensated, some: Sequence[int] | None = None) -> Table:
@@ -120,7 +132,7 @@ def compensation_verdict(result: Compensated) -> Verdict:
 
 
 def _mm(size: float) -> str:
-    return rounded(size) if size > NOTHING else "0"
+    return "0" if size <= NOTHING else rounded(size) if size >= LEAST else f"under {LEAST}"
 
 
 def robots_text(machine: Machine) -> str:
@@ -131,7 +143,7 @@ def robots_text(machine: Machine) -> str:
     if real == machine.controller.name:  # one robot, in two files
         known = effects_text(machine.actual.effects)
         real = f"{real} as --actual describes it" + (f", with {known}" if known else "")
-    return f"the controller takes {machine.controller.name} for true, the real robot is {real}"
+    return f"the controller assumes {machine.controller.name}, the real robot is {real}"
 
 
 def compensation_text(result: Compensated) -> str:

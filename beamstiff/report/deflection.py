@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from rich.console import RenderableType
 
 from beamstiff.functions.checks import effects_text
 from beamstiff.functions.predict import Prediction
@@ -13,6 +16,12 @@ from beamstiff.se3 import Array
 
 ROUNDING = 1e-12
 UNITS = ("mm",) * 3 + ("mrad",) * 3
+
+
+def deflection_told(found: Prediction) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of predicted displacements."""
+    yield from deflection_verdict(found).lines()
+    yield from (deflection_table(found), "\n".join(deflection_text(found)))
 
 
 def deflection_table(found: Prediction) -> Table:

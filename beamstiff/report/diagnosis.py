@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from re import Match
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +28,6 @@ from beamstiff.report.diagnosis_words import (
     one_posture,
     percent,
     percents,
-    second,
     told,
 )
 from beamstiff.report.tables import Column, Table, add_rows, scale_of, table, worth
@@ -45,6 +46,7 @@ PARTS_OF_GAP = {
 }
 LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
 CAUSES = "Causes, each added to those above it"
+POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
 
@@ -114,7 +116,8 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = "Probability: that the cause, or one of the same mechanics, is really there."
+    said = "Probability: that the cause, or one of the same mechanics, is really there"
+    said += " (the verdict's: that it is also the largest)." if found.verdict else "."
     if any(one.indistinguishable for one in found.causes):
         said += " Which of a cause and those that it is indistinguishable from acts, these data leave open."
     return said
@@ -138,10 +141,9 @@ def steps(result: Diagnosis) -> dict[str, float]:
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
     """Return the candidates with their probability, and how far the gap closes with each."""
     probability = (Column("probability", only="console"), Column("probability", only="page"))
-    rest = ("shape", "gap after", "closes", "90 %")
-    made = table(title, *(Column(name, left=True) for name in ("effect", "component")), *probability, *rest)
+    heads = (Column("shape", left=True), "gap after", "closes", "90 %")
+    made = table(title, Column("cause", left=True), *probability, *heads)
     for one in some:
-        effect, component = causes_of(one, result)
         cells = ["-", "-", "-"]
         if one.shrink is not None and not one_posture(result):
             cells = [
@@ -150,7 +152,7 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
                 percents(one.shrink.interval),
             ]
         said = (f"{one.probability:.3f}", f"{100 * one.probability:.1f} %")
-        made.add_row(effect, component, *said, one.shape, *cells)
+        made.add_row(in_full(one, result), *said, one.shape, *cells)
     return made
 
 
@@ -187,8 +189,13 @@ def gap_tables(result: Diagnosis) -> Table:
     made = table(title, "by", "part", "mm", left=2)
     for key, name in PARTS_OF_GAP.items():
         by = name.removeprefix("By ").removeprefix("Over ").lower()
-        add_rows(made, ([by, part, f"{value:.3f}"] for part, value in result.where.get(key, {}).items()))
+        values = result.where.get(key, {}).items()
+        add_rows(made, ([by, POWER.sub(_spelled, part), f"{value:.3f}"] for part, value in values))
     return made
+
+
+def _spelled(power: Match[str]) -> str:
+    return f"{float(power[0]):.0f}"
 
 
 def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
@@ -209,16 +216,13 @@ def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
     size = 0.0 if abs(item.value) < DUST * item.std else item.value
     factor, unit = scale_of([size, item.std, *item.realistic], item.unit)
-    low, high = (f"{factor * one:.2g}" for one in item.realistic)
+    low, high = (POWER.sub(_spelled, f"{factor * one:.2g}") for one in item.realistic)
     return item.name, *worth(factor * size, factor * item.std), f"{low} to {high}", unit
 
 
-def causes_of(one: Candidate, result: Diagnosis) -> tuple[str, str]:
-    """Return effect and component of a candidate, of the verdict with those of the second cause."""
-    also, component = second(result), one.component or "-"
-    if also is None or one.key != result.verdict.key:
-        return one.effect, component
-    return f"{one.effect} and {also.effect}", f"{component} and {also.component or '-'}"
+def in_full(one: Candidate, result: Diagnosis) -> str:
+    """Return a candidate in words, the verdict with its second cause."""
+    return causes(result) if one.key == result.verdict.key else named(one)
 
 
 def diagnosis_figure(result: Diagnosis) -> Figure:
@@ -240,7 +244,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
         shown = likely(result, SHOWN)[::-1]
-        axes[0].barh([named(one) for one in shown], [one.probability for one in shown], color=BLUE)
+        axes[0].barh([in_full(one, result) for one in shown], [one.probability for one in shown], color=BLUE)
         axes[0].set(title="Which", xlabel="probability", xlim=(0, 1))
     places = result.where.get("components", [])[:SHOWN][::-1]
     share = [item["share"] for item in places]

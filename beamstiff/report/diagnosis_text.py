@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.effects import EFFECTS
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
+OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
+ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 SQUARES = "Percentages are of the mean square above noise: 75 % closed halves the gap."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
@@ -96,19 +99,45 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == NOTHING.capitalize():
         return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
     to_check = [one for one in told(result) if one.effect in EFFECTS]
+    of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
+    if of_the_load and (moved := moved_load(result)):
+        return moved
     if not to_check:
         states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
         return states or "Measure other postures and load directions; beamstiff plan chooses them."
     first = to_check[0]
-    said = f"To check {named(first)}, measure {EFFECTS[first.effect].separation}."
+    said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
     return f"{said} The states that --next FILE writes discriminate best." if result.next else said
+
+
+def moved_load(result: Diagnosis) -> str:
+    """Return, in words, that calibration moved the loads with the reflector; empty where it did not."""
+    rows, changed = result.baseline.rows, result.recalibration if result.baseline.absolute else None
+    loaded = set(rows.load_point[np.abs(rows.wrench).max(axis=1) > 0.0].tolist())
+    far: dict[str, float] = {}
+    for item, by in () if changed is None else changed.changes:
+        node = item.name.rpartition(".")[0]
+        if item.group == "target" and node in loaded & set(rows.point.tolist()):
+            far[node] = np.hypot(far.get(node, 0.0), by)
+    node = max(far, key=lambda one: far[one], default="")
+    if not node or far[node] < ELSEWHERE:
+        return ""
+    return (
+        f"Check where the loads act. The reflector was found {1e3 * far[node]:.0f} mm from where the file "
+        f"has {node}, and the loads are taken to act there with it. If they act elsewhere, give the "
+        "reflector a link of its own and name it in the column point (docs/tutorial.md)."
+    )
 
 
 def stiffness_text(result: Diagnosis) -> str:
     """Return, in words, which fitted stiffness is farthest from the file's; empty where none was fitted."""
+    fitted = result.fitted_stiffness
+    if result.decomposition is None and result.fits:  # of the fit with the causes, as --apply writes it
+        found = extended(result)
+        fitted = {name: (given, found.parameter(name)) for name, (given, _) in fitted.items()}
     finite = {
         name: (given, value)
-        for name, (given, value) in result.fitted_stiffness.items()
+        for name, (given, value) in fitted.items()
         if 0.0 < given < np.inf and name not in _undetermined(result)
     }
     if not finite:
@@ -116,8 +145,8 @@ def stiffness_text(result: Diagnosis) -> str:
     name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
     robot = result.baseline.nominal
     unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
-    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), None)
-    of = f"{name} (of {variable})" if variable else name
+    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
+    of = f"{name} (of {variable})" if variable != joint else name
     return (
         f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
         f"{stiffness_in_words(given)} {unit}."
@@ -143,7 +172,7 @@ def _undetermined(result: Diagnosis) -> set[str]:
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
-    said = f"Remainder: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)"
+    said = f"Remainder: {1e3 * rest.rms:.3f} mm RMS, all rows fitted ({percent(rest.share)} of the gap)"
     if rest.follows:
         said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
     if found.unclear:
@@ -162,7 +191,7 @@ def summary(result: Diagnosis) -> str:
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := several(result):
-        return f"{first}\n{head}. {_of_several(found)}{_weak(result)}"
+        return f"{first}\n{head}.\n{_of_several(found)}{_weak(result)}"
     sure = percent(verdict.probability)
     if head == UNDECIDED:
         likely = ", ".join(
@@ -194,11 +223,12 @@ def summary(result: Diagnosis) -> str:
             text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text
     also = second(result)
-    meaning = EFFECTS[verdict.effect].meaning
+    meaning = f" {EFFECTS[verdict.effect].meaning}"
     if also is not None:
         sure += f" and {100 * also.probability:.0f} %"
-        meaning += f" {EFFECTS[also.effect].meaning}" if also.effect != verdict.effect else ""
-    text = f"{first}\n{head} ({sure}). {meaning}"
+        if also.effect != verdict.effect:
+            meaning = f"\n{verdict.effect}:{meaning}\n{also.effect}: {EFFECTS[also.effect].meaning}"
+    text = f"{first}\n{head} (probability {sure}).{meaning}"
     if verdict.shrink is not None and one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
@@ -270,7 +300,7 @@ def headline(result: Diagnosis) -> str:
 def _of_several(found: Sequence[Cause]) -> str:
     """Return, in words, what several causes mean and what each closes."""
     effects = dict.fromkeys(one.forms[0].effect for one in found)
-    meaning = " ".join(EFFECTS[effect].meaning for effect in effects)
+    meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
     them = "all of them" if len(found) > 1 else "it"
     left = f"{1e3 * found[-1].rms_after:.3f} mm"
@@ -309,7 +339,7 @@ def proposed(result: Diagnosis) -> str:
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
     rivals = any(item["separates"] for item in result.next)
-    what = "discriminate best between the causes" if rivals else "bound the sizes best"
+    what = "discriminate best between the causes" if rivals else "determine the sizes of the causes best"
     states = f"{counted(len(result.next) // len(told), 'state')} to {what}"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
@@ -330,8 +360,9 @@ def separations(result: Diagnosis) -> list[str]:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
-        f"Geometry: the robot as described is off by {1e3 * changed.before:.3f} mm (measuring frame fitted), "
-        f"with its geometry calibrated and no cause by {1e3 * changed.after:.3f} mm on held-out data."
+        f"Geometry: the position error is {rounded(1e3 * changed.before)} mm RMS as described (measuring "
+        f"frame fitted) and {rounded(1e3 * changed.after)} mm on held-out data once calibrated, without a "
+        "cause."
     )
     if not changed.changes:
         return [gap]
@@ -340,7 +371,7 @@ def recalibration_text(changed: Recalibration) -> list[str]:
     )
     rest = len(changed.changes) - NAMED
     more = f"; {rest} more in the JSON and in the robot that --apply writes" if rest > 0 else ""
-    return [gap, f"Largest changes of the geometry beside the causes: {each}{more}."]
+    return [gap, f"Largest changes by the calibration: {each}{more}."]
 
 
 def _change(name: str, is_zero: bool, by: float, unit: str) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich.console import RenderableType
 
 from beamstiff.calibration.parameters import SPARE
 from beamstiff.calibration.recursion import Recursion
@@ -24,6 +25,19 @@ PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
 SETUP = ("base", "target", "instrument")  # what was set up for the measurement: no errors of the robot
 WITHIN = 1.96  # standard deviations: 95 %
+
+
+def calibration_told(found: Calibration) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a calibration."""
+    if found.rows is not None:
+        yield from calibration_verdict(found, found.rows).lines()
+    yield parameters_table(found, f"{found.robot.name}: calibrated geometry")
+    yield ""
+    if (dependent := dependent_table(found)) is not None:
+        yield dependent
+        yield ""
+    yield errors_table(found)
+    yield from ("", *calibration_text(found))
 
 
 def parameters_table(found: Calibration, title: str) -> Table:

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from math import inf, sqrt
 
 import numpy as np
+from rich.console import RenderableType
 
 from beamstiff.errors import listed
+from beamstiff.functions.checks import effects_text
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
@@ -29,6 +31,21 @@ ACTS = {
     "mixed": "are identifiable only in combination, not as a simple sum",
     "ill-determined": "are hardly distinguishable with these data",
 }
+
+
+def identification_told(found: Identification, folds: int = 5) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of an identification; `folds`: that were asked for."""
+    if found.rows is not None:
+        yield from identification_verdict(found, found.rows).lines()
+    title = f"{found.robot.name}: identified stiffness"
+    yield from (identification_table(found, title=title), "", *combinations_text(found))
+    if found.rows is not None:
+        yield identification_text(found, found.rows, folds)
+    yield method_text(found)
+    if found.robot.effects:
+        yield f"The fit includes the robot's effects unchanged: {effects_text(found.robot.effects)}."
+    if found.front is not None:
+        yield from ("", front_table(found.front))
 
 
 def identification_table(

@@ -24,19 +24,13 @@ from beamstiff.identification.models.side_by_side import Models
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.campaign import campaign_told
-from beamstiff.report.compare import models_figure, models_table
-from beamstiff.report.compensation import compensation_figure, compensation_table, compensation_text
-from beamstiff.report.deflection import deflection_table, deflection_text
+from beamstiff.report.compare import models_figure, models_told
+from beamstiff.report.compensation import compensation_figure, compensation_told
+from beamstiff.report.deflection import deflection_told
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
 from beamstiff.report.figures import BLUE, new_figure, plain
-from beamstiff.report.geometry import (
-    calibration_figure,
-    calibration_text,
-    calibration_verdict,
-    errors_table,
-    parameters_table,
-)
-from beamstiff.report.identification import combinations_text, identification_table, identification_verdict
+from beamstiff.report.geometry import calibration_figure, calibration_told
+from beamstiff.report.identification import identification_told
 from beamstiff.report.overview import describe
 from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.residuals import residual_figure
@@ -211,15 +205,7 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
 
 @told.register
 def _(thing: Identification) -> Iterable[RenderableType]:
-    if thing.rows is not None:
-        yield from identification_verdict(thing, thing.rows).lines()
-    yield identification_table(thing)
-    yield ""
-    yield from combinations_text(thing)
-    gap = f"Position residual: {1e3 * thing.rms:.3f} mm RMS on the fitted rows"
-    gap = gap if thing.rms > 0 else "No position was measured, only rotations"
-    held = "" if thing.rms_held_out is None else f", {1e3 * thing.rms_held_out:.3f} mm on held-out poses"
-    yield f"{gap}{held}; {np.sqrt(thing.chi_square):.2f} times the noise."
+    yield from identification_told(thing)
     if thing.notes:
         yield f"Mind: {listed(thing.notes, 4)}."
 
@@ -227,23 +213,16 @@ def _(thing: Identification) -> Iterable[RenderableType]:
 plot.register(Diagnosis, diagnosis_figure)
 plot.register(Compensated, compensation_figure)
 plot.register(Models, lambda thing: models_figure(thing, ""))
-plot.register(Calibration, lambda thing: calibration_figure(thing, _title(thing).replace("$", r"\$")))
+plot.register(Calibration, lambda thing: calibration_figure(thing, _title(thing)))
 told.register(Robot, lambda thing: spaced(overview_tables(describe(thing, samples=100))))
 told.register(Diagnosis, diagnosis_tables)
-told.register(Compensated, lambda thing: (compensation_table(thing), "", compensation_text(thing)))
-told.register(Models, lambda thing: (models_table(thing, "Models of elasticity"),))
-told.register(Prediction, lambda thing: (deflection_table(thing), *deflection_text(thing)))
+told.register(Compensated, compensation_told)
+told.register(Models, models_told)
+told.register(Prediction, deflection_told)
 told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
-told.register(
-    Calibration,
-    lambda thing: (
-        *([] if thing.rows is None else calibration_verdict(thing, thing.rows).lines()),
-        *spaced((parameters_table(thing, _title(thing)), errors_table(thing))),
-        *calibration_text(thing),
-    ),
-)
+told.register(Calibration, calibration_told)
 
 
 def _title(found: Calibration) -> str:
-    return f"{found.robot.name}: calibrated geometry"
+    return f"{found.robot.name}: calibrated geometry".replace("$", r"\$")

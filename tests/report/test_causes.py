@@ -27,6 +27,7 @@ from beamstiff.report.diagnosis_text import (
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
+from beamstiff.report.verdict import rounded
 from tests.diagnosis.decomposition.test_decompose import SLIP, found
 
 
@@ -133,7 +134,7 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert changed is not None
     assert changed.after == result.rms
     gap, *_ = recalibration_text(changed)
-    assert f"off by {1e3 * changed.before:.3f} mm" in gap
+    assert f"error is {rounded(1e3 * changed.before)} mm RMS as described" in gap
     assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
 
 

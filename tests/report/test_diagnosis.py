@@ -8,7 +8,7 @@ import pytest
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
-from beamstiff.report.diagnosis import causes_of, sized
+from beamstiff.report.diagnosis import in_full, sized
 from beamstiff.report.diagnosis_text import headline, proposed, separations, summary
 from beamstiff.report.diagnosis_words import quoted, told
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
@@ -88,7 +88,7 @@ def test_of_two_causes_both_stand_in_the_verdict_and_what_closes_is_theirs() -> 
     assert "Possible in place of one of the two: bearing-tilt at q1." in text
     [unknown] = [one.probability for one in result.candidates if one.effect == "unknown"]
     assert f"A cause outside the library remains possible ({100 * unknown:.0f} %)." in text
-    assert causes_of(result.verdict, result) == ("backlash and base-compliance", "q3 and -")
+    assert in_full(result.verdict, result) == "backlash at q3 and base-compliance"
     assert floor in told(result)
     assert any("To check base-compliance" in line for line in separations(result))
 

@@ -70,7 +70,7 @@ def test_an_identification_draws_its_values_or_its_rows(
 
 def test_rich_and_jupyter_show_the_same_table(found: Identification) -> None:
     for shown in (printed(found), found._repr_html_()):
-        for word in ("J12.torsional", "1.36e+06", "3.805e+06", "0.113 mm RMS on the fitted rows"):
+        for word in ("J12.torsional", "1.36e+06", "3.805e+06", "0.113 mm RMS on the 12 fitted rows"):
             assert word in shown
     assert max(map(len, printed(found, 60).splitlines())) <= 60
 

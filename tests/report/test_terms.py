@@ -4,6 +4,7 @@ The table of all sentences: `python -m tests.report.test_terms`.
 """
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -116,6 +117,34 @@ def test_no_sentence_of_terminal_and_report_holds_a_phrase_of_the_list() -> None
         (place, line, phrase[0], TERMS[phrase[0].lower()])
         for place, line, sentence in table()
         if (phrase := PHRASES.search(sentence))
+    ]
+    assert found == []
+
+
+def shared_phrases(text: str) -> list[str]:
+    """Return the phrases of the shared table of words, as patterns: its left column on texts, and its list.
+
+    A phrase has two words at least: a single one (`give`, `asked`) has uses that are right. A number stands
+    for any.
+    """
+    texts, _, phrases = text.partition("## Texts that people read")[2].partition("## Phrases to look for")
+    cells = [line.split(" | ")[0].strip("| ") for line in texts.splitlines() if line.startswith("| ")][2:]
+    bare = [re.sub(r"\(.*?\)", "", cell) for cell in cells]
+    parts = [part for cell in bare for part in re.split(r"[;:,]|\.(?=\s|$)", cell)]
+    parts += [line.removeprefix("- ") for line in phrases.splitlines() if line.startswith("- ")]
+    kept = [part.strip() for part in parts if len(part.split()) > 1]
+    return [re.sub(r"\d[\d.\\]*", r"\\S+", re.escape(part)) for part in kept]
+
+
+def test_no_sentence_holds_a_phrase_of_the_shared_table() -> None:
+    path = Path(os.environ.get("BEAMSTIFF_SHARED", "")) / "TERMS.md"
+    if not path.is_file():
+        pytest.skip("no TERMS.md where BEAMSTIFF_SHARED points")
+    patterns = shared_phrases(path.read_text(encoding="utf-8"))
+    assert len(patterns) > 25
+    any_of = re.compile("|".join(rf"\b{one}\b" for one in patterns), re.IGNORECASE)
+    found = [
+        (place, line, phrase[0]) for place, line, sentence in table() if (phrase := any_of.search(sentence))
     ]
     assert found == []
 

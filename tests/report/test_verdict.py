@@ -10,7 +10,7 @@ import pytest
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
-from beamstiff.report.diagnosis_text import summary, verdict
+from beamstiff.report.diagnosis_text import moved_load, summary, verdict
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
@@ -116,3 +116,19 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     assert f"no cause is sure. Best so far: {best} of it" in summary(result)
     tilt.closes = 0.4
     assert verdict(result).headline.endswith("cause unknown")
+
+
+def test_a_load_that_moved_with_the_reflector_is_told() -> None:
+    rows = SimpleNamespace(
+        load_point=np.array(["flange"]), point=np.array(["flange"]), wrench=np.ones((1, 6))
+    )
+    changes = [
+        (SimpleNamespace(name=f"flange.{axis}", group="target"), by)
+        for axis, by in (("x", 0.08), ("y", 0.06))
+    ]
+    result: Any = SimpleNamespace(
+        baseline=SimpleNamespace(rows=rows, absolute=True), recalibration=SimpleNamespace(changes=changes)
+    )
+    assert "found 100 mm from where the file has flange" in moved_load(result)
+    rows.point = np.array(["reflector"])
+    assert moved_load(result) == ""

@@ -172,7 +172,7 @@ def _errors(found: Calibration) -> Section:
                 values,
                 axes,
                 texts,
-                type="log",
+                log=True,
             )
         )
     return Section("errors", "Before and after", figures=figures, tables=[errors_table(found)])

@@ -24,7 +24,7 @@ from beamstiff.report.tables import Table
 from beamstiff.se3 import Array
 
 ROW = 30  # px
-DECADES = 4  # ticks of a logarithmic axis at most
+DECADES = 4  # ticks of a logarithmic axis at most, and of intervals: a phone's labels must not meet
 WIDEST = 34  # characters of a name
 LINES = (("solid", "orange"), ("solid", "blue"), ("dash", "green"), ("dot", "muted"))
 MOST_POINTS = 400  # points of a curve
@@ -97,11 +97,18 @@ def intervals(
     x, texts = [values[at] for at in known], [label(names[at]) for at in known]
     hover = "%{text}: %{x:.4g}<extra></extra>"
     traces.append(scatter(x, known, "identified", hover, ("circle", "blue", 10), text=texts))
-    more: dict[str, Any] = {}
+    more: dict[str, Any] = {"nticks": DECADES}
     if log:
         seen = [one for pair in ends for one in pair if one is not None and one > 0.0] + [v for v in x if v]
         more = {"type": "log", **({"tickvals": log_ticks(min(seen), max(seen))} if seen else {})}
     return traces, named_rows(names, title, exponentformat="SI", **more)
+
+
+def log_axis(title: str, traces: Sequence[Mapping[str, Any]], way: str = "y") -> dict[str, Any]:
+    """Return the logarithmic axis of traces, with a few round numbers: plotly's own labels overlap."""
+    known = [value for one in traces for value in one[way] if value and value > 0.0]
+    ticks = {"tickvals": log_ticks(min(known), max(known))} if known else {}
+    return axis(title, type="log", exponentformat="power", **ticks)
 
 
 def log_ticks(low: float, high: float) -> list[float]:
@@ -152,7 +159,7 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
     layout = plain_layout(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(f"error, {unit}", type="log", exponentformat="power"),
+        xaxis=log_axis(f"error, {unit}", traces, "x"),
         yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
     )
     return Figure(key, title, caption, traces, layout)
@@ -168,13 +175,13 @@ def along(
     texts: Sequence[str] | str,
     lines: bool = False,
     marks: Sequence[tuple[str, str]] = BEFORE_AFTER,
-    **more: Any,
+    log: bool = False,
 ) -> Figure:
     """Return values along something, a curve (or marks) by name.
 
     `x` (n,), or str: a name of an array that the page holds. `values` (n,). `axes`: what is drawn across and
     up. `texts`: what each point is; a name of an array that the page holds. `lines`: join the points.
-    `marks`: symbol and colour of each; default: those of before and after. `more`: of the axis of values.
+    `marks`: symbol and colour of each; default: those of before and after.
     """
     across = shared(x) if isinstance(x, str) else numbers(x)
     said = shared(texts) if isinstance(texts, str) else [label(text) for text in texts]
@@ -189,7 +196,7 @@ def along(
         380,
         margin=MARGIN | {"t": LEGEND + 10},
         xaxis=axis(axes[0]),
-        yaxis=axis(axes[1], exponentformat="power", **more),
+        yaxis=log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power"),
     )
     return Figure(key, title, caption, traces, layout)
 

@@ -18,7 +18,7 @@ from beamstiff.report.compare import (
     whole,
     widest_plane,
 )
-from beamstiff.report.html.charts import intervals
+from beamstiff.report.html.charts import intervals, log_axis
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
@@ -121,13 +121,13 @@ def _side_by_side(models: Models) -> Section:
     best = ranked(models)
     values = [1e3 * (one.rms(unseen) or 0.0) for one in best]
     names, ends = [one.name for one in best], [(None, None)] * len(best)
-    traces, layout = intervals(names, values, ends, "RMS of rows not fitted, mm")
+    traces, layout = intervals(names, values, ends, "held-out RMS, mm")
     if models.noise is not None:
         ends_of_line, looks = [-0.6, len(best) - 0.4], {"color": css("orange"), "dash": "dash"}
         hover = "noise floor: %{x:.4g} mm<extra></extra>"
         traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise floor", hover, line=looks))
     partly = [one.name for one in best if not whole(models, one)]
-    caption = "Root mean square position error over the rows that were not fitted, the best first" + (
+    caption = "Root mean square position error over the held-out rows, the best first" + (
         "; dashed: noise floor." if models.noise is not None else "."
     )
     if partly:
@@ -150,7 +150,7 @@ def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Fi
         420,
         margin=MARGIN | {"t": LEGEND + 10},
         xaxis=axis(tickvals=places, ticktext=names),
-        yaxis=axis("RMS, mm", type="log", exponentformat="power"),
+        yaxis=log_axis("RMS, mm", traces),
     )
     caption = "Fitted rows beside held-out rows: a model that overfits does well on the fitted rows only."
     return Figure("kinds", "By what was held out", caption, traces, layout)
@@ -174,8 +174,8 @@ def _by_load(models: Models) -> Section:
         420,
         margin=MARGIN | {"t": LEGEND + 30},
         xaxis=axis(f"load, {split.unit}"),
-        yaxis=axis("RMS of rows not fitted, mm", type="log", exponentformat="power"),
+        yaxis=log_axis("held-out RMS, mm", traces),
     )
-    table: Table = loads_table(models, "Rows not fitted, by load: RMS / max, mm")
-    figure = Figure("loads-rms", "Errors by load", "Of rows that were not fitted.", traces, layout, table)
+    table: Table = loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    figure = Figure("loads-rms", "Errors by load", "Of held-out rows.", traces, layout, table)
     return Section("loads", "By load", figures=[figure])

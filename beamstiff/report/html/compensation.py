@@ -161,7 +161,7 @@ def _errors(result: Compensated, some: Array) -> Section:
         axes = ("way along the path, mm", f"error, {unit}")
         key, title = f"error-{part.lower()}", f"{part} along the path"
         caption = "Predicted error of the tool at its targets."
-        figures.append(along(key, title, caption, "way", values, axes, "targets", lines=True, type="log"))
+        figures.append(along(key, title, caption, "way", values, axes, "targets", lines=True, log=True))
     return Section("errors", "Predicted error along the path", figures=figures)
 
 

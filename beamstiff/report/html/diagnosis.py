@@ -17,6 +17,7 @@ from beamstiff.report.diagnosis import (
     causes_table,
     gap_table,
     gap_tables,
+    in_full,
     likely,
     notable,
     places_table,
@@ -30,7 +31,6 @@ from beamstiff.report.diagnosis_words import (
     causes,
     closed,
     in_words,
-    named,
     one_posture,
     percent,
     second,
@@ -111,7 +111,9 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
     elif result.verdict.shrink is not None and not one_posture(result):
         yield Fact(
-            "With the cause", f"{1e3 * result.verdict.shrink.after:.3f} mm", "the same, its effect added"
+            f"With the cause{'s' * (also is not None)}",
+            f"{1e3 * result.verdict.shrink.after:.3f} mm",
+            "the same, its effect added" if also is None else "the same, their effects added",
         )
     yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "noise floor of the RMS")
 
@@ -137,7 +139,7 @@ def _which(result: Diagnosis) -> Section:
             [in_words([one.key]) for one in found.causes],
             [one.closes for one in found.causes],
             "blue",
-            "share of the gap that each closes",
+            "share of the gap closed",
             [one.closes_interval for one in found.causes],
             range=[0, 1.02],
             tickformat=".0%",
@@ -151,7 +153,7 @@ def _which(result: Diagnosis) -> Section:
         return Section("which", f"Which cause{plural}", figures=[figure], tables=tables)
     first = likely(result, SHOWN)
     traces, layout = bars(
-        [named(one) for one in first],
+        [in_full(one, result) for one in first],
         [one.probability for one in first],
         "blue",
         "probability",

@@ -28,7 +28,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 DEFLECTION = "where the deflection is seen"  # the camera
-TOOL = ("tool", "tool point")  # places at the tool
+TOOL = ("tool", "tool point", "target-slip", "load", "payload")  # places at the tool
 POSES = 5  # that are shown, the worst
 LABELLED = 3
 SEEN = 0.005  # share that is worth a label
@@ -174,7 +174,8 @@ class _View:
         links = link_lines(self.robot, self.positions, self.moved)
         joints = joint_lines(self.robot, one.q, self.positions, self.moved, self.size)
         tool, base = index[self.robot.tcp], index[self.robot.fixed[0]]
-        ends = np.array([base, tool])
+        own = [name for name in shares if name in index and name not in (*links.names, *joints.names)]
+        ends = np.array([base, tool, *(index[name] for name in own)])
         load = index[one.load_point]
         arrows = force_and_moment(one.wrench, self.positions[load], 0.2 * self.size)
         told = {name: f"{label(name)}: {100 * value:.1f} %" for name, value in shares.items()}
@@ -187,10 +188,15 @@ class _View:
                 _coloured(joints, shares, told),
                 {
                     **_points(self.positions[ends], self.moved[ends, :3]),
-                    "shares": [shares.get("base", 0.0), max(shares.get(name, 0.0) for name in TOOL)],
+                    "shares": [
+                        shares.get("base", 0.0),
+                        max(shares.get(name, 0.0) for name in TOOL),
+                        *(shares[name] for name in own),
+                    ],
                     "hovertext": [
                         f"base {told.get('base', '')}",
                         "<br>".join(["tool", *(told[name] for name in TOOL if name in told)]),
+                        *(told[name] for name in own),
                     ],
                 },
                 {**arrows.lines(self.moved[load, :3])},
@@ -221,9 +227,9 @@ class _View:
         ends = {
             name: (self.positions[index[node]], self.moved[index[node], :3])
             for name, node in (
+                *((name, name) for name in index),
                 ("base", self.robot.fixed[0]),
-                ("tool", self.robot.tcp),
-                ("tool point", self.robot.tcp),
+                *((name, self.robot.tcp) for name in TOOL),
             )
         }
         places = {**ends, **links.middles(), **joints.middles()}
