@@ -39,7 +39,7 @@ ALLOWED = {
 }
 SIMULATOR = [
     "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium", "reality",
-    "effect", "across", "pedestal", "simulate", "baseline", "sizes", "record", "names",
+    "effect", "added_parts", "simulate", "sizes", "record", "names",
 ]  # fmt: skip
 
 
