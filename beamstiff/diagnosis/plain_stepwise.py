@@ -174,7 +174,7 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
             probability=1.0,
             present=1.0,
             closes=closes,
-            missed=closes,
+            shown=closes,
             closes_interval=(closes, closes),
             rms_after=rms(at + 1),
             indistinguishable=(),

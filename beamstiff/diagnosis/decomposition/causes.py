@@ -35,8 +35,9 @@ class Cause:
         That there is a cause in its place, and not a little of everything else.
     closes : float
         Share of the explainable gap on held-out postures.
-    missed : float
-        Share of it that a fit without the cause leaves there, the others being as large as they like.
+    shown : float
+        Share of it by which fits differ that are free to make up for the cause: with those before it alone,
+        or with all others, whichever tells more.
     closes_interval : (float, float)
         90 %, over the postures.
     rms_after : float, m
@@ -51,7 +52,7 @@ class Cause:
     probability: float
     present: float
     closes: float
-    missed: float
+    shown: float
     closes_interval: tuple[float, float]
     rms_after: float
     indistinguishable: tuple[str, ...]
@@ -68,10 +69,10 @@ class Cause:
 
         What closes much is named as the likeliest of what looks like it: without it neither the rest of the
         list nor what remains would be that of the robot as it will be written. Of two that cancel one another
-        each closes much, and neither is missed.
+        each closes much, and no fit shows it.
         """
         likely = self.probability >= NAMED or self.closes >= QUARTER
-        return self.present >= PRESENT and likely and min(self.closes, self.missed) >= MINOR
+        return self.present >= PRESENT and likely and min(self.closes, self.shown) >= MINOR
 
     @property
     def rows(self) -> tuple[int, ...]:

@@ -191,7 +191,7 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
             theta=tuple(thetas[k] for k in cause),
             std=tuple(stds[k] for k in cause),
             closes=share,
-            missed=(_without(folds, step, cause) - float(errors[-1].sum())) / explainable,
+            shown=_shown(folds, order, cause) / explainable,
         )
         for (cause, judged), share in zip(
             _judged(folds, step, order, replaced).items(), closed(errors, noise2), strict=True
@@ -231,10 +231,19 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     )
 
 
-def _without(folds: Folds, step: Step, cause: Numbers) -> float:
-    """Return the sum of squared position errors, m^2, of a fit without one of its causes."""
-    others = [number for number in step.chosen if number not in cause]
-    return float(folds.squared_errors(fit_step(folds.choice, others)).sum())
+def _shown(folds: Folds, order: Sequence[Numbers], cause: Numbers) -> float:
+    """Return by how much a cause lowers the sum of squared position errors, m^2, in fits of fewer causes.
+
+    With those before it, or with all others, whichever is more.
+    """
+
+    def left(causes: Sequence[Numbers]) -> float:
+        fit = fit_step(folds.choice, [number for one in causes for number in one])
+        return float(folds.squared_errors(fit).sum())
+
+    at = order.index(cause)
+    others = [one for one in order if one != cause]
+    return max(left(order[:at]) - left(order[: at + 1]), left(others) - left(order))
 
 
 def _judged(
@@ -252,7 +261,7 @@ def _judged(
             probability=rival.probability * float(present),
             present=float(present),
             closes=0.0,
-            missed=0.0,
+            shown=0.0,
             closes_interval=(0.0, 0.0),
             rms_after=0.0,
             indistinguishable=rival.indistinguishable,

@@ -8,11 +8,11 @@ from beamstiff.diagnosis.effects import Quantity
 from tests.diagnosis.decomposition.test_selection import VALUES, form
 
 
-def cause(probability: float, present: float, closes: float, missed: float = 1.0) -> Cause:
+def cause(probability: float, present: float, closes: float, shown: float = 1.0) -> Cause:
     one = form(np.ones((VALUES, 1)), Quantity("size", "1", 1.0))
     nothing = (np.zeros(1),)
     interval = (closes, closes)
-    return Cause((one,), nothing, nothing, probability, present, closes, missed, interval, 0.0, (), ())
+    return Cause((one,), nothing, nothing, probability, present, closes, shown, interval, 0.0, (), ())
 
 
 @pytest.mark.parametrize("closes", [0.04, 0.2])
@@ -34,4 +34,4 @@ def test_what_the_form_of_another_may_leave_is_not_named() -> None:
 
 
 def test_of_two_that_cancel_one_another_neither_is_named() -> None:
-    assert not cause(1.0, 1.0, 0.3, missed=MINOR - 0.001).named
+    assert not cause(1.0, 1.0, 0.3, shown=MINOR - 0.001).named
