@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -191,10 +192,13 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
             theta=tuple(thetas[k] for k in cause),
             std=tuple(stds[k] for k in cause),
             closes=share,
-            shown=_shown(folds, order, cause) / explainable,
+            shown=shown / explainable,
         )
-        for (cause, judged), share in zip(
-            _judged(folds, step, order, replaced).items(), closed(errors, noise2), strict=True
+        for (cause, judged), share, shown in zip(
+            _judged(folds, step, order, replaced).items(),
+            closed(errors, noise2),
+            _shown(folds, order),
+            strict=True,
         )
     }
     order, errors = _named_first(folds, order, errors, causes, noise2)
@@ -231,8 +235,8 @@ def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
     )
 
 
-def _shown(folds: Folds, order: Sequence[Numbers], cause: Numbers) -> float:
-    """Return by how much a cause lowers the sum of squared position errors, m^2, in fits of fewer causes.
+def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:
+    """Return by how much each cause lowers the sum of squared position errors, m^2, in fits of fewer causes.
 
     With those before it, or with all others, whichever is more.
     """
@@ -241,9 +245,9 @@ def _shown(folds: Folds, order: Sequence[Numbers], cause: Numbers) -> float:
         fit = fit_step(folds.choice, [number for one in causes for number in one])
         return float(folds.squared_errors(fit).sum())
 
-    at = order.index(cause)
-    others = [one for one in order if one != cause]
-    return max(left(order[:at]) - left(order[: at + 1]), left(others) - left(order))
+    along = [left(order[:count]) for count in range(len(order) + 1)]
+    without = [left([one for one in order if one != cause]) for cause in order]
+    return [max(a - b, other - along[-1]) for (a, b), other in zip(pairwise(along), without, strict=True)]
 
 
 def _judged(

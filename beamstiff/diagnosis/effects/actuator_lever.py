@@ -144,11 +144,10 @@ def _possible(
     """
     between = np.linspace(follow.fitted.min(), follow.fitted.max(), STEPS)
     return [
-        (ratio, phase, gear, float(follow.share @ lever**2))
+        (ratio, phase, gear, float(follow.share @ _lever(gear * follow.fitted + phase, ratio) ** 2))
         for gear in gears
         for ratio in ratios
         for phase in phases.tolist()
-        for lever in [_lever(gear * follow.fitted + phase, ratio)]
         if _lever(gear * between + phase, ratio).min() > least * _largest(ratio)
     ]
 
