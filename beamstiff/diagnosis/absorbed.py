@@ -8,7 +8,7 @@ the tangent of the open parameters, ``A theta`` what the effect moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,6 @@ from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector
 
@@ -38,10 +37,21 @@ def absorbed_by(names: Sequence[str], tangent: Array, moved: Array) -> dict[str,
     }
 
 
+def total(changes: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Return the sum of changes of parameters, by name."""
+    result: dict[str, float] = {}
+    for one in changes:
+        for name, by in one.items():
+            result[name] = result.get(name, 0.0) + by
+    return result
+
+
 def calibrated_without(
-    robot: Robot, effects: Iterable[AddedEffect], rows: Measurements
+    robot: Robot, absorbed: Iterable[Mapping[str, float]], rows: Measurements
 ) -> tuple[Robot, Measurements]:
-    """Return a robot with what a calibration without some of its effects would find, and rows in its frame.
+    """Return a robot with what a calibration without some effects would find, and rows in its frame.
+
+    `absorbed`: of each effect, as `absorbed_by`.
 
     Examples
     --------
@@ -49,23 +59,13 @@ def calibrated_without(
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")
     >>> change = 1e-3 / robot.parameter("J2.torsional")
-    >>> effect = AddedEffect(
-    ...     effect="backlash",
-    ...     component="q2",
-    ...     shape="play",
-    ...     parameters={"gap": 1e-4},
-    ...     absorbed={"J2.torsional": change},
-    ... )
     >>> names = [one.name for one in robot.actuated]
     >>> rows = make_measurements(names, np.zeros((1, 6)), tcp=robot.tcp, position=np.zeros((1, 3)))
-    >>> other, _ = calibrated_without(robot, [effect], rows)
+    >>> other, _ = calibrated_without(robot, [{"J2.torsional": change}], rows)
     >>> round(other.parameter("J2.torsional") / robot.parameter("J2.torsional"), 6)
     0.999001
     """
-    changes: dict[str, float] = {}
-    for effect in effects:
-        for name, by in effect.absorbed.items():
-            changes[name] = changes.get(name, 0.0) + by
+    changes = total(absorbed)
     if not changes:
         return robot, rows
     stiffness = {

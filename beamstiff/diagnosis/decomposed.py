@@ -17,6 +17,7 @@ from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select
+from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.prediction import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
@@ -57,7 +58,8 @@ def beside_calibration(
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found, told)
     found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
-    choice = build_choice(closed, forms_of(closed, prior, {*OF_GEOMETRY, *found_here}))
+    forms = forms_of(closed, prior, {*OF_GEOMETRY, *found_here})
+    choice = build_choice(closed, [*forms, *(unnamed_forms(closed) if found.unnamed else ())])
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
     step = select(choice, folds_of(closed, choice, seed).squared_errors, most=2 * (SINGLE_ERRORS + 2))
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)

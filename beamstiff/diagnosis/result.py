@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.decomposition.applied import applied
+from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
@@ -176,9 +176,8 @@ class Diagnosis(Shown):
         without the effects that the robot had before (`known`).
         """
         if self.decomposition is not None:
-            without = calibrated_without(
-                self.applied.model_copy(update={"effects": ()}), self.applied.effects, rows
-            )
+            bare = self.applied.model_copy(update={"effects": ()})
+            without = calibrated_without(bare, absorbed_changes(self.decomposition, self.applied), rows)
             views = [fit_baseline(*one, keep=()) for one in (without, (self.applied, rows))]
             return as_measured(views[0], views[0].predicted), as_measured(views[1], views[1].predicted)
         there = at_rows(self.baseline, rows)

@@ -115,7 +115,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     if robot.model is not None:
         causes.insert(0, f"{MODEL}{robot.model.kind}")
         stages.insert(0, stages[0].model_copy(update={"model": None}))
-    ahead = [[one for one in robot.effects if one not in stage.effects] for stage in stages]
+    ahead = [[one.absorbed for one in robot.effects if one not in stage.effects] for stage in stages]
     calibrated = [calibrated_without(*one, measurements) for one in zip(stages, ahead, strict=True)]
     errors = [_rms(_errors(stage, rows, refit_frame), used) for stage, rows in calibrated]
     sigma = np.nan_to_num(measurements.sigma[:, :3])

@@ -12,7 +12,6 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import subset
 from beamstiff.robot.kinematics import compile_kinematics, posture
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
 from tests.diagnosis.test_absolute import UR10, measured
 
@@ -38,10 +37,7 @@ def test_a_drive_is_as_soft_as_a_fit_without_the_effect_makes_it() -> None:
     name, stiffness = "J2.torsional", robot.parameter("J2.torsional")
     tangent = np.random.default_rng(0).standard_normal((20, 1))
     absorbed = absorbed_by([name], tangent, 0.5 / stiffness * tangent[:, 0])
-    effect = AddedEffect(
-        effect="backlash", component="q2", shape="play", parameters={"half_width": 1e-4}, absorbed=absorbed
-    )
-    other, _ = calibrated_without(robot, [effect], measured(load_robot(UR10), None))
+    other, _ = calibrated_without(robot, [absorbed], measured(load_robot(UR10), None))
     assert other.parameter(name) == pytest.approx(stiffness / 1.5, rel=1e-3)
 
 
@@ -49,8 +45,7 @@ def test_rows_move_into_the_base_frame_that_would_be_found() -> None:
     robot = load_robot(UR10)
     rows = measured(robot, None)
     base = {"base.x": 1e-3, "base.rz": 2e-3}
-    effect = AddedEffect(effect="backlash", component="q2", shape="play", parameters={"half_width": 1e-4})
-    _, there = calibrated_without(robot, [effect.model_copy(update={"absorbed": base})], rows)
+    _, there = calibrated_without(robot, [base], rows)
     angle = np.array([0.0, 0.0, 2e-3])
     moved = there.position + np.cross(angle, there.position) + [1e-3, 0.0, 0.0]
     np.testing.assert_allclose(moved, rows.position, atol=1e-5)  # (2e-3)^2 of a metre

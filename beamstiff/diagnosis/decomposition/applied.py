@@ -10,7 +10,7 @@ import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
-from beamstiff.diagnosis.absorbed import absorbed_by
+from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import shift_of
@@ -30,15 +30,41 @@ def applied(found: Decomposition) -> Robot:
     """
     causes = (*found.causes, *found.unclear)
     robot = _calibrated(found, causes)
-    slips: dict[str, float] = {}
-    for cause in causes:
-        for form, theta in zip(cause.forms, cause.theta, strict=True) if cause.rows else ():
-            for axis, by in zip("xyz", (theta * form.sizes).tolist(), strict=True):
-                name = f"{form.component or robot.tcp}.{axis}"
-                slips[name] = slips.get(name, 0.0) + by
+    slips = total(_slips(found, cause) for cause in causes)
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
     added = [effect for cause in causes for effect in _added(found, cause)]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
+    """Return what a calibration without the causes differs by from the robot with them, see `absorbed_by`.
+
+    Of targets that slipped too: it finds them between where they were and where they came to rest.
+    """
+    result = [dict(one.absorbed) for one in robot.effects]
+    for cause in (*found.causes, *found.unclear):
+        if cause.rows:
+            rest = {name: -by for name, by in _slips(found, cause).items()}
+            result += [rest, absorbed_by(*found.model.told_apart, _moved(cause))]
+    return result
+
+
+def _slips(found: Decomposition, cause: Cause) -> dict[str, float]:
+    """Return how far the targets of a cause slipped in all, m; empty for other causes."""
+    forms = zip(cause.forms, cause.theta, strict=True) if cause.rows else ()
+    return total(
+        {
+            f"{form.component or found.model.given.tcp}.{axis}": by
+            for axis, by in zip("xyz", (theta * form.sizes).tolist(), strict=True)
+        }
+        for form, theta in forms
+    )
+
+
+def _moved(cause: Cause) -> Array:
+    """Return what a cause moves, (n + p,), in units of the noise."""
+    parts = [form.columns @ theta for form, theta in zip(cause.forms, cause.theta, strict=True)]
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
@@ -67,12 +93,9 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
     model = found.model
-    moved = np.sum(
-        [form.columns @ theta for form, theta in zip(cause.forms, cause.theta, strict=True)], axis=0
-    )
     told: dict[str, Any] = {
         "closes": round(cause.closes, 4),
-        "absorbed": absorbed_by(*model.told_apart, moved),
+        "absorbed": absorbed_by(*model.told_apart, _moved(cause)),
     }
     for (effect, component), shapes in own.items():
         yield added_effect(model.baseline, effect, component, shapes, **told)

@@ -8,6 +8,7 @@ from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.remainder import Remainder
+from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.se3 import Array
 
@@ -64,6 +65,11 @@ class Cause:
         return self.forms[0].key
 
     @property
+    def outside_library(self) -> bool:
+        """Whether it is a law that no effect of the library has."""
+        return self.forms[0].effect == UNNAMED
+
+    @property
     def named(self) -> bool:
         """Whether it is likely this cause, and more than what the form of another may leave.
 
@@ -71,6 +77,8 @@ class Cause:
         list nor what remains would be that of the robot as it will be written. Of two that cancel one another
         each closes much, and no fit shows it.
         """
+        if self.outside_library:
+            return False
         likely = self.probability >= NAMED or self.closes >= QUARTER
         return self.present >= PRESENT and likely and min(self.closes, self.shown) >= MINOR
 
@@ -89,6 +97,8 @@ class Decomposition:
     model : OpenModel
     causes, unclear : tuple of Cause
         Those that are named, and those that are there but could as well be another.
+    unnamed : tuple of Cause
+        Laws that no effect of the library has, `unnamed_forms`: a part of the remainder.
     remainder : Remainder
         What those that are named leave.
     unexplained : float
@@ -110,6 +120,7 @@ class Decomposition:
     model: OpenModel
     causes: tuple[Cause, ...]
     unclear: tuple[Cause, ...]
+    unnamed: tuple[Cause, ...]
     remainder: Remainder
     unexplained: float
     rms: float
@@ -128,13 +139,13 @@ class Decomposition:
     @property
     def gap_shows(self) -> bool:
         """Whether more is left without a cause than noise makes."""
-        return self.scatter > NOISE or bool(self.causes or self.unclear)
+        return self.scatter > NOISE or bool(self.causes or self.unclear or self.unnamed)
 
     @property
     def verdict(self) -> Cause | None:
         """The first cause, where it closes most of what can be closed."""
         if not self.causes:
             return None
-        first, *others = (*self.causes, *self.unclear)
+        first, *others = (*self.causes, *self.unclear, *self.unnamed)
         alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
         return first if first.named and (first.closes >= HALF or alone) else None

@@ -2,44 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from scipy import stats
-from scipy.special import expit
 
+from beamstiff.diagnosis.decomposition.answer import told
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import PRESENT, Cause, Decomposition
-from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
-from beamstiff.diagnosis.decomposition.held_out import (
-    Folds,
-    closed,
-    folds_of,
-    interval,
-    ordered,
-)
-from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
-from beamstiff.diagnosis.decomposition.remainder import remainder_of
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled, select
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
+from beamstiff.diagnosis.decomposition.held_out import folds_of
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
+from beamstiff.diagnosis.decomposition.selection import select
+from beamstiff.diagnosis.decomposition.solution import moved_by, solved
+from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import check_names
-from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior
+from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array
 
-Numbers = tuple[int, ...]  # of the forms of a cause
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
-NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
+FAR = 0.5  # share by which the drives may change what an error of a load moves: the linear step is half right
 ROUNDS = 3  # of calibrating beside the causes that were found
 
 
@@ -82,8 +73,8 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, forms_of(model, prior, known=known)), seed)
-        return _told(folds, select(folds.choice, folds.squared_errors), seed)
+        folds = folds_of(model, build_choice(model, _forms(model, prior, known)), seed)
+        return told(folds, select(folds.choice, folds.squared_errors), seed)
     robot = robot.model_copy(update={"identify": fitted_names(robot)})
     model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
@@ -92,7 +83,7 @@ def decompose(
     if behind:
         prior = informed(prior, behind)
         forms = forms_of(model, prior)
-    choice = build_choice(model, forms)
+    choice = build_choice(model, [*forms, *unnamed_forms(model)])
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -111,12 +102,57 @@ def decompose(
             )
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        choice = build_choice(model, forms_of(model, prior))
+        choice = build_choice(model, _forms(model, prior))
         folds = folds_of(model, choice, seed)
-        step = select(choice, folds.squared_errors)
+        same = [number for number, form in enumerate(choice.forms) if _name(form) in map(_name, chosen)]
+        starts = ((), same)  # anew as well: the calibration took up a part of what is there
+        step = min(
+            (select(choice, folds.squared_errors, start=one) for one in starts), key=lambda fit: fit.bic
+        )
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    return replace(_told(folds, step, seed), behind=tuple(behind))
+    far = _far_from_linear(model, choice, step)
+    if far:
+        others = replace(prior, without=(*prior.without, *far))
+        return decompose(robot, rows, prior=others, seed=seed, stations=stations, opened=opened)
+    return replace(told(folds, step, seed), behind=tuple(behind))
+
+
+def _far_from_linear(model: OpenModel, choice: Choice, step: Step) -> set[str]:
+    """Return the errors of loads that would act otherwise on the drives as they were fitted beside them.
+
+    What a load moves is proportional to the drives' compliance: where both are open, each in its own share of
+    the sag, the product of their changes is not in the linear model.
+    """
+    forms = forms_in(choice, step)
+    loads = {number: form for number, form in forms.items() if _of_load(form)}
+    if not loads or not model.present.size:
+        return set()
+    theta, _ = solved(model, list(forms.values()))
+    opened = model.tangent.shape[1]
+    parts = dict(zip(forms, by_form(list(forms.values()), theta[opened:]), strict=True))
+    fitted = model.robot(theta[:opened]).model_copy(update={"identify": ()})
+    there = fit_baseline(fitted, model.baseline.rows, keep=())
+    result = set()
+    for number, form in loads.items():
+        shapes = EFFECTS[form.effect].shapes(there, form.component)
+        after = next(shape.columns for shape in shapes if shape.name == form.shape.name)
+        before, size = form.shape.columns[:, :3], parts[number] * form.sizes
+        if np.linalg.norm((after[:, :3] - before) @ size) > FAR * np.linalg.norm(before @ size):
+            result.add(form.key)
+    return result
+
+
+def _of_load(form: Form) -> bool:
+    return form.effect in EFFECTS and EFFECTS[form.effect].family == "load"
+
+
+def _name(form: Form) -> tuple[str, str]:
+    return form.key, form.shape.name
+
+
+def _forms(model: OpenModel, prior: Prior, known: Shapes | None = None) -> list[Form]:
+    return [*forms_of(model, prior, known=known), *unnamed_forms(model)]
 
 
 def _opened(
@@ -137,210 +173,3 @@ def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
     """Return whether the open model without a cause leaves more than stated noise would by chance."""
     freedom = len(model.residual) - choice.open_count - nothing.determined
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)
-
-
-def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
-    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated.
-
-    The causes first, of what the open parameters leave: what is all but absorbed by these stays what is known
-    of it beforehand, however it is shared in the least squares solution of both.
-    """
-    choice = build_choice(model, chosen)
-    step = fit_step(choice, range(len(chosen)))
-    used = np.concatenate([step.drives, *step.free])
-    size = np.concatenate([np.ones(choice.drives), *(form.sizes for form in chosen)]) / choice.units
-    theta, own = np.zeros(used.size), np.zeros((used.size, used.size))
-    theta[used] = step.theta
-    root = np.linalg.inv(step.triangle)
-    own[np.ix_(used, used)] = root @ root.T
-    theta, own = theta / size, own / np.outer(size, size)
-    theta[: choice.drives] -= model.present
-    opened = inverse_of(model.geometry)
-    toward = opened @ np.concatenate([model.drives, *(form.columns for form in chosen)], axis=1)
-    change = opened @ model.residual - toward @ theta
-    covariance = np.block(
-        [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
-    )
-    return np.concatenate([change, theta]), covariance
-
-
-def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
-    """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
-    theta, _ = solved(model, chosen)
-    return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))
-
-
-def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
-    model, choice, least = folds.model, folds.choice, step.bic
-    step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
-    order, errors = ordered(folds, _causes_of(choice, step))
-    step = fit_step(choice, tuple(number for cause in order for number in cause))
-    forms = list(forms_in(choice, step).values())
-    noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
-    total = float(errors[0].sum())
-    theta, covariance = solved(model, forms)
-    free = len(model.residual) - choice.open_count - step.determined
-    scatter = float(np.sqrt(step.squares / max(free, 1.0)))
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
-    opened = model.tangent.shape[1]
-    thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
-    stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    explainable = max(total - noise2, NEGLIGIBLE)
-    causes = {
-        cause: replace(
-            judged,
-            theta=tuple(thetas[k] for k in cause),
-            std=tuple(stds[k] for k in cause),
-            closes=share,
-            shown=shown / explainable,
-        )
-        for (cause, judged), share, shown in zip(
-            _judged(folds, step, order, replaced).items(),
-            closed(errors, noise2),
-            _shown(folds, order),
-            strict=True,
-        )
-    }
-    order, errors = _named_first(folds, order, errors, causes, noise2)
-    every = [
-        replace(
-            causes[cause],
-            closes=share,
-            closes_interval=interval(before, after, noise2, total, seed),
-            rms_after=float(np.sqrt(after.sum() / folds.rows)),
-        )
-        for cause, share, before, after in zip(
-            order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
-        )
-    ]
-    named = [cause for numbers, cause in zip(order, every, strict=True) if causes[numbers].named]
-    unclear = [cause for numbers, cause in zip(order, every, strict=True) if not causes[numbers].named]
-    rest = remainder_of(model, forms, theta, noise2, total, folds.rows)
-    unexplained = rest.share
-    if unclear:
-        some = [form for cause in named for form in cause.forms]
-        rest = remainder_of(model, some, solved(model, some)[0], noise2, total, folds.rows)
-    return Decomposition(
-        model=model,
-        causes=tuple(named),
-        unclear=tuple(unclear),
-        remainder=rest,
-        unexplained=unexplained,
-        rms=float(np.sqrt(total / folds.rows)),
-        noise=float(np.sqrt(noise2 / folds.rows)),
-        change=theta[:opened],
-        scatter=scatter,
-        bic=least,
-        largest=_largest(errors),
-    )
-
-
-def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:
-    """Return by how much each cause lowers the sum of squared position errors, m^2, in fits of fewer causes.
-
-    With those before it, or with all others, whichever is more.
-    """
-
-    def left(causes: Sequence[Numbers]) -> float:
-        fit = fit_step(folds.choice, [number for one in causes for number in one])
-        return float(folds.squared_errors(fit).sum())
-
-    along = [left(order[:count]) for count in range(len(order) + 1)]
-    without = [left([one for one in order if one != cause]) for cause in order]
-    return [max(a - b, other - along[-1]) for (a, b), other in zip(pairwise(along), without, strict=True)]
-
-
-def _judged(
-    folds: Folds, step: Step, order: Sequence[Numbers], replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]
-) -> dict[Numbers, Cause]:
-    """Return how sure each cause of a fit is, its sizes and what it closes left open."""
-    choice = folds.choice
-    rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
-    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
-    return {
-        cause: Cause(
-            forms=tuple(choice.forms[number] for number in cause),
-            theta=(),
-            std=(),
-            probability=rival.probability * float(present),
-            present=float(present),
-            closes=0.0,
-            shown=0.0,
-            closes_interval=(0.0, 0.0),
-            rms_after=0.0,
-            indistinguishable=rival.indistinguishable,
-            rivals=tuple(choice.forms[number] for number in rival.forms),
-        )
-        for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
-    }
-
-
-def _named_first(
-    folds: Folds,
-    order: list[Numbers],
-    errors: list[Array],
-    causes: Mapping[Numbers, Cause],
-    noise: float,
-) -> tuple[list[Numbers], list[Array]]:
-    """Return causes with those that are named first, and the errors (P,) along them.
-
-    Those alone are the answer, so what each closes is what it closes beside these; but not where one of them
-    helps only beside an undecided one.
-    """
-    first = sorted(order, key=lambda cause: not causes[cause].named)
-    along = errors if first == order else folds.errors_along(first)
-    count = sum(cause.named for cause in causes.values())
-    if min(closed(along, noise)[:count], default=0.0) >= 0.0:
-        return first, along
-    return order, errors
-
-
-def _kept(folds: Folds, step: Step) -> Step:
-    """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
-
-    The least sure goes first; the others are judged again without it.
-    """
-    choice = folds.choice
-    while step.chosen:
-        causes = _causes_of(choice, step)
-        errors = folds.squared_errors(step)
-        fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
-        gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
-        sure = [rival_of(choice, step, cause).present for cause in causes]
-        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
-        if not weak:
-            break
-        step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]
-    return step
-
-
-def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[int, Step]]]]:
-    """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
-    choice = folds.choice
-    for _ in range(ROUNDS + 1):
-        causes = _causes_of(choice, step)
-        replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
-        every = [found for fits in replaced.values() for _, found in fits]
-        best = min(every, key=lambda found: found.bic, default=step)
-        errors = folds.squared_errors(step)
-        better = with_usual_name(choice, _kept(folds, best)) if best.bic <= step.bic - ENOUGH else step
-        if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
-            break
-        step = better
-    return step, replaced
-
-
-def _largest(errors: Sequence[Array]) -> float:
-    """Return the share of postures drawn anew in which the first cause closes more than the second."""
-    if len(errors) < 3:
-        return 1.0
-    first, second = errors[0] - errors[1], errors[1] - errors[2]
-    return float((resampled(first - second) > 0.0).mean())
-
-
-def _causes_of(choice: Choice, step: Step) -> list[Numbers]:
-    """Return the forms of a fit by cause: those of one effect at one component belong together."""
-    found: dict[str, list[int]] = {}
-    for number in step.chosen:
-        found.setdefault(choice.forms[number].key, []).append(number)
-    return [tuple(numbers) for numbers in found.values()]

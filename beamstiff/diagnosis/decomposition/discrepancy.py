@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic
+from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -74,11 +75,13 @@ def _same_kind(effect: str) -> list[str]:
     """Return the effects that are no part of the mixture: its own; beside a structure's all of structures.
 
     Links, bearings and drives carry one wrench and move the tool alike: that some of them are compliant is
-    one question, which of them another.
+    one question, which of them, and whether by a law that has a name, another.
     """
+    if effect == UNNAMED:
+        return [effect]
     family = EFFECTS[effect].family
     alike = [name for name, other in EFFECTS.items() if other.family == family]
-    return alike if family == "structure" else [effect]
+    return [*alike, UNNAMED] if family == "structure" else [effect]
 
 
 def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Array, Integers]:

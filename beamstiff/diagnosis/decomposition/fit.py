@@ -21,7 +21,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.forms import Form
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.measure.arrays import Integers
@@ -174,7 +174,7 @@ class Step:
 
 def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     """Return the forms of an open model as one problem."""
-    basis, drives = orthonormal(model.geometry), model.present.size
+    basis, drives = model.open_basis, model.present.size
     residual = model.residual + model.drives @ model.present
     residual = residual - basis @ (basis.T @ residual)
     sizes = [form.columns.shape[1] for form in forms]

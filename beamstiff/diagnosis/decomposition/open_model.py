@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,11 @@ class OpenModel:
         """Columns (n + p, t - d) of the open parameters but the drives."""
         return self.tangent[:, : self.tangent.shape[1] - self.present.size]
 
+    @cached_property
+    def open_basis(self) -> Array:
+        """Orthonormal basis (n + p, k) of the geometry."""
+        return orthonormal(self.geometry)
+
     @property
     def drives(self) -> Array:
         """Columns (n + p, d) of the drives."""
@@ -96,8 +102,7 @@ class OpenModel:
     @property
     def determined(self) -> float:
         """How many directions of the open parameters the measured values determine, and no prior."""
-        basis = orthonormal(self.geometry)[: self.count]
-        return float((basis**2).sum()) + self.present.size
+        return float((self.open_basis[: self.count] ** 2).sum()) + self.present.size
 
     def weighed(self, columns: Array) -> Array:
         """Return columns (N, 6, c) of the rows in units of the noise, (n + p, c)."""

@@ -32,6 +32,9 @@ def causes_dict(found: Decomposition) -> dict[str, Any]:
                 {"one_of": [cause.key, *cause.indistinguishable], "closes": cause.closes}
                 for cause in found.unclear
             ],
+            "outside_library": [
+                {"what": cause.forms[0].component, "closes": cause.closes} for cause in found.unnamed
+            ],
         },
     }
 

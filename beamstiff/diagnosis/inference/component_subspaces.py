@@ -90,13 +90,8 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
 
     Of what is outside, all shapes of the library together count as free.
     """
-    places = baseline.places
-    joints = baseline.nominal.joints
-    structure = [(component_of(baseline.nominal, joint), places.joints[joint.name]) for joint in joints]
-    structure += [(name, link) for name, link in places.links.items() if name not in places.standing]
-    structure += [("base", places.base), ("tool", places.flange)]
-    found = []
-    for name, at in structure:
+    places, found = baseline.places, []
+    for name, at in structure_places(baseline):
         compliance, bent, play = _of_structure(baseline, at)
         unmodelled = {PLAY: _modes(white, (play,))}
         if at is places.base or at is places.flange:
@@ -107,15 +102,17 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
             unmodelled[STOPPED] = _modes(white, (stopped(held),))
         found.append(ComponentSubspace(name, _modes(white, (compliance, bent)), unmodelled=unmodelled))
     for drive in map(str, drives(baseline)):
-        named, others = _of_drive(baseline, drive)
+        others = unmodelled_of_drive(baseline, drive)
         unmodelled = {does: _modes(white, (law,)) for does, law in others.items()}
-        softer = white.whiten_moved(_softening(baseline, drive))
+        softer = white.whiten_moved(softening_of(baseline, drive))
         if _softens(white, softer):
             unmodelled[SOFTENING] = _main(white, [softer])
         each = _by_posture(baseline, drive)
         unmodelled |= {does: _main(white, [white.whiten_moved(law)], POSTURES) for does, law in each.items()}
         found.append(
-            ComponentSubspace(drive, _modes(white, (*named, *others.values())), unmodelled=unmodelled)
+            ComponentSubspace(
+                drive, _modes(white, (*_of_drive(baseline, drive), *others.values())), unmodelled=unmodelled
+            )
         )
     outside: dict[str, list[Array]] = {READINGS: []}
     for one in library.hypotheses:
@@ -131,6 +128,14 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
         for law in found
     ]
     return [law for law in found if law.modes.shape[1] or law.unmodelled]
+
+
+def structure_places(baseline: Baseline) -> list[tuple[str, Place]]:
+    """Return the places of the structure by name: joints, links, base and tool."""
+    places, robot = baseline.places, baseline.nominal
+    joints = [(component_of(robot, joint), places.joints[joint.name]) for joint in robot.joints]
+    links = [(name, link) for name, link in places.links.items() if name not in places.standing]
+    return [*joints, *links, ("base", places.base), ("tool", places.flange)]
 
 
 def modes_of(laws: Sequence[ComponentSubspace], places: Collection[str], values: int) -> Array:
@@ -167,23 +172,29 @@ def _main(white: Whitened, groups: Sequence[Array], most: int = MODES) -> Array:
 
 def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array]:
     """Return what any compliance (N, 6, 21), any bent law (N, 6, 18) and play (N, 6, 6) could do."""
-    compliance = any_compliance(baseline, place)
+    one_sided, grown = _bent(baseline, place, np.abs), _bent(baseline, place, lambda q: q * np.abs(q))
+    sudden = play_of(baseline, place)
+    return any_compliance(baseline, place), np.concatenate([one_sided, grown, sudden], -1), sudden
+
+
+def play_of(baseline: Baseline, place: Place) -> Array:
+    """Return what play of a place of the structure could do, (N, 6, 6)."""
+    return _bent(baseline, place, lambda q: np.tanh(STEEP * q))
+
+
+def _bent(baseline: Baseline, place: Place, law: Callable[[Array], Array]) -> Array:
+    """Return what a law of each of the six loads over its usual size does, (N, 6, 6)."""
     usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
     usual = np.where(usual > 0, usual, 1.0)
-
-    def bent(law: Callable[[Array], Array]) -> Array:
-        slip = law((place.load + place.dead) / usual)
-        if not baseline.absolute:
-            slip = slip - law(place.dead / usual)
-        result: Array = place.shift * slip[:, None, :]
-        return result
-
-    one_sided, grown, sudden = bent(np.abs), bent(lambda q: q * np.abs(q)), bent(lambda q: np.tanh(STEEP * q))
-    return compliance, np.concatenate([one_sided, grown, sudden], -1), sudden
+    slip = law((place.load + place.dead) / usual)
+    if not baseline.absolute:
+        slip = slip - law(place.dead / usual)
+    result: Array = place.shift * slip[:, None, :]
+    return result
 
 
-def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Array]]:
-    """Return the laws (N, 6, c) that a drive could follow: those with a name, and those without."""
+def _of_drive(baseline: Baseline, name: str) -> list[Array]:
+    """Return the laws (N, 6, c) with a name that a drive could follow."""
     axis = axis_at(baseline, name)
     torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
 
@@ -210,14 +221,24 @@ def _of_drive(baseline: Baseline, name: str) -> tuple[list[Array], dict[str, Arr
     if baseline.absolute:  # held alike everywhere it is an encoder's zero
         friction = np.round(friction - friction.mean(axis=0), DIGITS)
     named.append(along(friction))
-    time = clock(baseline)
+    return named
+
+
+def unmodelled_of_drive(baseline: Baseline, name: str) -> dict[str, Array]:
+    """Return the laws (N, 6, c) without a name that a drive could follow, whichever sign they have."""
+    axis, time = axis_at(baseline, name), clock(baseline)
+    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
     one_sided = [by_law(baseline, axis, law) for law in (np.abs, np.square)]
-    changing = along(torque[:, None] * np.stack([time, time**2], -1))
-    fading = along(_remembered(baseline, axis, time))
-    return named, {ONE_SIDED: np.stack(one_sided, -1), CHANGING: changing, CREEPING: fading}
+    changing = torque[:, None] * np.stack([time, time**2], -1)
+    shift = axis.shift[:, :, None]
+    return {
+        ONE_SIDED: np.stack(one_sided, -1),
+        CHANGING: shift * changing[:, None, :],
+        CREEPING: shift * _remembered(baseline, axis, time)[:, None, :],
+    }
 
 
-def _softening(baseline: Baseline, name: str) -> Array:
+def softening_of(baseline: Baseline, name: str) -> Array:
     """Return what a drive yields more beyond each torque at which it may begin to, (N, 6, m)."""
     axis = axis_at(baseline, name)
 

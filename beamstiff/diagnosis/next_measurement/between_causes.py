@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.decompose import solved
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.next_measurement.candidates import load_cycles, noise_of
 from beamstiff.diagnosis.next_measurement.test_plan import (
     DECIDES,

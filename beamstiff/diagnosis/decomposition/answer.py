@@ -1,0 +1,234 @@
+"""What a selection of causes says: which are sure and named, what each closes, and what remains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import expit
+
+from beamstiff.diagnosis.decomposition.causes import PRESENT, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, forms_in
+from beamstiff.diagnosis.decomposition.forms import by_form
+from beamstiff.diagnosis.decomposition.held_out import Folds, closed, interval, ordered
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
+from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled
+from beamstiff.diagnosis.decomposition.solution import solved
+from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
+from beamstiff.diagnosis.prior import TEMPERING
+from beamstiff.se3 import Array
+
+Numbers = tuple[int, ...]  # of the forms of a cause
+NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
+ROUNDS = 4  # of putting a better fit in the place of one
+
+
+def told(folds: Folds, step: Step, seed: int) -> Decomposition:
+    """Return the decomposition that a selection of causes says; `seed` of the intervals."""
+    model, choice, least = folds.model, folds.choice, step.bic
+    step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
+    order, errors = ordered(folds, _causes_of(choice, step))
+    step = fit_step(choice, tuple(number for cause in order for number in cause))
+    forms = list(forms_in(choice, step).values())
+    noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
+    total = float(errors[0].sum())
+    theta, covariance = solved(model, forms)
+    free = len(model.residual) - choice.open_count - step.determined
+    scatter = float(np.sqrt(step.squares / max(free, 1.0)))
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
+    opened = model.tangent.shape[1]
+    thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
+    stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
+    explainable = max(total - noise2, NEGLIGIBLE)
+    causes = {
+        cause: replace(
+            judged,
+            theta=tuple(thetas[k] for k in cause),
+            std=tuple(stds[k] for k in cause),
+            closes=share,
+            shown=shown / explainable,
+        )
+        for (cause, judged), share, shown in zip(
+            _judged(folds, step, order, replaced).items(),
+            closed(errors, noise2),
+            _shown(folds, order),
+            strict=True,
+        )
+    }
+    order, errors = _named_first(folds, order, errors, causes, noise2)
+    every = [
+        replace(
+            causes[cause],
+            closes=share,
+            closes_interval=interval(before, after, noise2, total, seed),
+            rms_after=float(np.sqrt(after.sum() / folds.rows)),
+        )
+        for cause, share, before, after in zip(
+            order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
+        )
+    ]
+    parts: list[list[Cause]] = [[], [], []]
+    for numbers, cause in zip(order, every, strict=True):
+        parts[_rank(causes[numbers])].append(cause)
+    named, unclear, unnamed = parts
+    rest = _rest(model, [*named, *unclear], noise2, total, folds.rows)
+    unexplained = rest.share
+    if unclear:
+        rest = _rest(model, named, noise2, total, folds.rows)
+    return Decomposition(
+        model=model,
+        causes=tuple(named),
+        unclear=tuple(unclear),
+        unnamed=tuple(unnamed),
+        remainder=rest,
+        unexplained=unexplained,
+        rms=float(np.sqrt(total / folds.rows)),
+        noise=float(np.sqrt(noise2 / folds.rows)),
+        change=theta[:opened] + _taken_up(model, unnamed),
+        scatter=scatter,
+        bic=least,
+        largest=_largest(errors),
+    )
+
+
+def _rank(cause: Cause) -> int:
+    """Return 0 for a cause that is named, 1 for one that is undecided, 2 for a law without a name."""
+    return 0 if cause.named else 2 if cause.outside_library else 1
+
+
+def _rest(model: OpenModel, causes: Sequence[Cause], noise2: float, total: float, rows: int) -> Remainder:
+    forms = [form for cause in causes for form in cause.forms]
+    return remainder_of(model, forms, solved(model, forms)[0], noise2, total, rows)
+
+
+def _taken_up(model: OpenModel, unnamed: Sequence[Cause]) -> Array:
+    """Return what the open parameters (t,) take up of laws that the robot as written will lack."""
+    columns = [
+        form.columns @ theta
+        for cause in unnamed
+        for form, theta in zip(cause.forms, cause.theta, strict=True)
+    ]
+    if not columns:
+        return np.zeros(model.tangent.shape[1])
+    return np.asarray(inverse_of(model.tangent) @ np.sum(columns, axis=0))
+
+
+def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:
+    """Return by how much each cause lowers the sum of squared position errors, m^2, in fits of fewer causes.
+
+    With those before it, or with all others, whichever is more.
+    """
+
+    def left(causes: Sequence[Numbers]) -> float:
+        fit = fit_step(folds.choice, [number for one in causes for number in one])
+        return float(folds.squared_errors(fit).sum())
+
+    along = [left(order[:count]) for count in range(len(order) + 1)]
+    without = [left([one for one in order if one != cause]) for cause in order]
+    return [max(a - b, other - along[-1]) for (a, b), other in zip(pairwise(along), without, strict=True)]
+
+
+def _judged(
+    folds: Folds, step: Step, order: Sequence[Numbers], replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]
+) -> dict[Numbers, Cause]:
+    """Return how sure each cause of a fit is, its sizes and what it closes left open."""
+    choice = folds.choice
+    rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
+    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
+    return {
+        cause: Cause(
+            forms=tuple(choice.forms[number] for number in cause),
+            theta=(),
+            std=(),
+            probability=rival.probability * float(present),
+            present=float(present),
+            closes=0.0,
+            shown=0.0,
+            closes_interval=(0.0, 0.0),
+            rms_after=0.0,
+            indistinguishable=_in_library(rival.indistinguishable),
+            rivals=tuple(choice.forms[k] for k in rival.forms if choice.forms[k].effect != UNNAMED),
+        )
+        for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
+    }
+
+
+def _in_library(keys: Sequence[str]) -> tuple[str, ...]:
+    """Return causes with those that no effect of the library has as one: unknown."""
+    return tuple(dict.fromkeys(UNNAMED if key.startswith(f"{UNNAMED}:") else key for key in keys))
+
+
+def _named_first(
+    folds: Folds,
+    order: list[Numbers],
+    errors: list[Array],
+    causes: Mapping[Numbers, Cause],
+    noise: float,
+) -> tuple[list[Numbers], list[Array]]:
+    """Return causes with those that are named first, and the errors (P,) along them.
+
+    Those alone are the answer, so what each closes is what it closes beside these; but not where one of them
+    helps only beside an undecided one.
+    """
+    first = sorted(order, key=lambda cause: _rank(causes[cause]))
+    along = errors if first == order else folds.errors_along(first)
+    count = sum(cause.named for cause in causes.values())
+    if min(closed(along, noise)[:count], default=0.0) >= 0.0:
+        return first, along
+    return order, errors
+
+
+def _kept(folds: Folds, step: Step) -> Step:
+    """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
+
+    The least sure goes first; the others are judged again without it.
+    """
+    choice = folds.choice
+    while step.chosen:
+        causes = _causes_of(choice, step)
+        errors = folds.squared_errors(step)
+        fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
+        gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
+        sure = [rival_of(choice, step, cause).present for cause in causes]
+        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
+        if not weak:
+            break
+        step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]
+    return step
+
+
+def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[int, Step]]]]:
+    """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
+    choice = folds.choice
+    for _ in range(ROUNDS):
+        causes = _causes_of(choice, step)
+        replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
+        every = [found for fits in replaced.values() for _, found in fits]
+        best = min(every, key=lambda found: found.bic, default=step)
+        errors = folds.squared_errors(step)
+        better = with_usual_name(choice, _kept(folds, best)) if best.bic <= step.bic - ENOUGH else step
+        if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
+            break
+        step = better
+    return step, replaced
+
+
+def _largest(errors: Sequence[Array]) -> float:
+    """Return the share of postures drawn anew in which the first cause closes more than the second."""
+    if len(errors) < 3:
+        return 1.0
+    first, second = errors[0] - errors[1], errors[1] - errors[2]
+    return float((resampled(first - second) > 0.0).mean())
+
+
+def _causes_of(choice: Choice, step: Step) -> list[Numbers]:
+    """Return the forms of a fit by cause: those of one effect at one component belong together."""
+    found: dict[str, list[int]] = {}
+    for number in step.chosen:
+        found.setdefault(choice.forms[number].key, []).append(number)
+    return [tuple(numbers) for numbers in found.values()]

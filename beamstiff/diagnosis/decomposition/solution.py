@@ -1,0 +1,43 @@
+"""Open parameters and those of causes in one least squares solution, and what causes move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
+from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
+from beamstiff.se3 import Array
+
+
+def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
+    """Return the open parameters and those of the causes, (t + c,), and their covariance, noise as stated.
+
+    The causes first, of what the open parameters leave: what is all but absorbed by these stays what is known
+    of it beforehand, however it is shared in the least squares solution of both.
+    """
+    choice = build_choice(model, chosen)
+    step = fit_step(choice, range(len(chosen)))
+    used = np.concatenate([step.drives, *step.free])
+    size = np.concatenate([np.ones(choice.drives), *(form.sizes for form in chosen)]) / choice.units
+    theta, own = np.zeros(used.size), np.zeros((used.size, used.size))
+    theta[used] = step.theta
+    root = np.linalg.inv(step.triangle)
+    own[np.ix_(used, used)] = root @ root.T
+    theta, own = theta / size, own / np.outer(size, size)
+    theta[: choice.drives] -= model.present
+    opened = inverse_of(model.geometry)
+    toward = opened @ np.concatenate([model.drives, *(form.columns for form in chosen)], axis=1)
+    change = opened @ model.residual - toward @ theta
+    covariance = np.block(
+        [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
+    )
+    return np.concatenate([change, theta]), covariance
+
+
+def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
+    """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
+    theta, _ = solved(model, chosen)
+    return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))

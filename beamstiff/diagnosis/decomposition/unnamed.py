@@ -1,0 +1,75 @@
+"""Laws that no effect of the library has: what they explain is told as a part of the remainder.
+
+Play of the structure, seats that slip and drives that creep, soften or give more to one side are selected
+like causes. Without them the causes that come nearest to them would stand in for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.effects.effect import Quantity, Shape
+from beamstiff.diagnosis.effects.torque_laws import drives
+from beamstiff.diagnosis.inference.component_subspaces import (
+    PLAY,
+    SLIPPING,
+    SOFTENING,
+    play_of,
+    softening_of,
+    structure_places,
+    unmodelled_of_drive,
+)
+from beamstiff.diagnosis.inference.external_friction import slipping
+from beamstiff.diagnosis.prior import SELDOM
+from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.se3 import Array
+
+UNNAMED = "unknown"  # effect of their forms; the component says which place does what
+SIZE = 1e-3  # m, usual RMS of what a mode moves; as of the effects of the library it may be ten times that
+MODES = 6  # of a law: those that move the readings most, as many as directions of a wrench
+SHOWS = 1e-2  # of the largest mode
+
+
+def unnamed_forms(model: OpenModel) -> list[Form]:
+    """Return a form for every law without a name of every place: its main modes beside the open geometry."""
+    baseline = model.baseline
+    found = []
+    for place, does, columns, positive in _laws(baseline):
+        columns = baseline.rows.along(columns)
+        modes = columns @ (np.eye(columns.shape[-1]) if positive else _main(model, columns))
+        size = np.sqrt((modes[:, :3] ** 2).sum(axis=1).mean(axis=0))
+        modes = modes[:, :, size > 0] / size[size > 0]
+        if not modes.shape[-1]:
+            continue
+        parameters = tuple(Quantity(f"mode_{at + 1}", "m", SIZE, positive) for at in range(modes.shape[-1]))
+        shape = Shape(does, modes, parameters)
+        found.append(Form(UNNAMED, f"{place} {does}", shape, model.weighed(SIZE * modes), 0.0, SELDOM))
+    return found
+
+
+def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
+    """Yield place, what it does, columns (N, 6, c), and whether their parameters cannot be negative."""
+    for name, place in structure_places(baseline):
+        yield name, PLAY, play_of(baseline, place), False
+        if place is baseline.places.base or place is baseline.places.flange:
+            yield name, SLIPPING, slipping(baseline, place), False
+    for drive in map(str, drives(baseline)):
+        for does, columns in unmodelled_of_drive(baseline, drive).items():
+            yield drive, does, columns, False
+        yield drive, SOFTENING, softening_of(baseline, drive), True
+
+
+def _main(model: OpenModel, columns: Array) -> Array:
+    """Return how the columns (N, 6, c) combine to the modes that move most of the readings, (c, k)."""
+    basis = model.open_basis
+    seen = model.weighed(columns)
+    length = np.linalg.norm(seen, axis=0)
+    unit = seen / np.where(length > 0, length, 1.0)
+    values, vectors = np.linalg.eigh((unit - basis @ (basis.T @ unit)).T @ unit)
+    kept = np.flatnonzero(values > SHOWS**2 * values.max(initial=0.0))[::-1][:MODES]
+    combined: Array = vectors[:, kept] / np.where(length > 0, length, np.inf)[:, None]
+    return combined
