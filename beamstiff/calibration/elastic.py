@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.calibration.parameters import COMPLIANCE, Parameter
-from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import displaced_points
 from beamstiff.model.ports import PortModel, reduce_to_ports
@@ -92,13 +91,7 @@ def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[s
     """Return the stiffness values that gravity or a row's load acts on."""
     model = reduce_to_ports(robot, rows, names, gravity=True)
     slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
-    felt = [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
-    if not felt:
-        raise BeamstiffError(
-            f"{rows.source}: nothing loads {listed(names)}: neither gravity on what they carry (`masses`, "
-            "`density`) nor any row's wrench"
-        )
-    return felt
+    return [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
 
 
 def is_rigid(parameter: Parameter, value: float) -> bool:

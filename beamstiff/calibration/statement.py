@@ -91,6 +91,11 @@ def build_calibration(
     chosen = tuple(item for item in chosen if item.name not in opening)
     geometry = build_geometry(robot, rows, chosen, places)
     felt = felt_names(robot, rows, compliances) if compliances else []
+    if compliances and not felt:
+        raise BeamstiffError(
+            f"{rows.source}: nothing loads {listed(compliances)}: neither gravity on what they carry "
+            "(`masses`, `density`) nor any row's wrench"
+        )
     elastic = build_elastic(robot, rows, felt)
     every = (*chosen, *compliance_parameters(robot, elastic))
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)

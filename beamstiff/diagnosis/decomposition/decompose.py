@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import Decomposition
@@ -75,7 +76,9 @@ def decompose(
         model = open_stiffness(baseline or fit_baseline(robot, rows))
         folds = folds_of(model, build_choice(model, _forms(model, prior, known)), seed)
         return told(folds, select(folds.choice, folds.squared_errors), seed)
-    robot = robot.model_copy(update={"identify": fitted_names(robot)})
+    drives = fitted_names(robot)
+    loaded = bool(drives) and bool(felt_names(robot, rows, drives))
+    robot = robot.model_copy(update={"identify": drives if loaded else ()})
     model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
     forms = forms_of(model, prior)

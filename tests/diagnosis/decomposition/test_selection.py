@@ -33,7 +33,7 @@ def choice_of(
     count = len(residual)
     geometry, drives = np.eye(count)[:, :1], drives if drives is not None else np.zeros((count, 0))
     model = SimpleNamespace(
-        geometry=geometry,
+        open_basis=geometry,
         drives=drives,
         present=np.array(present),
         residual=residual,

@@ -1,0 +1,79 @@
+"""What no effect of the library is, is told as a part of the remainder, and no cause stands in for it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from beamstiff import Robot, load_robot
+from beamstiff.calibration.corrected import corrected
+from beamstiff.calibration.elastic import elastic_displacement
+from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.unnamed import UNNAMED, unnamed_forms
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.measure import Measurements, make_measurements
+from beamstiff.report.diagnosis_text import remainder_text
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.se3 import Array
+
+NOISE = 2e-5  # m
+LOAD = np.array([0.0, 0.0, -1500.0])  # N
+PLAY = 3e-4  # rad, to either side: a bearing lies against one race or the other
+OFF = {"q2": 1e-3, "q3": -2e-3, "q5": 2e-3, "f2.d": 5e-4, "f3.d": -8e-4, "f4.alpha": 1e-3, "f5.r": 6e-4}
+POSES = 120
+
+
+def plan(robot: Robot, position: Array, q: Array) -> Measurements:
+    names = [variable.name for variable in robot.actuated]
+    wrench = np.tile([*LOAD, 0.0, 0.0, 0.0], (len(q), 1))
+    return make_measurements(names, q, tcp=robot.tcp, wrench=wrench, position=position, sigma_position=NOISE)
+
+
+@cache
+def loose() -> tuple[Robot, Measurements, Diagnosis]:
+    """A KR240-2 whose third bearing tips over to the side to which a payload pulls it."""
+    robot = load_robot("kr240-2")
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-1.0, 1.0, (POSES, 6)) + np.array([0.0, -1.2, 1.2, 0.0, 0.0, 0.0])
+    made = corrected(robot, OFF, np.zeros((1, 6)))
+    sag = elastic_displacement(made, plan(robot, np.zeros((POSES, 3)), q))[:, :3]
+    kinematics = compile_kinematics(made)
+    at = posture(kinematics, q)
+    tool, joint = (pose_of(kinematics, at, node) for node in (robot.tcp, robot.joints[2].nodes[1]))
+    across = joint[:, :3, 0]  # of the frame whose z is the joint's axis
+    lever = tool[:, :3, 3] - joint[:, :3, 3]
+    side = np.sign(np.einsum("ni,ni->n", across, np.cross(lever, LOAD)))
+    moved = PLAY * side[:, None] * np.cross(across, lever)
+    read = tool[:, :3, 3] + sag + moved + NOISE * rng.standard_normal((POSES, 3))
+    rows = plan(robot, read, q)
+    return robot, rows, diagnose(robot, rows)
+
+
+def test_a_bearing_with_play_is_no_effect_of_the_library() -> None:
+    _, _, diagnosis = loose()
+    found = diagnosis.decomposition
+    assert found is not None
+    assert diagnosis.verdict.effect == "unknown"
+    largest = max(found.unnamed, key=lambda cause: cause.closes)
+    assert largest.key == f"{UNNAMED}:q3 has play"
+    assert largest.closes > 0.5
+    assert "q3 has play" in remainder_text(found)
+    assert diagnosis.to_dict()["remainder"]["outside_library"][0]["what"] == largest.forms[0].component
+
+
+def test_the_robot_is_written_without_it() -> None:
+    _, _, diagnosis = loose()
+    assert all(one.effect != UNNAMED for one in extended(diagnosis).effects)
+
+
+def test_modes_move_the_readings_a_metre_each_and_are_few() -> None:
+    robot, rows, _ = loose()
+    model = open_geometry(robot.model_copy(update={"identify": ()}), rows, parameters=("base",))
+    for form in unnamed_forms(model):
+        assert 1 <= form.shape.columns.shape[-1] <= 7
+        rms = np.sqrt((form.shape.columns[:, :3] ** 2).sum(axis=1).mean(axis=0))
+        np.testing.assert_allclose(rms, 1.0)
+        seen = model.weighed(form.shape.columns * form.sizes)
+        assert form.columns == pytest.approx(seen)
