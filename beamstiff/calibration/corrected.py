@@ -1,7 +1,5 @@
 """The robot as calibrated: the same description with other numbers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace

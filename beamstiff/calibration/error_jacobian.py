@@ -9,8 +9,6 @@ as they do for these, with the loops' dependence carried through (seed 003, eqs 
 The screws' twists are in `robot.forward` (`twists_at`); Hayati's beta is the turn about y of `robot.frames`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

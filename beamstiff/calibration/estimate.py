@@ -7,8 +7,6 @@ Steps are taken in realistic deviations, so that one damping holds for lengths, 
 The damping falls tenfold with every step that lowers the cost, and rises tenfold with one that does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ all that was seen so far (recursive least squares, a Kalman filter for a state a
 estimate from all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A calibration stated before it is estimated: what is sought, what the poses tell, where to start."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ slowly. Backlash and other effects that follow a joint's torque have kinks: thei
 of the polynomial, and come from a table by the torque (`slips`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """From a file to the corrected file: every target that has a command gets it, nothing else changes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any

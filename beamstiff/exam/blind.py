@@ -1,7 +1,5 @@
 """One case examined blind: sealed, diagnosed from rows alone, reported, and only then opened."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Runs an exam: over processes or machines, results line by line in a file, taken up after a break."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The reduced global stiffness: element matrices in the base frame, added up in a pattern found once."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 

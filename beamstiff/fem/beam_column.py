@@ -12,8 +12,6 @@ functions of Livesley and Chandler (1956), with it they give the columns of Hari
 2.17). One element a beam is exact at any share of the critical load.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -8,8 +8,6 @@ strain is then ``B u + e_2``, with e_2 of its initial stress matrix (K_1 of the 
     K_t z + B^T K e_2 = f,     G z = -c_2
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

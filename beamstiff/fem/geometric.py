@@ -15,8 +15,6 @@ With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen a
 19 (2000) 835) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not symmetric when moments act.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dead loads: the weight of beams, masses and payload as consistent nodal wrenches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError

@@ -4,8 +4,6 @@ With the displacements e of all ports a fixed share E of those of some independe
 Phi at the ports are ``E^T Phi E`` at the independent ones. Derivatives by the springs: `model.port_slopes`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

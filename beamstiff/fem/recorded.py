@@ -5,8 +5,6 @@ in the frame of its node, and each element sees its ends from its own frame. Wha
 then a constant, and the angles enter only where parts meet that turn against one another.
 """
 
-from __future__ import annotations
-
 import itertools
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """A robot compiled for the stiffness path: element tables, unknowns and sparse pattern, once per graph."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`diagnose`: where the gap between model and machine is, and what causes it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from numbers import Real

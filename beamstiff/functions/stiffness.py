@@ -1,7 +1,5 @@
 """Stiffness and compliance at the TCP in one posture or many, and where the TCP is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """The displacement of every row of a table of loads, for a robot whose stiffness is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError

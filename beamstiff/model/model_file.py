@@ -1,7 +1,5 @@
 """Fitted models of elasticity to the key `model` of a robot's file, and back."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -4,8 +4,6 @@ One elimination a row, without pivots: ``M = S + sum k_j Phi_j`` is positive def
 every step of it runs over a stretch of numbers that stays in the processor's cache.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ are closed, and each is moved along its own assembly towards the guess, the actu
 far as they need to. Angles are counted without whole turns.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 

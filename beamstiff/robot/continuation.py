@@ -1,7 +1,5 @@
 """Closing loops in one assembly branch: from the reference, along lines, and from elsewhere where need be."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple

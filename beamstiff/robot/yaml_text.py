@@ -5,8 +5,6 @@ run; nothing recurses; aliases are counted before they are used. Scalars follow 
 decimal numbers): ``1:30``, ``010``, ``on`` or a date stay the text they are, and ``2e11`` is a number.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn, TypeAlias

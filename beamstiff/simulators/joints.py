@@ -7,8 +7,6 @@ moment at its end a beam draws its ends together by theta^2 L/6; with two such h
 one at the middle by 50 %: this part of what an axial load does to the stiffness is wrong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ the base go into the body that stands on the world and carries the first drive; 
 gets a body of its own around the TCP's site.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

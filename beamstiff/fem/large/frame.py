@@ -1,7 +1,5 @@
 """Large frames as plain arrays, and their sparse stiffness, assembled without a loop over elements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

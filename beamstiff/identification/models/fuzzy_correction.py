@@ -1,7 +1,5 @@
 """The gray box fitted to displacements: fuzzy corrections of a parametric model's joint compliances."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Further forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

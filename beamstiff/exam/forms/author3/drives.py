@@ -1,7 +1,5 @@
 """Third forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Geometry that is off with its neighbours, tools that sit turned, payloads that are not as told."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 
