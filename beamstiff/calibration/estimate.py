@@ -35,10 +35,7 @@ class Estimate:
 
 
 def estimate(
-    problem: Problem,
-    begin: Array,
-    identified: Sequence[str],
-    method: str = "levenberg-marquardt",
+    problem: Problem, begin: Array, identified: Sequence[str], method: str = "levenberg-marquardt"
 ) -> Estimate:
     """Return the parameters that explain the readings best from `begin` (t,); those not `identified` stay."""
     if method not in METHODS:

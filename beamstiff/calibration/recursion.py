@@ -32,11 +32,7 @@ class Recursion:
 
 
 def recursion(
-    problem: Problem,
-    begin: Array,
-    identified: Sequence[str],
-    sweeps: int = SWEEPS,
-    memory: bool = False,
+    problem: Problem, begin: Array, identified: Sequence[str], sweeps: int = SWEEPS, memory: bool = False
 ) -> Recursion:
     """Return the recursion over all poses, `sweeps` times.
 

@@ -6,12 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from beamstiff.calibration.elastic import (
-    build_elastic,
-    compliance_parameters,
-    compliances_of,
-    felt_names,
-)
+from beamstiff.calibration.elastic import build_elastic, compliance_parameters, compliances_of, felt_names
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, instrument_parameters, knows_a_frame

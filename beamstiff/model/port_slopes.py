@@ -13,12 +13,7 @@ CHUNK = 512  # rows at a time
 
 
 def moved_with_slopes(
-    own: Array,
-    springs: Array,
-    port_stiffness: Array,
-    pose: NDArray[np.int64],
-    force: Array,
-    motion: Array,
+    own: Array, springs: Array, port_stiffness: Array, pose: NDArray[np.int64], force: Array, motion: Array
 ) -> tuple[Array, Array]:
     """Return ``B_d^T M^-1 f`` of every row (N, 6), and its derivatives by the values k, (N, 6, m).
 

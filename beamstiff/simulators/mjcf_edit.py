@@ -175,10 +175,7 @@ def _at_tool(
         there = np.linalg.inv(poses[int(model.site(robot.tcp).bodyid[0])]) @ ours
         (site,) = sites
         indent = _indent(data, site.start)
-        lines = [
-            f'<body name="{body.name}">',
-            f"  {LEAST_INERTIAL}",
-        ]
+        lines = [f'<body name="{body.name}">', f"  {LEAST_INERTIAL}"]
         for joint in body.joints:
             at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis
             lines.append(f"  {joint_text(replace(joint, at=at, axis=axis), settle, 0.0)}")

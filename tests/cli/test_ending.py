@@ -195,8 +195,7 @@ def test_help_names_the_commands_and_the_exit_codes(run: Run, arguments: list[st
 
 
 @pytest.mark.parametrize(
-    "command",
-    [one.callback.__name__.replace("_", "-") for one in app.registered_commands if one.callback],
+    "command", [one.callback.__name__.replace("_", "-") for one in app.registered_commands if one.callback]
 )
 def test_the_help_of_every_command_teaches(run: Run, command: str) -> None:
     text = run(command, "--help").stdout

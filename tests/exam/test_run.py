@@ -152,12 +152,7 @@ def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: P
         seen.append(json.loads(results.read_text().splitlines()[-1]))
         return always_none(*arguments, **more)  # type: ignore[arg-type]
 
-    records = run_exam(
-        EXAM,
-        3,
-        Examiner(looks),
-        results=results,
-    )  # type: ignore[arg-type]
+    records = run_exam(EXAM, 3, Examiner(looks), results=results)  # type: ignore[arg-type]
     assert [line["sealed"] for line in seen] == [0, 1, 2]
     assert [line["label_sha256"] for line in seen] == [r.label.digest() for r in records]
 

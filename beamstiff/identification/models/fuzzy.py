@@ -198,11 +198,7 @@ def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> P
 
 
 def solis_wets(
-    cost: Callable[[Array], float],
-    begin: Array,
-    step: float,
-    evaluations: int,
-    random: np.random.Generator,
+    cost: Callable[[Array], float], begin: Array, step: float, evaluations: int, random: np.random.Generator
 ) -> tuple[Array, float]:
     """Return the best point found, and its cost.
 

@@ -30,9 +30,7 @@ class CorrectionFit:
 
 
 def fit_fuzzy_correction(
-    robot: Robot,
-    table: Measurements,
-    parameters: Sequence[str] | None = None,
+    robot: Robot, table: Measurements, parameters: Sequence[str] | None = None
 ) -> CorrectionFit:
     """Fit fuzzy corrections of joint compliances to measured displacements.
 

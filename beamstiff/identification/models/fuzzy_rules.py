@@ -160,11 +160,7 @@ def rapid_prototype(readings: Readings, firing: Array) -> Array:
 
 
 def fit_conclusions(
-    readings: Readings,
-    premises: Partition,
-    firing: Array,
-    method: Method = "exact",
-    positive: bool = False,
+    readings: Readings, premises: Partition, firing: Array, method: Method = "exact", positive: bool = False
 ) -> Array:
     """Return the conclusions (R, K) that explain the readings best.
 

@@ -68,10 +68,7 @@ def _turned(request: DrawRequest) -> dict[str, float]:
 
 def _clevis(request: DrawRequest) -> dict[str, float]:
     length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
-    return {
-        **request.direction(length),
-        **way_of(request, length * request.uniform(0.1, 0.4), "still_"),
-    }
+    return {**request.direction(length), **way_of(request, length * request.uniform(0.1, 0.4), "still_")}
 
 
 def _tool(truth: Truth, reality: Reality) -> Reality:
