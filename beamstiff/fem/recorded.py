@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Expression, square_root
-from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
-from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
+from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers

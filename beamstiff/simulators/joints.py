@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Beam, Joint, Rigid

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.se3 import Array
 

@@ -18,8 +18,8 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.models.fuzzy_rules import Method, Readings, build_readings, fit_conclusions
 from beamstiff.identification.models.split import configurations
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array

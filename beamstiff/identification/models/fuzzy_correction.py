@@ -8,9 +8,9 @@ import numpy as np
 
 from beamstiff.identification.models.configuration import Begin, Varying, begin_with, fit_varying
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import inputs_of
 from beamstiff.model.fuzzy_correction import FuzzyCorrection
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import Partition
+from beamstiff.model.fuzzy_inference import Partition
 from beamstiff.se3 import Array
 
 Method = Literal["exact", "gradient"]
