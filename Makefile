@@ -33,7 +33,7 @@ readme: venv
 	$(BIN)/python -m tests.cli.demo_text
 
 test: venv
-	$(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
 slow: venv
 	$(BIN)/python -m pytest -n $(JOBS) -m slow $(PYTEST_ARGS)

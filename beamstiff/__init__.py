@@ -1,7 +1,5 @@
 """beamstiff: predict robot deflection, identify joint stiffness, and find why the real machine differs."""
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """The one error type that users of beamstiff see, and the hints it carries."""
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Files read whole with every fault told in one line, and written whole or not at all."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -6,8 +6,6 @@ written by hand, one of ours with a value changed, a plan that was filled in. Ro
 stay byte for byte as they were but for numbers; the SHA-256 of those is kept beside them, in `LEDGER`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import mmap
 import os

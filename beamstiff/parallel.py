@@ -7,8 +7,6 @@ The pool is that of `concurrent.futures`, and not joblib's: loky starts every pr
 package is loaded, 0.14 s where copies are made), and has no tasks that follow from results (`then`).
 """
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os

@@ -4,8 +4,6 @@ All functions work on arrays with any leading (pose) axes. A transform ``T`` (..
 of the moving frame to the fixed one. A twist or displacement is ``[d, r]``, a wrench ``[f, m]``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -24,10 +24,10 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, load_robot
-from beamstiff.compensation.correct import Correction, correct_path, errors_of
 from beamstiff.compensation.formats import apt, krl, rapid
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.cantilever import Cantilever, Method
 from beamstiff.compensation.process.corotational import straight, under_load
 from beamstiff.compensation.process.load import Constant, Process, Together

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, compile_structure, load_robot, posture
-from beamstiff.fem.geometric import complementary_stiffness
+from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
 from beamstiff.planning.designs import choose_tests, how_many
 from beamstiff.planning.dexterity import (

@@ -23,9 +23,9 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import load_robot, write_measurements
-from beamstiff.compensation.correct import Correction, correct_path, errors_of
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.process.writer import process_to_yaml

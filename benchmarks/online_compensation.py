@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import load_robot
-from beamstiff.compensation.correct import correct_path
 from beamstiff.compensation.follow import between
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.path_correction import correct_path
 from beamstiff.compensation.process.load import FromPath
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array

@@ -23,9 +23,9 @@ import numpy as np
 from rich.console import Console
 
 from beamstiff import load_robot
-from beamstiff.compensation.correct import errors_of
 from beamstiff.compensation.formats import read_program
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path_correction import errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.process.reader import read_process

@@ -1,7 +1,5 @@
 """Geometric calibration, with compliances in the same estimate where they are asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

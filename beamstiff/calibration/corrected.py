@@ -1,7 +1,5 @@
 """The robot as calibrated: the same description with other numbers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -123,10 +121,7 @@ def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:
         at = _on_axis(now, where, second)
         pose, back = (where.transforms[0, now.node_frame[node]] for node in (second, first))
         seen = pose[:3, :3] @ at + pose[:3, 3]
-        nodes = (
-            seats.at(joint, 0, back[:3, :3].T @ (seen - back[:3, 3])),
-            seats.at(joint, 1, at),
-        )
+        nodes = (seats.at(joint, 0, back[:3, :3].T @ (seen - back[:3, 3])), seats.at(joint, 1, at))
         joints[number] = joint.model_copy(update={"nodes": nodes})
     return seats.robot.model_copy(update={"joints": tuple(joints)})
 

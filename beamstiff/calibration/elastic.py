@@ -4,8 +4,6 @@ Compliances are sought in the linear model of the springs (`model.ports`), exact
 of the loaded machine (K_C) and a changed geometry make of it is put right from round to round.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,10 +6,9 @@ as they do for these, with the loops' dependence carried through (seed 003, eqs 
 
     dX/dp = T_p - T_passive pinv(J_passive) dPhi/dp
 
-The screws' twists are in `robot.forward` (`twists_at`); Hayati's beta is the turn about y of `robot.frames`.
+The column of a turn about an axis a through o is ``[a x (p - o); a]`` at a point p, of a shift ``[a; 0]``
+(`robot.forward.twists_at`); Hayati's beta is the turn about a frame's y, after theta (`robot.frames`).
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ Steps are taken in realistic deviations, so that one damping holds for lengths, 
 The damping falls tenfold with every step that lowers the cost, and rises tenfold with one that does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -37,10 +35,7 @@ class Estimate:
 
 
 def estimate(
-    problem: Problem,
-    begin: Array,
-    identified: Sequence[str],
-    method: str = "levenberg-marquardt",
+    problem: Problem, begin: Array, identified: Sequence[str], method: str = "levenberg-marquardt"
 ) -> Estimate:
     """Return the parameters that explain the readings best from `begin` (t,); those not `identified` stay."""
     if method not in METHODS:

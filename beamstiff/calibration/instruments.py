@@ -6,8 +6,6 @@ along one direction u at the point: its row of the error Jacobian is ``u^T`` tim
 stand the derivatives by the set-up (equations in `measure.instruments`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

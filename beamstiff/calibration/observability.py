@@ -6,8 +6,6 @@ manufacture do. Parameters are taken one after another by QR with column pivotin
 first; what a parameter would add to those already taken decides (Khalil and Dombre 2002, chapter 11).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -16,8 +16,6 @@ A parameter is a deviation from the robot as it is described:
 A constant that stands beside a variable (``theta: q2 - 90 deg``) goes by the variable's name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

@@ -6,8 +6,6 @@ all that was seen so far (recursive least squares, a Kalman filter for a state a
 estimate from all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,11 +32,7 @@ class Recursion:
 
 
 def recursion(
-    problem: Problem,
-    begin: Array,
-    identified: Sequence[str],
-    sweeps: int = SWEEPS,
-    memory: bool = False,
+    problem: Problem, begin: Array, identified: Sequence[str], sweeps: int = SWEEPS, memory: bool = False
 ) -> Recursion:
     """Return the recursion over all poses, `sweeps` times.
 

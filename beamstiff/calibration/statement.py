@@ -1,19 +1,12 @@
 """A calibration stated before it is estimated: what is sought, what the poses tell, where to start."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from beamstiff.calibration.elastic import (
-    build_elastic,
-    compliance_parameters,
-    compliances_of,
-    felt_names,
-)
+from beamstiff.calibration.elastic import build_elastic, compliance_parameters, compliances_of, felt_names
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, instrument_parameters, knows_a_frame

@@ -1,7 +1,5 @@
 """Errors on readings that were not fitted: poses left out, other tables; and readings in the base frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`beamstiff campaign`: batch after batch, what they tell, what to measure next, when to stop."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """`beamstiff check`: whether the gap in a result is within a limit."""
 
-from __future__ import annotations
-
 import json
 from typing import Annotated, Any
 

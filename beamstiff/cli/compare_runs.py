@@ -1,7 +1,5 @@
 """`beamstiff compare-runs`: what changed between two campaigns of one machine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

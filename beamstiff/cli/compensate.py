@@ -144,11 +144,7 @@ def compensate(
     from beamstiff.functions.compensate import compensate as run
     from beamstiff.functions.compensate import compensate_online, read_std
     from beamstiff.functions.robots import as_robot
-    from beamstiff.report.compensation import (
-        compensation_figure,
-        compensation_told,
-        learned_head,
-    )
+    from beamstiff.report.compensation import compensation_figure, compensation_told, learned_head
 
     one_of("unreachable", unreachable, (REFUSE, KEEP))
     steps = _steps(resample)

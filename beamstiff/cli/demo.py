@@ -1,7 +1,5 @@
 """`beamstiff demo`: from bundled measurements to a verdict and a report."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,5 @@
 """`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

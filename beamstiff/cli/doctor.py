@@ -1,7 +1,5 @@
 """`beamstiff doctor`: what is installed, and whether it calculates right."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -1,7 +1,5 @@
 """`beamstiff exam`: the diagnosis on simulated campaigns whose effect is withheld."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """How every command ends: exit codes, and one line on stderr instead of a traceback."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

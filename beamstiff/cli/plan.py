@@ -1,7 +1,5 @@
 """`beamstiff plan`: which poses and loads to measure."""
 
-from __future__ import annotations
-
 from beamstiff.cli.options import Assembly, Region, RobotFile, option, parse_names, parse_region, robot_file
 from beamstiff.cli.output import Outputs, working, write
 

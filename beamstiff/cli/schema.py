@@ -1,7 +1,5 @@
 """`beamstiff schema`: what a robot file and a measurement table may hold, for editors and programs."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -1,7 +1,5 @@
 """`beamstiff show`: what a robot file means."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -5,8 +5,6 @@ is lost. A number keeps its sign of plus, its leading zeros, its exponent and it
 these only where the change would not fit into them.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from bisect import bisect_right

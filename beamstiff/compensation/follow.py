@@ -5,8 +5,6 @@ the way there is walked in small steps; where that fails too, another configurat
 be one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

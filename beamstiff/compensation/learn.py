@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.compensation.correct import settled
 from beamstiff.compensation.follow import follow_path
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.missing_effects import missing_effect
 from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path_correction import settled
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.process.parameters import Parameter, parameters_of, with_values
 from beamstiff.errors import BeamstiffError

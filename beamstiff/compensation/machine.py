@@ -4,8 +4,6 @@ The controller turns poses into joint values with the robot that it knows. At th
 own geometry, sags under its weight, is compliant under the load and has its effects.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Which effect of the library explains what a measured run and its fitted process leave, if any does."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.compensation.machine import Machine

@@ -8,17 +8,15 @@ slowly. Backlash and other effects that follow a joint's torque have kinks: thei
 of the polynomial, and come from a table by the torque (`slips`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from beamstiff.compensation.correct import correct_path
 from beamstiff.compensation.follow import follow, follow_path, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.path_correction import correct_path
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.slips import SlipLaw, joint_motions, slip_laws, tabulated
 from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns

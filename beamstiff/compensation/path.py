@@ -1,6 +1,6 @@
 """A tool path: targets in their order, the frames they are written in, loads that come with them.
 
-Data alone: the correction is in `compensation.correct`.
+Data alone: the correction is in `compensation.path_correction`.
 """
 
 from __future__ import annotations

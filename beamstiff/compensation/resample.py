@@ -1,7 +1,5 @@
 """More targets along a path, so that no step is longer than the deviation takes to change."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

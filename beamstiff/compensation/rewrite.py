@@ -1,7 +1,5 @@
 """From a file to the corrected file: every target that has a command gets it, nothing else changes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -9,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.compensation.correct import Correction, correct_path, errors_of
 from beamstiff.compensation.editing import ENCODING
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
+from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.resample import resample
 from beamstiff.compensation.uncertainty import correction_std, doubtful

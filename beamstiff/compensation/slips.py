@@ -4,8 +4,6 @@ What such an effect does to the tool is the joint's motion times a slip ``g(torq
 torque are smooth in posture and load, whatever kinks the law has; the law is tabulated once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

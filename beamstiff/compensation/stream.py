@@ -14,8 +14,6 @@ Lines out, one each::
     error MESSAGE
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How sure a correction is: what standard deviations of stiffness, effects and load move the real tool by."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 

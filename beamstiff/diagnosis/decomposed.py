@@ -19,7 +19,7 @@ from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.held_out.prediction import HeldOutError
+from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain

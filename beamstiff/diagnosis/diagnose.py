@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.held_out import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
-from beamstiff.diagnosis.held_out.prediction import (
+from beamstiff.diagnosis.held_out.score import (
     Fitted,
     HeldOutError,
     Weighted,

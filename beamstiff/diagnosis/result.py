@@ -14,7 +14,7 @@ from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.held_out.prediction import Fitted, HeldOutError, shift
+from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of

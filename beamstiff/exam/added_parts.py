@@ -1,7 +1,5 @@
 """Machines with parts that the robot lacks: under the base, across a joint, before the tool."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from itertools import count

@@ -1,7 +1,5 @@
 """One case examined blind: sealed, diagnosed from rows alone, reported, and only then opened."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
-from beamstiff.exam.cases import Case, Exam, draw_case
+from beamstiff.exam.cases import Case, Exam
 from beamstiff.exam.names import is_named, normal
 from beamstiff.exam.record import Answer, Record, answer_of, failed, sha256
 from beamstiff.exam.simulate import simulate, table_of
@@ -75,18 +73,6 @@ class Examiner:
     baseline: Baseline = linear_baseline
     controls: Mapping[str, Control] = field(default_factory=dict)
     reports: Path | None = None
-
-
-def examine(exam: Exam, case: int, examiner: Examiner, given: Case | None = None) -> Record:
-    """Return the record of a case: drawn, sealed, measured, diagnosed, reported, opened, compared.
-
-    `given`: the case, where it has been drawn already.
-
-    Raises BeamstiffError when the simulator cannot make the case, or the report cannot be written.
-    """
-    record, report = examined(exam, given or draw_case(exam, case), examiner)
-    keep_report(examiner, case, report)
-    return record
 
 
 def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:

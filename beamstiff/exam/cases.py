@@ -1,7 +1,5 @@
 """Cases drawn at random, each from its own seed: a machine, what is wrong with it, how it is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar

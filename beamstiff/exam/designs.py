@@ -1,7 +1,5 @@
 """Measurement campaigns drawn at random: poses, loads, their order in time, noise and its claim."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

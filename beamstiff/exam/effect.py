@@ -1,7 +1,5 @@
 """What an effect of the simulated machines is, and how its places and sizes are drawn."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ updated on the rotation group. The tangent is complete but for terms of second o
 of a spring, so that corrections shrink by orders of magnitude a step.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass, fields
 from typing import Any

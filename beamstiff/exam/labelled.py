@@ -1,7 +1,5 @@
 """Campaigns in a folder, with their labels in a file of their own: diagnosed blind, compared afterwards."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """Names of effects and places as the exam compares them, and the families they belong to."""
 
-from __future__ import annotations
-
 NONE, UNKNOWN, FAILED = "none", "unknown", "failed"
 
 FAMILIES: dict[str, tuple[str, ...]] = {

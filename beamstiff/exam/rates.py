@@ -1,7 +1,5 @@
 """Rates and medians with the uncertainty that the number of cases leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import sqrt

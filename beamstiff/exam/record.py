@@ -1,7 +1,5 @@
 """One examined case: the sealed label, the verdict given blind, and what is compared."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Whether probabilities mean what they say: Brier score, reliability, expected calibration error."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

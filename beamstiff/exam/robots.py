@@ -1,7 +1,5 @@
 """The robots that are examined: two bundled ones, a third serial one, and arms of random proportions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Finite rotations of the simulated bodies, batched over any leading axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array

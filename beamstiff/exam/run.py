@@ -1,7 +1,5 @@
 """Runs an exam: over processes or machines, results line by line in a file, taken up after a break."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -104,15 +102,6 @@ def run_cases(
     return [item for _, item in sorted(found.items()) if not isinstance(item, Void)]
 
 
-def read_results(path: Path) -> tuple[dict[str, Any], list[Record]]:
-    """Return the settings and the records of a file of results, by case.
-
-    Raises BeamstiffError when it is no such file.
-    """
-    settings, items = _read(path)
-    return settings, [item for _, item in sorted(items.items()) if not isinstance(item, Void)]
-
-
 Write = Callable[[dict[str, Any]], None]
 
 
@@ -210,7 +199,7 @@ def _line(value: dict[str, Any]) -> str:
 def _taken_up(results: Path, mine: dict[str, Any]) -> tuple[dict[int, Any], int]:
     """Return what a file holds of this exam, and how many bytes of it are whole lines."""
     size = _whole_lines(results)
-    settings, items = _read(results, size)
+    settings, items = read_results(results, size)
     if settings != mine:
         other = next(name for name in (*mine, *settings) if settings.get(name) != mine.get(name))
         raise BeamstiffError(
@@ -228,7 +217,7 @@ def _whole_lines(path: Path) -> int:
     tail = data[size:]
     if not size or not any(tail[: len(begin)] == begin[: len(tail)] for begin in _BEGINNINGS):
         _fail(path, data.count(b"\n") + 1, tail.decode("utf-8", "replace"))
-    _read(path, size)
+    read_results(path, size)
     return size
 
 
@@ -242,7 +231,8 @@ def _fail(path: Path, number: int, text: str) -> NoReturn:
     ) from None
 
 
-def _read(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int, Any]]:
+def read_results(path: Path, size: int | None = None) -> tuple[dict[str, Any], dict[int, Any]]:
+    """Return the settings of a file of results, and its records and void cases by case."""
     settings: dict[str, Any] = {}
     items: dict[int, Any] = {}
     whole = read_text(path) if size is None else path.read_bytes()[:size].decode("utf-8-sig")

@@ -4,8 +4,6 @@ A diagnosis that failed counts as wrong wherever it is asked: as a false alarm o
 effect, as a name given on an effect outside the library.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 

@@ -6,8 +6,6 @@ gap over noise is drawn instead, and the size found that leaves about it; where 
 nearest one stands. The gap is what the best fit without effects leaves of noise-free rows, over the noise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ A member's strain is the place and the rotation vector of its second end as seen
 stretch counts what its bending shortens it by. A rod's is the change of its length.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The exam's table: each figure with what is required and aimed at, over all cases and groups of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

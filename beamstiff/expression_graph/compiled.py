@@ -1,7 +1,5 @@
 """The same steps compiled by numba, where it is installed; the machine code is kept beside this file."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from collections.abc import Callable

@@ -4,8 +4,6 @@ The poses lie along the last axis, so that a step is one operation on a stretch 
 processor's cache. With numba installed (extra `fast`) the same steps run compiled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,11 +1,9 @@
 """The reduced global stiffness: element matrices in the base frame, added up in a pattern found once."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 
-from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.geometry import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, displacement_transport, rotate_screw

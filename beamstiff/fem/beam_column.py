@@ -12,8 +12,6 @@ functions of Livesley and Chandler (1956), with it they give the columns of Hari
 2.17). One element a beam is exact at any share of the critical load.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -41,10 +39,7 @@ def stability_change(stiffness: Array, shear: Array, pull: Array, length: Array)
     n, s, square = _reduced(stiffness, shear, pull, length)
     ratio = _ratio(square)
     first = 9 * ((1 / 6 - shear / 3) * (1 + shear) / 3 - (1 / 30 - shear / 18)) / (1 + shear) ** 2
-    changes = (
-        square * ratio - n / 3,
-        s / (s * ratio + shear / 3) - 3 / (1 + shear) - n * first,
-    )
+    changes = (square * ratio - n / 3, s / (s * ratio + shear / 3) - 3 / (1 + shear) - n * first)
     unit = 2 * stiffness / length[..., None]
     against, both = (np.where(n == 0.0, 0.0, unit * change) for change in changes)
     return against, both

@@ -9,8 +9,6 @@ so that the compliance at the observed nodes is ``C(k) = C_clamped + B^T (S + di
 is ``C_clamped``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal

@@ -15,8 +15,6 @@ The order of elimination is that of minimum degree: the unknown with the fewest 
 a chain folds up from its ends and branches meet where they join.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache, reduce

@@ -4,8 +4,6 @@
 rigid struts. Redundant rows (a planar loop of rigid links has them) are found by rank, not by a penalty.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

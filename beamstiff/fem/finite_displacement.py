@@ -8,15 +8,13 @@ strain is then ``B u + e_2``, with e_2 of its initial stress matrix (K_1 of the 
     K_t z + B^T K e_2 = f,     G z = -c_2
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from beamstiff.fem.assembly import assemble, element_blocks, element_deformation, gather, scatter
-from beamstiff.fem.beam import beam_axes
 from beamstiff.fem.beam_column import beam_bending
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_inverse, unknown_sizes
 from beamstiff.fem.geometry import Geometry, node_terms, strut_directions
 from beamstiff.fem.initial_stress import beam_initial_stress, joint_initial_stress, strut_initial_stress

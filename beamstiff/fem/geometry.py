@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture

@@ -15,8 +15,6 @@ Methods Appl. Mech. Eng. 58 (1986) 79.) With the Hermite shapes the axial force 
 after the present one: moments make them unsymmetric by ``-skew(m)/2``, since rotations do not commute.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.se3 import Array, skew

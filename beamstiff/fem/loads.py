@@ -1,11 +1,9 @@
 """Dead loads: the weight of beams, masses and payload as consistent nodal wrenches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import uniform_load
+from beamstiff.fem.beam_element import uniform_load
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes

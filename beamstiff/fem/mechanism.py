@@ -1,7 +1,5 @@
 """Positive definite or a mechanism: found before any answer is given, and named as a motion."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

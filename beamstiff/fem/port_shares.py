@@ -1,10 +1,8 @@
 """Ports that rigid parts let move only together: springs in parallel, perhaps at unlike lever arms.
 
 With the displacements e of all ports a fixed share E of those of some independent ones, ``e = E y``, springs
-Phi at the ports are ``E^T Phi E`` at the independent ones. Derivatives by the springs: `model.port_slopes`.
+Phi at the ports are ``E^T Phi E`` at the independent ones. Derivatives by them: `model.port_derivatives`.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 

@@ -5,8 +5,6 @@ in the frame of its node, and each element sees its ends from its own frame. Wha
 then a constant, and the angles enter only where parts meet that turn against one another.
 """
 
-from __future__ import annotations
-
 import itertools
 from functools import cache
 from typing import Any
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Expression, square_root
-from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes

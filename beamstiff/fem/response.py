@@ -1,7 +1,5 @@
 """The answer of the whole structure to loads: nodal displacements, member forces, strain energy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

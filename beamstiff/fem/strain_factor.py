@@ -10,8 +10,6 @@ How far the answer can be trusted is tried out: the same again with deformations
 errors. What this changes by more than a millionth is refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,13 +1,11 @@
 """A robot compiled for the stiffness path: element tables, unknowns and sparse pattern, once per graph."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.unknowns import Unknowns, joint_unknowns, joint_values, number_unknowns
 from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot

@@ -10,8 +10,6 @@ The displacement of a node is a sum of terms, one for each unknown block on its 
     u_node = sum_t +-X(p_node - p_t) R_t z_t
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

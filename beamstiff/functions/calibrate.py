@@ -1,7 +1,5 @@
 """`calibrate`: geometry, and compliances if wanted, from measured absolute positions or poses."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

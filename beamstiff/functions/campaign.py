@@ -1,7 +1,5 @@
 """`campaign`: what the batches of a campaign say, what to measure next, and whether to stop."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

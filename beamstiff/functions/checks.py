@@ -1,7 +1,5 @@
 """Options that several functions check alike."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from math import degrees
 

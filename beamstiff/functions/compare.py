@@ -1,7 +1,5 @@
 """`compare`: every model of elasticity fitted to the same rows and judged by held-out ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

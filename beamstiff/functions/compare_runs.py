@@ -1,7 +1,5 @@
 """`compare_runs`: what changed between two campaigns of one machine, beyond the uncertainty of both."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """`compensate`: a tool path corrected for geometry, weight, load and effects of the real robot."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A robot of any file that describes one, and the stiffness that conversion gives its joints."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Logs of running machines to tables of measurements."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

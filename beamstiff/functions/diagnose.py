@@ -1,7 +1,5 @@
 """`diagnose`: where the gap between model and machine is, and what causes it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
@@ -97,8 +95,5 @@ def checked_prior(prior: Mapping[str, Any]) -> dict[str, float]:
     """
     for name, value in prior.items():
         if isinstance(value, bool) or not (isinstance(value, Real) and 0.0 < float(value) <= 1.0):
-            raise OptionError(
-                "prior",
-                f"{name}: found {shown(value)}, expected a number above 0, at most 1",
-            )
+            raise OptionError("prior", f"{name}: found {shown(value)}, expected a number above 0, at most 1")
     return {name: float(value) for name, value in prior.items()}

@@ -1,7 +1,5 @@
 """`examine`: the diagnosis on simulated campaigns, or labelled ones, whose effect is withheld from it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Fitted models of elasticity as part of a robot: chosen, fitted to all rows, judged by held-out poses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`identify`: stiffness values from measured displacements, beside the effects that a robot has."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

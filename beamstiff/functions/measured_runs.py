@@ -1,7 +1,5 @@
 """Measured runs of a path: files read, rows matched to targets, and the process that explains them."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`plan`: which poses and loads to measure, to find the stiffness as well as possible."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`predict`: the displacement, or position, that the model predicts for each row of a table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -4,8 +4,6 @@
 of a user reads it here, so that every command refuses the same files.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stiffness and compliance at the TCP in one posture or many, and where the TCP is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,7 +10,7 @@ from numpy.typing import ArrayLike
 from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
-from beamstiff.fem.geometric import loaded_compliance, loaded_stiffness
+from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import left_out, six_numbers

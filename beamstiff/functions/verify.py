@@ -1,7 +1,5 @@
 """`verify`: a robot with its effects on rows that were not fitted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A robot as text, in the format that the ending of a file says."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Another assembly moves the tool another way, and no stiffness of the springs mak
 leaves would be taken for an effect that the model lacks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -12,8 +12,6 @@ twice, and the model is fitted to the first n of them; many orders show what is 
 move come from enough tests.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

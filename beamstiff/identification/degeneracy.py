@@ -13,8 +13,6 @@ compliances is known. The covariance tells: among compliances that are badly kno
 combination of least variance (the last principal component, each in its standard deviations).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """`identify`: stiffness values from measured displacements, how sure they are, and what cannot be known."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack

@@ -1,7 +1,5 @@
 """Errors of the loads and of the joint readings, and how far they move what is measured."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

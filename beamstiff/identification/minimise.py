@@ -1,7 +1,5 @@
 """Every method behind one call: the best values found, how many evaluations they took, and why it stopped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -4,8 +4,6 @@
 (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, section 3.2).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """What is sought: logarithms of stiffness values, tied, bounded and with what is known of them beforehand."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

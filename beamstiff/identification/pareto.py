@@ -7,8 +7,6 @@ chord between two neighbours (Aneja & Nair, "Bicriteria transportation problem",
 are linear in the compliances.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """The reduced model: springs identifiable only in combination become one, the others rigid or free."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

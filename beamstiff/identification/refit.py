@@ -5,8 +5,6 @@ all, and a robust loss weighs residuals and steps by its derivatives (Triggs et 
 modern synthesis", 2000, section 4.3). A few evaluations each, where a search from afar takes dozens.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError

@@ -5,8 +5,6 @@ together; what the identification then finds scatters. Readings, loads and joint
 same: it is the machine that was elsewhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 

@@ -6,8 +6,6 @@ of other points of the machine. Each candidate also says how well it would tell:
 is expected of the worst of the springs, with the noise of the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

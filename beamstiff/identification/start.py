@@ -1,7 +1,5 @@
 """Stiffness values to start from: the robot's, or such that every spring counts."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

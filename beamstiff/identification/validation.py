@@ -1,7 +1,5 @@
 """Errors on rows that were not fitted: held-out poses, held-out loads; and what repeats say of the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -108,11 +108,7 @@ class Disturbance:
 
 
 def disturbed_covariance(
-    sigma: Array,
-    used: NDArray[np.bool_],
-    sharing: Integers,
-    pose: Integers,
-    disturbance: Disturbance,
+    sigma: Array, used: NDArray[np.bool_], sharing: Integers, pose: Integers, disturbance: Disturbance
 ) -> list[tuple[Integers, Array]]:
     """Return the covariance of the used components, as blocks that are independent of one another.
 

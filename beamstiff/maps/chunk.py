@@ -1,7 +1,5 @@
 """One chunk of a map: the quantities at every pose that has them, and why the others have not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Grids of poses: over joint variables, or over positions of the TCP with its orientation held."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What is to be computed at every pose of a map, stated so that it can be sent, and told from another."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

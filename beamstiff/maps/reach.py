@@ -5,8 +5,6 @@ posture: none of shoulder, elbow and wrist is turned over on it. Points are star
 from solved points beside them; what is found depends on the points that are given together, on nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property

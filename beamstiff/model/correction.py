@@ -4,8 +4,6 @@ The constant springs answer the rest: the geometric stiffness of the loaded mach
 compliance does not know: dead weight, and terms that were never measured.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError

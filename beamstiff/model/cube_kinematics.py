@@ -3,8 +3,6 @@
 Per joint the zero of its encoder, and the `alpha`, `d` and `r` of its frame: 24 of six joints in a row.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

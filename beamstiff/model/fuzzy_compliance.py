@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.arrays import finite
 from beamstiff.measure.table import WRENCH, Measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 from beamstiff.se3 import Array
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.model.fuzzy import FuzzySystem
 from beamstiff.model.fuzzy_compliance import inputs_of
+from beamstiff.model.fuzzy_inference import FuzzySystem
 from beamstiff.model.varying import displaced, ports_at
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

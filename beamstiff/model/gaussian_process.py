@@ -10,8 +10,6 @@ that follows the whole posture. k is the Matern covariance 5/2: twice differenti
 displacements are linear in x, so that what readings say of x is Gaussian too, and exact but for that order.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import finite, positive
 from beamstiff.model.cube_kinematics import CubeDeviations, deviating
-from beamstiff.model.fuzzy import Partition
+from beamstiff.model.fuzzy_inference import Partition
 from beamstiff.model.varying import displaced, ports_at
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture

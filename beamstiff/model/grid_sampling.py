@@ -1,7 +1,5 @@
 """Where to measure for gridded stiffness: nine points a cube with the tool turned (seed 001, section 3.2)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

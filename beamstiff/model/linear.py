@@ -1,13 +1,11 @@
 """The displacement of every row of a table of loads, for a robot whose stiffness is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.condensation import condense
-from beamstiff.fem.geometric import loaded_displacement
+from beamstiff.fem.geometric_stiffness import loaded_displacement
 from beamstiff.fem.response import respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes

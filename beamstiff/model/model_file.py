@@ -1,7 +1,5 @@
 """Fitted models of elasticity to the key `model` of a robot's file, and back."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 
@@ -10,9 +8,9 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.table import Measurements
 from beamstiff.model.cube_kinematics import CubeDeviations
-from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
 from beamstiff.model.fuzzy_correction import FuzzyCorrection
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 from beamstiff.model.gaussian_process import Covariance, GaussianProcessStiffness, taught
 from beamstiff.model.grid import Cubes, GriddedStiffness, tcp_positions
 from beamstiff.robot.description import Robot

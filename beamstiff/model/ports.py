@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Port, condense, without_ports
 from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import solve_stable
@@ -31,7 +31,7 @@ from beamstiff.fem.port_shares import independent_ports
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import refuse_idle_moments
-from beamstiff.model.port_slopes import moved_with_slopes
+from beamstiff.model.port_derivatives import moved_with_slopes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, posture

@@ -1,7 +1,5 @@
 """What every model of elasticity offers: the displacement of the TCP under a wrench, in any posture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

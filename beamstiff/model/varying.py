@@ -5,8 +5,6 @@ differ in how they come by these values only. All have the physics in common: wh
 come out, the compliance at the TCP is symmetric and positive definite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.geometric import loaded_compliance
+from beamstiff.fem.geometric_stiffness import loaded_compliance
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import Structure
 from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from beamstiff.measure.table import DISPLACEMENT, WRENCH
-from beamstiff.model.fuzzy import Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.model.fuzzy_inference import Partition
 from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain
 from beamstiff.se3 import Array
 

@@ -6,8 +6,6 @@ are closed, and each is moved along its own assembly towards the guess, the actu
 far as they need to. Angles are counted without whole turns.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -215,10 +213,7 @@ def _closed_postures(
         good = closed & ~near_singular(jacobian)
         found.append((closing[good], jacobian[good]))
     postures, jacobian = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    reference = next(
-        (one for posture in postures if (one := assembly_at(system, posture)) is not None),
-        None,
-    )
+    reference = next((one for posture in postures if (one := assembly_at(system, posture)) is not None), None)
     if reference is None:
         return postures[:0], np.zeros((0, 0)), None
     return postures, reference.signs(jacobian), reference

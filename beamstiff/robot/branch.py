@@ -7,8 +7,6 @@ And it is taken block by block of the variables that depend on one another: in o
 loops, two flips would cancel.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

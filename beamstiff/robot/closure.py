@@ -4,8 +4,6 @@ Gauss-Newton from the declared guess with limited steps, so that it stays in the
 poses that did not close, or closed in another branch, are reached by continuation from a good pose nearby.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

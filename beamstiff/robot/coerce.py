@@ -1,7 +1,5 @@
 """A robot, however it is given: the object, the path of its file, or the name of a bundled robot."""
 
-from __future__ import annotations
-
 import os
 
 from beamstiff.errors import BeamstiffError, shown

@@ -1,7 +1,5 @@
 """Closing loops in one assembly branch: from the reference, along lines, and from elsewhere where need be."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -208,9 +206,7 @@ def continuation(system: LoopSystem, assembly: Assembly, origin: Array, target: 
         step = least_squares(to_passive, -moved)
         step /= np.maximum(1.0, np.abs(step).max(axis=1, initial=0.0))[:, None]
         trial[:, :first] = np.where(
-            arriving[:, None],
-            target[active],
-            start[active] + (done[active] + share)[:, None] * way[active],
+            arriving[:, None], target[active], start[active] + (done[active] + share)[:, None] * way[active]
         )
         trial[:, first:] += step * scale
         trial, _, _, closed = newton(system, trial, iterations=8)

@@ -6,8 +6,6 @@ so does Hayati's beta, rot(y, beta) = rot(z, 90 deg) rot(x, beta) rot(z, -90 deg
 and slides takes two rows. A classic table is the modified one read at other cuts.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

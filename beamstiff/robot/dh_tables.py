@@ -21,8 +21,6 @@ In YAML rows are maps of the same names, a quantity each: ``{convention: classic
 deg", a: "600 mm"}]}``.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -1,7 +1,5 @@
 """What in a robot is allowed but hardly meant: degrees read as radians, a joint that another drive moves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

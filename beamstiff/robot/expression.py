@@ -9,8 +9,6 @@
 ``q2 - 90 deg``, ``-q5``, ``2*q1 + pi/2``, ``"5 mm/rad * q1"``. A number without a unit is SI.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

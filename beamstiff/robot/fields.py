@@ -1,7 +1,5 @@
 """Types of the fields of a robot description: names, quantities, stiffness with its two exact ends."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

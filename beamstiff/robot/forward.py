@@ -11,8 +11,6 @@ so that every operation runs over all poses at a stretch; and with expressions
 (`expression_graph`) in place of the values of one pose the walk writes itself down.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Levenberg and Marquardt's damped Gauss-Newton within the limits, passive variabl
 closed, from the most promising of many seeded starts. A target that was not reached is said to be so.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 

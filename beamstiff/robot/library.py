@@ -1,7 +1,5 @@
 """The bundled robots: one YAML file each, found by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from beamstiff.errors import BeamstiffError, listed, suggest

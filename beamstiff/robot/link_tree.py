@@ -5,8 +5,6 @@ a stiffness, between a node of its own name (on the side of the parent) and the 
 child's origin, where the axis is. What joins two of them within a link is a rigid of the link's name.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

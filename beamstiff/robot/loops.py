@@ -5,8 +5,6 @@ share, so they do not know where the machine stands. They are divided by the siz
 (rotation vectors) stand beside them as they are. Prismatic variables are likewise counted in machine sizes.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

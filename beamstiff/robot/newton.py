@@ -5,8 +5,6 @@ of it is limited or halved: what comes out counts only where it is beyond doubt,
 the branch of the assembly, and near to where it started. The other poses go the general way (`newton`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache, reduce
 from typing import Any

@@ -340,11 +340,7 @@ class AddedEffect(Described):
             return self.shapes
         return (
             AddedShape.model_construct(
-                shape=self.shape,
-                weight=1.0,
-                parameters=self.parameters,
-                std=self.std,
-                scales=self.scales,
+                shape=self.shape, weight=1.0, parameters=self.parameters, std=self.std, scales=self.scales
             ),
         )
 

@@ -8,8 +8,6 @@ they are nearly so, r and b would be huge and of opposite sign, and two frames a
 shifts and one that turns.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A tree of links pruned to the chain of its TCP: what else moves is held, its mass stays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

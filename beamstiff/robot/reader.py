@@ -1,7 +1,5 @@
 """Robots from YAML: a `Robot`, or one line that says where the file is wrong and what would be right."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os

@@ -1,7 +1,5 @@
 """The reference posture of a robot: where its numbers are given unless another posture is asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.errors import BeamstiffError

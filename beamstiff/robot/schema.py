@@ -1,7 +1,5 @@
 """The JSON Schema of robot files, for editors: drawn from the models that check them."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterator

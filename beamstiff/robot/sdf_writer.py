@@ -5,8 +5,6 @@ cannot say is left out, and told. The text is read back before it is handed out:
 frames do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from xml.sax.saxutils import escape, quoteattr

@@ -4,8 +4,6 @@ The package is not required, nor an extra of ours: it is MIT, but its mesher (Tr
 commercial use. Its x is our local y, its y our local z: Iy = ixx_c (bending in the x-z plane), Iz = iyy_c.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

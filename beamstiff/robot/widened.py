@@ -1,7 +1,5 @@
 """Kinematics whose frames' parameters are joint variables too: how the machine moves with each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

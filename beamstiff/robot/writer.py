@@ -1,7 +1,5 @@
 """Robots to YAML that people read: one line a part, SI numbers exact, what is default left out."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

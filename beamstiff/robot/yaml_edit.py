@@ -5,8 +5,6 @@ trip keeps less (of the 8 bundled robots 5 come back with other lines: flow maps
 `-0` becomes `0`, last digits of floats change), so values are replaced at the places that the parser tells.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

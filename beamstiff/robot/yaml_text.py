@@ -5,11 +5,8 @@ run; nothing recurses; aliases are counted before they are used. Scalars follow 
 decimal numbers): ``1:30``, ``010``, ``on`` or a date stay the text they are, and ``2e11`` is a number.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn, TypeAlias
 
 import yaml
@@ -22,8 +19,9 @@ DEEPEST = 40  # levels; a robot has five
 MOST_VALUES = 10_000_000
 MOST_REPEATED = 1_000_000  # values that aliases stand for
 
-# the line of a value, and the places below it: by key in a map, in order in a list, none in a scalar
-_Place: TypeAlias = tuple[int, Any]
+# the line of a value, and the places below it: by key in a map, by index in a list, none in a scalar
+_Place: TypeAlias = tuple[int, dict[Any, Any]]
+_Path: TypeAlias = tuple[str | int, ...]
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _WORDS = {
@@ -31,6 +29,7 @@ _WORDS = {
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
 }
+_LEAF: dict[Any, Any] = {}  # no places below
 _INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
 _FLOAT = re.compile(r"[-+]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\Z")
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -48,14 +47,9 @@ class Lines:
         """Return the line of a key path, or of the nearest part of it that exists."""
         line, below = self._root
         for part in path:
-            place: _Place | None = None
-            if isinstance(below, dict) and isinstance(part, str):
-                place = below.get(part)
-            elif isinstance(below, list) and isinstance(part, int) and 0 <= part < len(below):
-                place = below[part]
-            if place is None:
+            if part not in below:
                 break
-            line, below = place
+            line, below = below[part]
         return line
 
 
@@ -72,10 +66,9 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
     if character := _UNPRINTABLE.search(text):
         line = text.count("\n", 0, character.start()) + 1
         raise BeamstiffError(f"{name}:{line}: found the character {character[0]!r}, expected printable text")
-    builder = _Builder(name)
+    builder = _Builder(iter(yaml.parse(text, Loader=_LOADER)), name)
     try:
-        for event in yaml.parse(text, Loader=_LOADER):
-            builder.take(event)
+        return builder.document()
     except yaml.MarkedYAMLError as error:
         raise BeamstiffError(_not_valid(error, text, name)) from None
     except (yaml.YAMLError, ValueError, OverflowError) as error:
@@ -83,7 +76,6 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
             raise
         # an escape such as "\\U00110000" names no character
         raise BeamstiffError(f"{name}:{builder.line}: not valid YAML: {str(error)[:200]}") from None
-    return builder.result()
 
 
 def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
@@ -102,148 +94,120 @@ def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
     return message
 
 
-@dataclass(slots=True)
-class _Open:
-    """A map or list that has not ended yet."""
-
-    data: Any
-    places: Any
-    anchor: str | None
-    values_before: int
-    is_map: bool
-    key: str | None = None
-    key_line: int = 0
-
-
 class _Builder:
-    """Builds plain data from the parser's events, one after the other."""
+    """Builds plain data from the parser's events; it may recurse, since nesting is bounded."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.line = 1
-        self.documents = 0
-        self.values = 0
-        self.repeated = 0
-        self.open: list[_Open] = []
+    def __init__(self, events: Iterator[Any], name: str) -> None:
+        self.events, self.name = events, name
+        self.line, self.values, self.repeated = 1, 0, 0
         # what an anchor stands for: value, places below, number of values; None while it is open
         self.anchors: dict[str, tuple[Any, Any, int] | None] = {}
-        self.root: tuple[Any, _Place] = (None, (1, None))
 
-    def take(self, event: Any) -> None:
-        kind = type(event)
-        if kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
-            ended = self.open.pop()
-            if ended.anchor is not None:
-                self.anchors[ended.anchor] = (ended.data, ended.places, self.values - ended.values_before)
-            return
-        self.line = event.start_mark.line + 1
-        if kind is yaml.DocumentStartEvent:
-            self.documents += 1
-            if self.documents > 1:
-                self.refuse("found a second document (---), expected one robot a file")
-        elif kind is yaml.ScalarEvent:
-            self.take_scalar(event)
-        elif kind is yaml.AliasEvent:
-            self.take_alias(event.anchor)
-        elif kind is yaml.MappingStartEvent:
-            self.take_start(event, {}, {})
-        elif kind is yaml.SequenceStartEvent:
-            self.take_start(event, [], [])
-
-    def take_scalar(self, event: yaml.ScalarEvent) -> None:
-        if event.tag is not None:
-            self.refuse_tag(event.tag)
-        if self.awaits_key():
-            self.take_key(event)
-            return
-        value = _resolve(event.value) if event.implicit[0] else event.value
-        self.add(value, None)
-        if event.anchor is not None:
-            self.anchors[event.anchor] = (value, None, 1)
-
-    def take_key(self, event: yaml.ScalarEvent) -> None:
-        key, inside = event.value, self.open[-1]
-        if event.anchor is not None:
-            self.refuse(f"found the anchor &{event.anchor[:40]} on a key, expected anchors on values only")
-        if not key.strip():
-            self.refuse("found an empty key, expected a name before the colon")
-        if key == "<<" and event.implicit[0]:
-            self.refuse("found the merge key <<, which is not supported: write the keys out")
-        if key in inside.data:
-            self.refuse(f"duplicate key {shown(key)}, first on line {inside.places[key][0]}")
-        inside.key, inside.key_line = key, self.line
-
-    def take_start(self, event: yaml.CollectionStartEvent, data: Any, places: Any) -> None:
-        if event.tag is not None:
-            self.refuse_tag(event.tag)
-        is_map = isinstance(data, dict)
-        if self.awaits_key():
-            self.refuse(f"found a {'map' if is_map else 'list'} as a key, expected text")
-        if len(self.open) >= DEEPEST:
-            self.refuse(f"nested deeper than {DEEPEST} levels")
-        before = self.values
-        self.add(data, places)
-        self.open.append(_Open(data, places, event.anchor, before, is_map))
-        if event.anchor is not None:
-            self.anchors[event.anchor] = None
-
-    def take_alias(self, anchor: str) -> None:
-        name = anchor[:40]
-        if self.awaits_key():
-            self.refuse(f"found the alias *{name} as a key, expected text")
-        if anchor not in self.anchors:
-            self.refuse(f"found the alias *{name}, but no anchor &{name} before it")
-        anchored = self.anchors[anchor]
-        if anchored is None:
-            self.refuse(f"the alias *{name} holds itself")
-        value, places, size = anchored
-        self.repeated += size
-        if self.repeated > MOST_REPEATED:
-            self.refuse(f"the aliases of this file stand for more than {MOST_REPEATED:,} values")
-        self.values += size - 1
-        self.add(value, places)
-
-    def awaits_key(self) -> bool:
-        return bool(self.open) and self.open[-1].is_map and self.open[-1].key is None
-
-    def add(self, value: Any, places: Any) -> None:
-        """Put a value into the map or list that is open."""
-        self.values += 1
-        if self.values > MOST_VALUES:
-            self.refuse(f"holds more than {MOST_VALUES:,} values, which is the most that is read")
-        if not self.open:
-            self.root = (value, (self.line, places))
-            return
-        inside = self.open[-1]
-        if inside.is_map:
-            inside.data[inside.key] = value
-            inside.places[inside.key] = (inside.key_line, places)
-            inside.key = None
-        else:
-            inside.data.append(value)
-            inside.places.append((self.line, places))
-
-    def result(self) -> tuple[Any, Lines]:
-        value, place = self.root
+    def document(self) -> tuple[Any, Lines]:
+        documents, value, place = 0, None, (1, _LEAF)
+        for event in self.events:
+            self.line = event.start_mark.line + 1
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    self.refuse("found a second document (---), expected one robot a file")
+            elif isinstance(event, yaml.NodeEvent):
+                line = self.line
+                value, below = self.node(event, ())
+                place = (line, below)
         if value is None:
             raise BeamstiffError(f"{self.name}: is empty")
         return value, Lines(place)
 
-    def refuse_tag(self, tag: str) -> NoReturn:
-        text = tag.replace("tag:yaml.org,2002:", "!!")
-        self.refuse(f"found the tag {shown(text)}, expected plain values: nothing in a file is ever run")
+    def node(self, event: Any, path: _Path) -> tuple[Any, Any]:
+        """Return what begins with an event, and the places below it."""
+        self.line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event.anchor or "", path)
+        self.untagged(event, path)
+        before = self.values
+        if isinstance(event, yaml.ScalarEvent):
+            self.count(1, path)
+            data, places = (_resolve(event.value) if event.implicit[0] else event.value), _LEAF
+        else:
+            if len(path) >= DEEPEST:
+                self.refuse(f"nested deeper than {DEEPEST} levels", path)
+            self.count(1, path)
+            if event.anchor is not None:
+                self.anchors[event.anchor] = None
+            data, places = (self.map_of if isinstance(event, yaml.MappingStartEvent) else self.list_of)(path)
+        if event.anchor is not None:
+            self.anchors[event.anchor] = (data, places, self.values - before)
+        return data, places
 
-    def refuse(self, message: str) -> NoReturn:
-        # what holds another open one holds it as its last entry
-        path: list[str | int] = [
-            next(reversed(outer.data)) if outer.is_map else len(outer.data) - 1 for outer in self.open[:-1]
-        ]
-        for inside in self.open[-1:]:
-            if not inside.is_map:
-                path.append(len(inside.data))
-            elif inside.key is not None:
-                path.append(inside.key)
-        where = f"{path_text(tuple(path))}: " if path else ""
+    def map_of(self, path: _Path) -> tuple[Any, Any]:
+        data: dict[str, Any] = {}
+        places: dict[str, _Place] = {}
+        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
+            key = self.key(event, path, places)
+            line = self.line
+            data[key], below = self.node(next(self.events), (*path, key))
+            places[key] = (line, below)
+        return data, places
+
+    def list_of(self, path: _Path) -> tuple[Any, Any]:
+        data: list[Any] = []
+        places: dict[int, _Place] = {}
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            value, below = self.node(event, (*path, len(data)))
+            places[len(data)] = (event.start_mark.line + 1, below)
+            data.append(value)
+        return data, places
+
+    def key(self, event: Any, path: _Path, places: dict[str, _Place]) -> str:
+        self.line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            self.refuse(f"found the alias *{(event.anchor or '')[:40]} as a key, expected text", path)
+        self.untagged(event, path)
+        if not isinstance(event, yaml.ScalarEvent):
+            kind = "map" if isinstance(event, yaml.MappingStartEvent) else "list"
+            self.refuse(f"found a {kind} as a key, expected text", path)
+        key: str = event.value
+        if event.anchor is not None:
+            self.refuse(
+                f"found the anchor &{event.anchor[:40]} on a key, expected anchors on values only", path
+            )
+        if not key.strip():
+            self.refuse("found an empty key, expected a name before the colon", path)
+        if key == "<<" and event.implicit[0]:
+            self.refuse("found the merge key <<, which is not supported: write the keys out", path)
+        if key in places:
+            self.refuse(f"duplicate key {shown(key)}, first on line {places[key][0]}", path)
+        return key
+
+    def alias(self, anchor: str, path: _Path) -> tuple[Any, Any]:
+        name = anchor[:40]
+        if anchor not in self.anchors:
+            self.refuse(f"found the alias *{name}, but no anchor &{name} before it", path)
+        anchored = self.anchors[anchor]
+        if anchored is None:
+            self.refuse(f"the alias *{name} holds itself", path)
+        value, places, size = anchored
+        self.repeated += size
+        if self.repeated > MOST_REPEATED:
+            self.refuse(f"the aliases of this file stand for more than {MOST_REPEATED:,} values", path)
+        self.count(size, path)
+        return value, places
+
+    def count(self, values: int, path: _Path) -> None:
+        self.values += values
+        if self.values > MOST_VALUES:
+            self.refuse(f"holds more than {MOST_VALUES:,} values, which is the most that is read", path)
+
+    def untagged(self, event: Any, path: _Path) -> None:
+        if event.tag is not None:
+            text = event.tag.replace("tag:yaml.org,2002:", "!!")
+            self.refuse(
+                f"found the tag {shown(text)}, expected plain values: nothing in a file is ever run", path
+            )
+
+    def refuse(self, message: str, path: _Path = ()) -> NoReturn:
+        where = f"{path_text(path)}: " if path else ""
         raise BeamstiffError(f"{self.name}:{self.line}: {where}{message}")
 
 

@@ -5,8 +5,6 @@ the variables that lie between its frames, then its compliance. An element that 
 of its own, whose end is held to the body it leads to.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

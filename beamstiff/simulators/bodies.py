@@ -4,8 +4,6 @@ A body's frame and its joints are given with all joints at 0. The joints of a bo
 the first next to the parent, as MuJoCo has it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Literal
 

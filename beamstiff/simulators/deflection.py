@@ -1,7 +1,5 @@
 """The deflection of every row of a table in MuJoCo: a second opinion on a robot's model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ it. What goes by the torque of a drive becomes springs with stops (a knee, backl
 springs that rub, `theta = T/k - a S_r(T)/k`: those of the stop operator S_r, beside friction r.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -7,14 +7,12 @@ moment at its end a beam draws its ends together by theta^2 L/6; with two such h
 one at the middle by 50 %: this part of what an axial load does to the stiffness is wrong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Beam, Joint, Rigid

@@ -6,8 +6,6 @@ the base go into the body that stands on the world and carries the first drive; 
 gets a body of its own around the TCP's site.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator
@@ -177,10 +175,7 @@ def _at_tool(
         there = np.linalg.inv(poses[int(model.site(robot.tcp).bodyid[0])]) @ ours
         (site,) = sites
         indent = _indent(data, site.start)
-        lines = [
-            f'<body name="{body.name}">',
-            f"  {LEAST_INERTIAL}",
-        ]
+        lines = [f'<body name="{body.name}">', f"  {LEAST_INERTIAL}"]
         for joint in body.joints:
             at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis
             lines.append(f"  {joint_text(replace(joint, at=at, axis=axis), settle, 0.0)}")

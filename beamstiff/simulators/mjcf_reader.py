@@ -5,8 +5,6 @@ stiffness is a spring in series: along or about its own axis, and of the joint b
 same axis. What a robot has no words for is listed.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from dataclasses import dataclass, replace

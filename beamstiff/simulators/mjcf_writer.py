@@ -1,7 +1,5 @@
 """MJCF (MuJoCo's XML) of a machine of bodies: text alone, MuJoCo is not needed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from xml.sax.saxutils import quoteattr

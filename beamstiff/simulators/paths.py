@@ -1,7 +1,5 @@
 """The way from one frame to another: what is constant of it, and which variables move it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import networkx as nx

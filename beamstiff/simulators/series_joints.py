@@ -4,8 +4,6 @@ SDF says the stiffness of a joint itself (`<dynamics><spring_stiffness>`), URDF 
 element `<beamstiff>` does. Neither holds loops, tendons, stops that rub; what is lost is listed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr

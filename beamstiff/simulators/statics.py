@@ -7,8 +7,6 @@ exactly, by Lagrange multipliers in place of MuJoCo's soft ones::
     [G   0 ] [lambda] = [-g(q)       ]
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -8,8 +8,6 @@ machine would have the other end without compliance, and to where it has it but 
 springs of which only the one along the strut is loaded.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.robot.fields import FREE

@@ -1,7 +1,5 @@
 """Moments of inertia and shapes of the URDF that a robot was read from, for which a robot has no words."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -14,15 +14,7 @@ from beamstiff.measure.rows import concatenate
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array
-from tests.calibration.machines import (
-    JOINTS,
-    SIGMA,
-    machine,
-    machined,
-    measured,
-    serial,
-    within,
-)
+from tests.calibration.machines import JOINTS, SIGMA, machine, machined, measured, serial, within
 
 SOFT = serial(stiff=False)
 STIFFNESS = {name: SOFT.parameter(name) * (0.6 + 0.15 * at) for at, name in enumerate(JOINTS)}

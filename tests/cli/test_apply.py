@@ -105,8 +105,9 @@ def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
 def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_one(
     succeed: Run, folder: Path
 ) -> None:
-    measured = Path(__file__).parents[2] / "examples" / "data" / "ir663_compliance_xx.csv"
-    result = succeed("diagnose", "ir663", str(measured), "--apply", "perhaps.yaml", "--json", "said.json")
+    few = crane_with_backlash(1).splitlines()[:26]
+    (folder / "few.csv").write_text("\n".join(few))
+    result = succeed("diagnose", "crane.yaml", "few.csv", "--apply", "perhaps.yaml", "--json", "said.json")
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert 0.0 < verdict["probability"] < 0.6
     share = f"{100 * verdict['probability']:.0f} %"

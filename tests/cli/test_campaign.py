@@ -2,6 +2,7 @@
 
 import json
 import random
+import shutil
 import signal
 import sys
 import tempfile
@@ -18,7 +19,7 @@ from beamstiff.robot.reader import load_robot
 from benchmarks.kill_study import Command, ended, start
 from tests.cli.conftest import CRANE, CRANE_DATA, Refused, Run
 
-KILLS = 4
+KILLS = 3
 
 
 def told(run: Run, *words: str) -> dict[str, Any]:
@@ -113,15 +114,15 @@ def test_a_kill_at_any_moment_loses_nothing(words: tuple[str, ...], tmp_path: Pa
                 return
             assert in_folder(folder, *before).exit_code == 0
 
-    whole = tmp_path / "whole"
-    whole.mkdir()
-    laid_out(whole)
+    begun, whole = tmp_path / "begun", tmp_path / "whole"
+    begun.mkdir()
+    laid_out(begun)
+    shutil.copytree(begun, whole)
     assert ended(start(command, whole, count_to=tmp_path / "count")) == 0, (tmp_path / "stderr").read_text()
     operations = int((tmp_path / "count").read_text())
     for _ in range(KILLS):
         with tempfile.TemporaryDirectory(dir=tmp_path) as root:
-            folder = Path(root)
-            laid_out(folder)
+            folder = shutil.copytree(begun, Path(root, "here"))
             head = folder / "cell" / "campaign.json"
             before = head.read_bytes() if head.exists() else b""
             assert ended(start(command, folder, die_at=draw.randint(1, operations))) in (0, -signal.SIGKILL)

@@ -2,9 +2,9 @@
 
 import json
 import random
+import shutil
 import signal
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from beamstiff.outputs import LEDGER, check_replaceable
 from benchmarks.kill_study import Command, ended, start
 from tests.cli.test_user_files import COMMANDS, OTHERS, lay_out, outputs_of, quick, run, state, typed
 
-KILLS = 4  # of each command
 __all__ = ["quick"]
 # what is not the user's where a command knows the name: a folder of chunks is refused as a whole
 MINE = [name for name in OTHERS if name != LEDGER and ".parts/" not in name and "case-" not in name]
@@ -30,34 +29,31 @@ def test_a_killed_command_leaves_the_users_files_and_no_half_of_its_own(name: st
     assert ended(start(command, whole, count_to=tmp_path / "count")) == 0, (tmp_path / "stderr").read_text()
     operations = int((tmp_path / "count").read_text())
     for again in (False, True):  # with nothing there, and over what the command wrote before
-        for _ in range(KILLS // 2):
-            with tempfile.TemporaryDirectory(dir=tmp_path) as root:
-                folder, outside = Path(root, "here"), Path(root, "there")
-                folder.mkdir()
-                outside.mkdir()
-                lay_out(folder)
-                if again:
-                    assert run(name, folder).exit_code == 0
-                for other in MINE:
-                    (folder / other).write_bytes(b"mine")
-                before = state(folder, outside)
-                outputs = {str(path): path for path in (folder / file for file in outputs_of(name).values())}
-                code = ended(start(command, folder, die_at=draw.randint(1, operations)))
-                assert code in (0, -signal.SIGKILL)  # over its own files it may do less
-                after = state(folder, outside)
-                for path, was in before.items():
-                    if path not in outputs and Path(path).name != LEDGER and "/reports" not in path:
-                        assert after.get(path) == was
-                for path in outputs.values():
-                    if path.suffix == ".jsonl" and path.exists():
-                        assert all(
-                            json.loads(line) for line in path.read_text().splitlines(keepends=True)[:-1]
-                        )
-                    elif path.is_file():
-                        check_replaceable(path)  # whole, with its seal
-                assert run(name, folder).exit_code == 0
-                left = {path.name for path in folder.rglob("*")} - {path.name for path in whole.rglob("*")}
-                assert left == set(MINE)
+        folder, outside = tmp_path / f"here-{again}", tmp_path / f"there-{again}"
+        outside.mkdir()
+        if again:
+            shutil.copytree(whole, folder)
+        else:
+            folder.mkdir()
+            lay_out(folder)
+        for other in MINE:
+            (folder / other).write_bytes(b"mine")
+        before = state(folder, outside)
+        outputs = {str(path): path for path in (folder / file for file in outputs_of(name).values())}
+        code = ended(start(command, folder, die_at=draw.randint(1, operations)))
+        assert code in (0, -signal.SIGKILL)  # over its own files it may do less
+        after = state(folder, outside)
+        for path, was in before.items():
+            if path not in outputs and Path(path).name != LEDGER and "/reports" not in path:
+                assert after.get(path) == was
+        for path in outputs.values():
+            if path.suffix == ".jsonl" and path.exists():
+                assert all(json.loads(line) for line in path.read_text().splitlines(keepends=True)[:-1])
+            elif path.is_file():
+                check_replaceable(path)  # whole, with its seal
+        assert run(name, folder).exit_code == 0
+        left = {path.name for path in folder.rglob("*")} - {path.name for path in whole.rglob("*")}
+        assert left == set(MINE)
 
 
 def test_the_files_above_are_of_no_command() -> None:

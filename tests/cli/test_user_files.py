@@ -262,7 +262,7 @@ def put(
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_what_a_command_did_not_write_stays(name: str, data: st.DataObject, earlier: dict[str, Path]) -> None:
     files = [file if file != "reports" else "reports/case-000000.json" for file in outputs_of(name).values()]

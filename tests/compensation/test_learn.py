@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from beamstiff import compensate, load_robot
-from beamstiff.compensation.correct import correct_path, errors_of
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.learn import Run, learn
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
+from beamstiff.compensation.path_correction import correct_path, errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
 from beamstiff.compensation.process.load import Constant, FromPath, Process, Together
 from beamstiff.compensation.process.parameters import LoadCell

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from beamstiff.compensation import rewrite
-from beamstiff.compensation.correct import Correction, errors_of
 from beamstiff.compensation.formats import krl, path_csv
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path_correction import Correction, errors_of
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.rewrite import compensate_program
 from beamstiff.robot.reader import load_robot

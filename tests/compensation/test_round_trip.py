@@ -8,15 +8,7 @@ from hypothesis import strategies as st
 from beamstiff.compensation.formats import apt, fanuc, krl, path_csv, rapid, urscript
 from beamstiff.measure.orientation import KUKA
 
-from .programs import (
-    FEWER,
-    apt_files,
-    krl_programs,
-    path_tables,
-    rapid_modules,
-    tp_programs,
-    ur_scripts,
-)
+from .programs import FEWER, apt_files, krl_programs, path_tables, rapid_modules, tp_programs, ur_scripts
 
 FORMATS = {
     "krl": (krl.read, "a.src", krl_programs()),

@@ -16,7 +16,7 @@ from beamstiff.diagnosis.apply import (
 )
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
+from beamstiff.diagnosis.held_out.score import Weighted, fitted
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, predict

@@ -1,6 +1,7 @@
 """Campaigns for the tests of the simulated machines."""
 
 import dataclasses
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.forms import draw_truth, imposed
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality
+from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import readings
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import JointStiffness
@@ -46,6 +48,14 @@ def random_loads(rng: np.random.Generator, poses: int, factors: Any, force: floa
     """Return a direction a pose with forces and moments in it, at each of the factors, (P, S, 6)."""
     direction = rng.standard_normal((poses, 6)) * force * np.repeat([1.0, 0.1], 3)
     return np.asarray(direction[:, None] * np.asarray(factors, float)[None, :, None])
+
+
+@cache
+def loaded_robot(name: str, stiff_drive: bool = False) -> Robot:
+    """Return a robot of the exam with a payload, and with a stiff drive where that is asked for."""
+    rng = np.random.default_rng(5)
+    robot = with_payload(exam_robot(name, rng), 60.0, (0.02, 0.0, 0.1))
+    return with_stiff_drive(robot, rng) if stiff_drive else robot
 
 
 def without_weight(robot: Robot) -> Robot:

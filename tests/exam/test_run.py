@@ -9,7 +9,7 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam import score
-from beamstiff.exam.blind import Examiner, examine
+from beamstiff.exam.blind import Examiner, examined
 from beamstiff.exam.cases import Exam, draw_case, kind_of
 from beamstiff.exam.labelled import examine_folder
 from beamstiff.exam.record import Record
@@ -106,14 +106,14 @@ def test_labels_do_not_depend_on_who_is_examined(
 
 def test_a_case_is_the_same_in_any_order_and_by_itself(silent: list[Record]) -> None:
     for case in (17, 3):
-        alone = examine(EXAM, case, Examiner(always_none))
+        alone, _ = examined(EXAM, draw_case(EXAM, case), Examiner(always_none))
         assert replace(alone, seconds=0.0) == replace(silent[case], seconds=0.0)
 
 
 def test_other_processes_find_the_same(silent: list[Record], tmp_path: Path) -> None:
     records = run_exam(EXAM, 6, Examiner(always_none), processes=2, results=tmp_path / "results.jsonl")
     assert [replace(r, seconds=0.0) for r in records] == [replace(r, seconds=0.0) for r in silent[:6]]
-    assert read_results(tmp_path / "results.jsonl")[1] == records
+    assert read_results(tmp_path / "results.jsonl")[1] == {r.label.case: r for r in records}
 
 
 def test_a_cluster_finds_the_same_and_files_are_written_here(
@@ -152,12 +152,7 @@ def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: P
         seen.append(json.loads(results.read_text().splitlines()[-1]))
         return always_none(*arguments, **more)  # type: ignore[arg-type]
 
-    records = run_exam(
-        EXAM,
-        3,
-        Examiner(looks),
-        results=results,
-    )  # type: ignore[arg-type]
+    records = run_exam(EXAM, 3, Examiner(looks), results=results)  # type: ignore[arg-type]
     assert [line["sealed"] for line in seen] == [0, 1, 2]
     assert [line["label_sha256"] for line in seen] == [r.label.digest() for r in records]
 
@@ -170,8 +165,8 @@ def test_the_diagnosis_sees_rows_and_nothing_of_the_label() -> None:
         return always_none(robot, measurements)  # type: ignore[arg-type]
 
     singles = [case for case in range(COUNT) if kind_of(EXAM, case)[0] == "single"]
-    examine(EXAM, singles[0], Examiner(looks))  # type: ignore[arg-type]
     case = draw_case(EXAM, singles[0])
+    examined(EXAM, case, Examiner(looks))  # type: ignore[arg-type]
     robot, measurements, more = seen[0]
     assert robot == case.robot
     assert robot != case.machine
@@ -283,15 +278,15 @@ def test_blocks_hold_every_kind_in_its_share_and_effects_in_turn() -> None:
 
 
 def test_reports_are_kept_on_request(tmp_path: Path) -> None:
-    examine(EXAM, 2, Examiner(always_none, reports=tmp_path))
-    report = json.loads((tmp_path / "case-000002.json").read_text())
+    run_exam(EXAM, 1, Examiner(always_none, reports=tmp_path))
+    report = json.loads((tmp_path / "case-000000.json").read_text())
     assert report["verdict"]["effect"] == "none"
 
 
 def test_a_control_is_asked_beside_the_diagnosis() -> None:
     report = always_none(*_nothing()).to_dict()
     controls = {"name": lambda *_: "backlash:q3", "report": lambda *_: report, "bad": _bad}
-    record = examine(EXAM, 1, Examiner(always_none, controls=controls))
+    record, _ = examined(EXAM, draw_case(EXAM, 1), Examiner(always_none, controls=controls))
     assert record.controls == {"name": "backlash:q3", "report": "none:null", "bad": "failed:null"}
 
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from beamstiff.exam.campaign import Array
+from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.forms import author4, components, draw_truth, resized
 from beamstiff.exam.forms.author4.drives import (
@@ -25,8 +26,8 @@ from beamstiff.exam.forms.author4.measurement import BALLS, by_marks, hall
 from beamstiff.exam.forms.author4.outside import BeddingIn, Drum
 from beamstiff.exam.forms.author4.structure import lifting, windowed
 from beamstiff.exam.laws import Law, Memory, Situation
-from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import readings, reality_of
+from tests.exam.campaigns import loaded_robot
 
 K = 2e6  # N m/rad
 OWN = (*author4.EFFECTS, *author4.LATER, *author4.OUTSIDE)
@@ -37,21 +38,25 @@ ABSOLUTE = {
 }  # fmt: skip
 
 
+@cache
+def rich_campaign(name: str, stiff: bool, kind: str) -> tuple[SimulatedCampaign, Array]:
+    """Return a campaign, and what a machine without effects reads."""
+    wish, robot = Wish("rich", kind, 6, "true"), loaded_robot(name, stiff)  # type: ignore[arg-type]
+    campaign = replace(draw_campaign(np.random.default_rng(6), robot, wish), shared_unloaded=False)
+    return campaign, readings(reality_of(robot, ()), campaign)
+
+
 @pytest.mark.parametrize("name", ["kr240-2", "ir663"])
 @pytest.mark.parametrize(("effect", "form"), FORMS)
 def test_a_larger_size_moves_the_readings_more(name: str, effect: str, form: str) -> None:
-    rng = np.random.default_rng(5)
-    robot = with_payload(exam_robot(name, rng), 60.0, (0.02, 0.0, 0.1))
-    robot = with_stiff_drive(robot, rng) if effect == "joint-compliance" else robot
+    stiff = effect == "joint-compliance"
+    robot = loaded_robot(name, stiff)
     if not (places := components(robot, effect)):
         assert robot.loops
         assert effect in ("angle-curve", "approach-direction")
         return
-    kind = "absolute" if effect in ABSOLUTE else "displacement"
-    wish = Wish("rich", kind, 6, "true")  # type: ignore[arg-type]
-    campaign = replace(draw_campaign(np.random.default_rng(6), robot, wish), shared_unloaded=False)
+    campaign, without = rich_campaign(name, stiff, "absolute" if effect in ABSOLUTE else "displacement")
     truth = draw_truth(np.random.default_rng(3), robot, effect, 0.5, places[0], form)
-    without = readings(reality_of(robot, ()), campaign)
     moved = []
     for size in (0.2, 0.5, 0.8):
         found = readings(reality_of(robot, (resized(truth, robot, size, 8),)), campaign)

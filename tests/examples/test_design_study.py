@@ -1,9 +1,6 @@
 """The design study compares what it says it does, and draws its figure."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +8,16 @@ import pytest
 from matplotlib.image import imread
 
 from beamstiff import compile_structure, load_robot, posture, tcp_compliance
+from tests.examples.scripts import run_script
 
-STUDY = Path(__file__).resolve().parents[2] / "examples" / "design_study.py"
 TABLES = (("kg", "x", "y", "z"), ("deflection", "walls", "bridge", "ram", "guides, drives"))
-
-
-def run(figure: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(STUDY), str(figure)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=os.environ | {"COLUMNS": "80", "PYTHONIOENCODING": "utf-8"},
-    )
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """Return what the study prints, and its figure."""
     figure = tmp_path_factory.mktemp("study") / "new" / "figure.png"
-    result = run(figure)
-    assert (result.returncode, result.stderr) == (0, "")
-    return result.stdout, figure
+    return run_script("design_study", figure, COLUMNS="80"), figure
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,7 @@
 """The examples with public measurements skip cleanly without them, and say what they should with them."""
 
 import importlib.util
-import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,25 +17,14 @@ from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array, rotation_from_vector
+from tests.examples.scripts import EXAMPLES, run_script
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NAMES = ("real_robot_diagnosis", "geometric_calibration", "trailblazer_calibration")
 
 
-def run(name: str, figure: Path, shared: Path | None = None) -> str:
+def run(name: str, figure: Path, **environment: str) -> str:
     """Return what an example prints, on one line."""
-    environment = (
-        os.environ | {"COLUMNS": "200"} | ({} if shared is None else {"BEAMSTIFF_SHARED": str(shared)})
-    )
-    result = subprocess.run(
-        [sys.executable, str(EXAMPLES / f"{name}.py"), str(figure)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=environment,
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-    return " ".join(result.stdout.split())
+    return " ".join(run_script(name, figure, COLUMNS="200", **environment).split())
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +43,7 @@ def test_without_the_measurements_it_says_what_is_missing_and_draws_nothing(
     name: str, tmp_path: Path
 ) -> None:
     figure = tmp_path / "figure.png"
-    text = run(name, figure, tmp_path / "nowhere")
+    text = run(name, figure, BEAMSTIFF_SHARED=str(tmp_path / "nowhere"))
     assert re.fullmatch(r"Skipped: shared data missing: real\S+ \(set BEAMSTIFF_SHARED to .*\)", text)
     assert not figure.exists()
 

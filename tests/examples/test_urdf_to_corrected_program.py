@@ -1,29 +1,18 @@
 """The example from a URDF to a corrected program: three hidden effects, commands alone, fresh targets."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from beamstiff import load_robot
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "urdf_to_corrected_program.py"
+from tests.examples.scripts import run_script
 
 
 @pytest.mark.slow
 def test_nine_tenths_of_the_error_at_fresh_targets_close(tmp_path: Path) -> None:
-    result = subprocess.run(
-        [sys.executable, str(EXAMPLE), str(tmp_path)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=os.environ | {"COLUMNS": "120"},
-    )
-    assert result.returncode == 0, result.stderr
-    (closed,) = re.findall(r"after: ([0-9.]+)% closed", result.stdout)
+    text = run_script("urdf_to_corrected_program", tmp_path, COLUMNS="120")
+    (closed,) = re.findall(r"after: ([0-9.]+)% closed", text)
     assert float(closed) >= 90.0
     real = load_robot(tmp_path / "real.yaml")
     assert {(one.effect, one.component) for one in real.effects} == {

@@ -1,10 +1,7 @@
 """The example's numbers against the springs of the joints and their lever arms."""
 
 import importlib.util
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -13,13 +10,12 @@ import pytest
 
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from beamstiff.robot.urdf.reader import parse_urdf
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "urdf_to_stiffness.py"
+from tests.examples.scripts import EXAMPLES, run_script
 
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("urdf_to_stiffness", EXAMPLE)
+    spec = importlib.util.spec_from_file_location("urdf_to_stiffness", EXAMPLES / "urdf_to_stiffness.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -40,14 +36,7 @@ def test_the_tool_gives_way_by_its_springs_alone(example: ModuleType) -> None:
 
 
 def test_it_runs_and_says_what_changed(tmp_path: Path) -> None:
-    result = subprocess.run(
-        [sys.executable, str(EXAMPLE), str(tmp_path / "new")],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-        env=os.environ | {"COLUMNS": "100"},
-    )
-    assert (result.returncode, result.stderr) == (0, "")
-    assert len(re.findall(r"^\+ +<beamstiff torsional=", result.stdout, re.MULTILINE)) == 6
+    text = run_script("urdf_to_stiffness", tmp_path / "new", COLUMNS="100")
+    assert len(re.findall(r"^\+ +<beamstiff torsional=", text, re.MULTILINE)) == 6
     assert parse_urdf((tmp_path / "new" / "arm.urdf").read_text()).parameter("a2.torsional") == 2.4e6
     assert (tmp_path / "new" / "arm.vtu").stat().st_size > 1000

@@ -13,7 +13,7 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_column import coarse_beams
-from beamstiff.fem.geometric import loaded_compliance, loaded_displacement
+from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.description import Robot

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import dense_stiffness
-from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance, tcp_stiffness
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.geometry import place

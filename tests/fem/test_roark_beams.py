@@ -39,11 +39,7 @@ def supported(
     )
 
 
-SUPPORTS = {
-    "simple": (HINGED, ROLLER),
-    "propped": (FIXED, ROLLER),
-    "fixed": (FIXED, FIXED),
-}
+SUPPORTS = {"simple": (HINGED, ROLLER), "propped": (FIXED, ROLLER), "fixed": (FIXED, FIXED)}
 
 
 def under_the_load(case: str, a: float, EI: float) -> float:

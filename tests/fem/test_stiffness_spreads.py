@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import condense
-from beamstiff.fem.geometric import loaded_compliance
+from beamstiff.fem.geometric_stiffness import loaded_compliance
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports

@@ -59,13 +59,7 @@ def table(
     seen = seen + noise * np.random.default_rng([seed, 1]).standard_normal(seen.shape)
     names = [variable.name for variable in robot.actuated]
     return make_measurements(
-        names,
-        q,
-        tcp=robot.tcp,
-        wrench=wrench,
-        displacement=seen,
-        sigma_position=sigma,
-        sigma_rotation=sigma,
+        names, q, tcp=robot.tcp, wrench=wrench, displacement=seen, sigma_position=sigma, sigma_rotation=sigma
     )
 
 

@@ -58,10 +58,7 @@ def test_deflection_under_a_wrench_is_the_closed_form() -> None:
 def test_kappa_and_manipulability_are_those_of_the_jacobian() -> None:
     length = 0.3
     found = map_workspace(
-        planar_arm(),
-        {"q1": Q1, "q2": Q2},
-        quantities=["kappa", "dexterity", "manipulability"],
-        length=length,
+        planar_arm(), {"q1": Q1, "q2": Q2}, quantities=["kappa", "dexterity", "manipulability"], length=length
     )
     jacobian = planar_jacobian(*np.meshgrid(Q1, Q2, indexing="ij"))
     whole = np.concatenate([jacobian / length, np.ones((*jacobian.shape[:2], 1, 2))], axis=2)

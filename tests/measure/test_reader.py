@@ -208,10 +208,7 @@ def test_remarks_of_ones_own_are_passed_over(arm: Robot) -> None:
     plain = parse_measurements("q1,d2,dx\n0,0,1e-3\n", arm)
     told = parse_measurements("q1,remark,d2,dx\n0,tracker lost, 0,1e-3\n", arm)
     assert measurements_to_csv(told, arm) == measurements_to_csv(plain, arm)
-    for name, part in (
-        ("comment", "did you mean 'remark'"),
-        ("weather", "remark .for text of your own."),
-    ):
+    for name, part in (("comment", "did you mean 'remark'"), ("weather", "remark .for text of your own.")):
         with pytest.raises(BeamstiffError, match=part):
             parse_measurements(f"q1,d2,dx,{name}\n0,0,1e-3,x\n", arm)
 

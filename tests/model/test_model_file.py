@@ -128,11 +128,7 @@ def test_how_far_it_extrapolates_is_said() -> None:
         ("version: 1", "version: 2", "model.version: found 2, expected 1"),
         ("kind: grid", "kind: girdle", "model.kind: found 'girdle', expected 'fuzzy'"),
         ("J1.torsional, J2.torsional", "J1.torsional", "expected 5: one a spring"),
-        (
-            "J1.torsional, J2",
-            "J9.torsional, J2",
-            "model.springs[0]: unknown stiffness parameter",
-        ),
+        ("J1.torsional, J2", "J9.torsional, J2", "model.springs[0]: unknown stiffness parameter"),
         ("variable: q1", "variable: q9", "unknown actuated variable 'q9'"),
         ("counts: [1, 2, 1]", "counts: [1, 3, 1]", "expected 3: one a cube"),
     ],

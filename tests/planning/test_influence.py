@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.geometric import complementary_stiffness
+from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.fem.structure import compile_structure
 from beamstiff.planning.influence import choose_wrist, influence_map, load_influence
 from beamstiff.planning.poses import joint_grid

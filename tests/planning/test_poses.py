@@ -7,13 +7,7 @@ import pytest
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning import poses
-from beamstiff.planning.poses import (
-    closed_posture,
-    joint_grid,
-    joint_ranges,
-    random_poses,
-    spread,
-)
+from beamstiff.planning.poses import closed_posture, joint_grid, joint_ranges, random_poses, spread
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import Variable
 from beamstiff.robot.reader import load_robot

@@ -132,11 +132,7 @@ def test_a_loop_in_space_that_only_moves_by_its_proportions() -> None:
 
 
 @settings(max_examples=12)
-@given(
-    st.tuples(*[st.floats(0.2, 2.0)] * 4),
-    st.tuples(*[st.floats(-3.0, 3.0)] * 3),
-    st.floats(-3.0, 3.0),
-)
+@given(st.tuples(*[st.floats(0.2, 2.0)] * 4), st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.floats(-3.0, 3.0))
 def test_random_four_bars_in_random_planes_close_or_cannot(
     lengths: tuple[float, ...], plane: tuple[float, ...], q1: float
 ) -> None:
@@ -276,10 +272,7 @@ def test_a_dead_centre_leaves_the_passive_joints_undetermined() -> None:
 def test_a_universal_joint_in_line_with_its_leg_is_no_dead_centre() -> None:
     """Turning about the leg moves nothing: its angles are anything, the posture is good."""
     robot = machine(
-        [
-            revolute("q"),
-            *(revolute(name, passive=True) for name in "uvw"),
-        ],
+        [revolute("q"), *(revolute(name, passive=True) for name in "uvw")],
         [
             Frame(name="drive", theta="q"),
             Frame(name="first", theta="u"),

@@ -229,11 +229,7 @@ def test_other_stiffness_makes_another_robot(everything: str) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
-        (
-            "J2.torsonal",
-            1.0,
-            "robot 'everything' has no stiffness parameter 'J2.torsonal' (did you",
-        ),
+        ("J2.torsonal", 1.0, "robot 'everything' has no stiffness parameter 'J2.torsonal' (did you"),
         ("J2.torsional", -1.0, "J2.torsional: found -1.0, expected a positive rotational stiffness"),
         ("J2.torsional", math.nan, "J2.torsional: found nan, expected a finite number"),
         ("screw", -1.0, "screw.stiffness: found -1.0, expected a positive translational stiffness"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.fem.beam import beam_stiffness
+from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.robot.description import Robot
 from beamstiff.robot.library import robot_names
 from beamstiff.robot.sections import section_properties

@@ -1,7 +1,5 @@
 """Files of tool paths: one module a format, each reads a text into a `Program`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -5,8 +5,6 @@ the holder; without it the last one holds, at first 0,0,1. ``$`` at the end of a
 begins a comment. FROM, GODLTA, CIRCLE and all else stay as they are.
 """
 
-from __future__ import annotations
-
 import re
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines

@@ -7,8 +7,6 @@ FANUC's world frame is where axes 1 and 2 cross: where a robot file's base stand
 the path is that much higher.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

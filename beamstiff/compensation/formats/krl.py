@@ -15,8 +15,6 @@ The points of a ``.src`` may stand in the ``.dat`` beside it: then both are one 
 are those that its motions go to, in the order of these, and both are written.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -6,8 +6,6 @@ holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base fram
 a target. Other columns of numbers are kept for the process (depth of cut, feed, ...).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

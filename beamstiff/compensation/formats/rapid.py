@@ -6,8 +6,6 @@ so do tooldata, wobjdata, jointtargets and what is computed from a target (Offs,
 chooses the posture, tool and work object of the motions say where a target is (`rapid_frames`).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import NoReturn

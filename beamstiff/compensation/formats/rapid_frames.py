@@ -4,8 +4,6 @@ A motion names both; they are known where the file declares them once and sets t
 and wobj0 always. ConfJ \Off and ConfL \Off take the configuration away from targets of such motions.
 """
 
-from __future__ import annotations
-
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, replace

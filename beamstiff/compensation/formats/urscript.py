@@ -7,8 +7,6 @@ are known where they are literals or names that one line gives a literal to. Mot
 (``pose_trans(get_actual_tcp_pose(), ..)``) and poses that are computed stay as they are.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A tool that bends a clamped beam elastically: the forming experiment of seed 003, section 4."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -12,8 +12,6 @@ At the tip the tool pushes with beta along the normal of the beam and with beta 
 x runs along the undeformed beam from the clamp, y to the side that the tool pushes it to.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cutting forces from a table over one variable of the path: depth of cut, feed, way, a coordinate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -6,8 +6,6 @@ decides the dimensionless load, the length bent and the slope (`corotational`). 
 each friction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """What every process model offers, and the simplest: a constant, columns of the path, a sum."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

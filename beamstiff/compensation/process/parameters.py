@@ -1,7 +1,5 @@
 """What of a process may be fitted to a measured run: parameters, what is expected of them, new values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Process models from YAML: which one, its numbers with units, faults told by key and line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Self

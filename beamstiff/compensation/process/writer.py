@@ -1,7 +1,5 @@
 """Process models to YAML, as `reader` takes them: what measured runs taught, for the next path."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -19,13 +19,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.diagnosis.held_out.prediction import HeldOutError
+from beamstiff.diagnosis.decision.tempering import divisor_of, tempered
+from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.component_subspaces import OF_POSTURES
 from beamstiff.diagnosis.inference.evidence import logsumexp
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search
 
-TEMPERING = 60.0
 # log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
 # of the places have, and of its worth on held-out postures
 REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6
@@ -34,7 +34,6 @@ APART = 0.7  # share below which free laws do not speak for a cause any more
 FEW = 60  # values less fitted ones, below which nothing can be called unknown
 SCARCE, OPEN = 30, -0.7  # and below which the unknown keeps at least these log odds: nothing is sure
 LEAST_LOG_ODDS_NONE, PER_ODDS = 0.2, 10.0  # log odds of none that so few values allow: one for so many more
-ENOUGH = 300  # values less fitted ones, below which shapes are believed less
 FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
 CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
 CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
@@ -84,15 +83,6 @@ class Judged:
     unclear: tuple[str, ...] = ()
 
 
-def tempered(log_weight: Mapping[str, float], divisor: float) -> dict[str, float]:
-    """Return probabilities of candidates among themselves, from log weights over a divisor."""
-    keys = list(log_weight)
-    values = np.array([log_weight[key] for key in keys])
-    values = (values - values.max()) / divisor
-    share = np.exp(values - logsumexp(values))
-    return dict(zip(keys, share.tolist(), strict=True))
-
-
 def doubt(residual_fraction: float, free: float, explained_fraction: float) -> float:
     """Return the log odds of the unknown against a cause.
 
@@ -132,7 +122,7 @@ def odds_of_unmodelled(search: Search, log_weight: float) -> float:
         default=-np.inf,
     )
     evidence = log_weight - search.log_weight[NONE]
-    return float((unmodelled - log_weight) / (1.0 + max(evidence, 0.0) / TEMPERING))
+    return float((unmodelled - log_weight) / divisor_of(evidence))
 
 
 def accepted(
@@ -208,8 +198,7 @@ def judge(
     nothing = OUTLIERS if odd_rows and may_be_outliers else NONE
     best = named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
-    tempering = TEMPERING * min(1.0, max(freedom, 1) / ENOUGH)
-    effects = tempered({key: search.log_weight[key] for key in named}, 1.0 + max(evidence, 0.0) / tempering)
+    effects = tempered({key: search.log_weight[key] for key in named}, divisor_of(evidence, freedom))
     total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
     log_odds_none = search.log_weight[NONE] - total  # log odds of nothing against any effect
     evidence_of_any = -log_odds_none

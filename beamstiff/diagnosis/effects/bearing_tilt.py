@@ -21,7 +21,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.diagnosis.residual.internal_wrench import across
 from beamstiff.diagnosis.residual.place import Place
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Joint

@@ -5,7 +5,7 @@ scale s and a share of the unknown K, the gap y is Gaussian, ``y ~ N(T b, s^2 (1
 free: in the axes of `whitened` all sums are weighted ones, and with the eigenvalues g of ``A^T M A`` the
 density is closed in s and u. Parameters that cannot be negative come from the upper half of the normal, which
 weighs the density by twice the probability that they are not. It is averaged over s, u and r (Bayesian model
-averaging; MacKay, Neural Comp. 4 (1992) 415), and tempered in `diagnosis.decision.verdict`.
+averaging; MacKay, Neural Comp. 4 (1992) 415), and tempered in `diagnosis.decision.tempering`.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamstiff.diagnosis.held_out.prediction import Weighted, solve, stated
+from beamstiff.diagnosis.held_out.score import Weighted, solve, stated
 from beamstiff.diagnosis.inference.evidence import NoisePrior
 from beamstiff.diagnosis.inference.noise_scale import scale_after
 from beamstiff.diagnosis.inference.search import NONE, Search

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamstiff.diagnosis.held_out.prediction import Weighted
+from beamstiff.diagnosis.held_out.score import Weighted
 from beamstiff.diagnosis.inference.evidence import NoisePrior
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import Whitened

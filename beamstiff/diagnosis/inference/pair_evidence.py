@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from beamstiff.diagnosis.held_out.prediction import Weighted
+from beamstiff.diagnosis.held_out.score import Weighted
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, modes_of
 from beamstiff.diagnosis.inference.evidence import COARSE, NoisePrior, evidence, log_weights
 from beamstiff.diagnosis.inference.library import Hypothesis

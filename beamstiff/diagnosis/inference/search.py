@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from beamstiff.diagnosis.effects import Shape
-from beamstiff.diagnosis.held_out.prediction import Weighted
+from beamstiff.diagnosis.held_out.score import Weighted
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, modes_of
 from beamstiff.diagnosis.inference.evidence import (
     COARSE,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logit
 from scipy.stats import norm
 
-from beamstiff.diagnosis.decision.verdict import TEMPERING
+from beamstiff.diagnosis.decision.tempering import TEMPERING
 from beamstiff.diagnosis.result import Diagnosis
 
 DECIDED = 0.9  # probability of the likeliest cause, from which it is decided

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
-from beamstiff.diagnosis.held_out.prediction import Fitted, Weighted, fitted, shift, stacked
+from beamstiff.diagnosis.held_out.score import Fitted, Weighted, fitted, shift, stacked
 from beamstiff.diagnosis.next_measurement.candidates import empty_rows, load_cycles, noise_of, reflector_nodes
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import Diagnosis, columns_at

@@ -32,7 +32,7 @@ from beamstiff.diagnosis.residual.self_stress import (
     self_stresses,
 )
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
 from beamstiff.fem.geometry import SHORTEST, Geometry, place
 from beamstiff.fem.loads import gravity_wrenches, mass_wrenches

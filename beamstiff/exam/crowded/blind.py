@@ -1,7 +1,5 @@
 """One crowded case examined blind: sealed, diagnosed by all from the rows alone, and only then opened."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Crowded machines drawn at random: geometry, effects of falling size, campaign, and the label of it all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial

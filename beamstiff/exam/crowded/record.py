@@ -1,7 +1,5 @@
 """What is true of a crowded machine, what was said of it, and both together once the label is open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal

@@ -3,8 +3,6 @@
 Who broke off has named nothing and has no `unknown`: that is wrong wherever something is asked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 

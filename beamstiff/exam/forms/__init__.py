@@ -4,8 +4,6 @@ The authors of `author2`, `author3` and `author4` have not read the diagnosis. W
 not read their forms: what its shapes miss can only show on forms that they do not know.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

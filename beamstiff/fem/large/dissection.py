@@ -7,8 +7,6 @@ it with a quarter fewer nodes than a plane along the grid does, and leaves parts
 Source: George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973) 345.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

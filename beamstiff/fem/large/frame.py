@@ -1,7 +1,5 @@
 """Large frames as plain arrays, and their sparse stiffness, assembled without a loop over elements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import beam_axes, beam_stiffness
+from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.se3 import Array
 

@@ -11,8 +11,6 @@ Numerical Algorithms, ch. 12). Where `numpy.longdouble` is no more than a double
 and the error that remains says so.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

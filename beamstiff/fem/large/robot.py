@@ -1,7 +1,5 @@
 """Robots and machines of many unknowns: the same answers from the sparse stiffness, pose by pose."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ With a few nodes alone by its condensation, which keeps no factor. On one core i
 and a smoothed aggregation multigrid (benchmarks/README.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

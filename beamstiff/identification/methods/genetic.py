@@ -3,8 +3,6 @@
 Storn & Price, "Differential evolution", J. Global Optimization 11 (1997) 341, by scipy.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

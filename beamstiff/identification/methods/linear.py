@@ -5,8 +5,6 @@ closed loops carry load past the springs it is nearly so: the steps are repeated
 where a whole one goes too far.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

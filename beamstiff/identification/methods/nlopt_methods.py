@@ -9,8 +9,6 @@ parabola there, also where a spring is as good as rigid and its logarithm says n
 of the cost is convex in the values and in their inverses, and the global methods search in logarithms.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import nlopt

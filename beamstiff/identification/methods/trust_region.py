@@ -1,7 +1,5 @@
 """Trust region and Levenberg-Marquardt, by scipy, on the residuals with exact derivatives."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -10,8 +10,6 @@ springs are identifiable only in combination (joints 4 and 6 of a stretched wris
 their sum. R is the correlation of the weights: none between cubes, that of neighbours between rules.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

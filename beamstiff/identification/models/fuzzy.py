@@ -18,8 +18,8 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.models.fuzzy_rules import Method, Readings, build_readings, fit_conclusions
 from beamstiff.identification.models.split import configurations
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
@@ -198,11 +198,7 @@ def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> P
 
 
 def solis_wets(
-    cost: Callable[[Array], float],
-    begin: Array,
-    step: float,
-    evaluations: int,
-    random: np.random.Generator,
+    cost: Callable[[Array], float], begin: Array, step: float, evaluations: int, random: np.random.Generator
 ) -> tuple[Array, float]:
     """Return the best point found, and its cost.
 

@@ -1,7 +1,5 @@
 """The gray box fitted to displacements: fuzzy corrections of a parametric model's joint compliances."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -10,9 +8,9 @@ import numpy as np
 
 from beamstiff.identification.models.configuration import Begin, Varying, begin_with, fit_varying
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import inputs_of
 from beamstiff.model.fuzzy_correction import FuzzyCorrection
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -32,9 +30,7 @@ class CorrectionFit:
 
 
 def fit_fuzzy_correction(
-    robot: Robot,
-    table: Measurements,
-    parameters: Sequence[str] | None = None,
+    robot: Robot, table: Measurements, parameters: Sequence[str] | None = None
 ) -> CorrectionFit:
     """Fit fuzzy corrections of joint compliances to measured displacements.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
-from beamstiff.model.fuzzy import Partition
+from beamstiff.model.fuzzy_inference import Partition
 from beamstiff.se3 import Array
 
 Method = Literal["exact", "gradient"]
@@ -160,11 +160,7 @@ def rapid_prototype(readings: Readings, firing: Array) -> Array:
 
 
 def fit_conclusions(
-    readings: Readings,
-    premises: Partition,
-    firing: Array,
-    method: Method = "exact",
-    positive: bool = False,
+    readings: Readings, premises: Partition, firing: Array, method: Method = "exact", positive: bool = False
 ) -> Array:
     """Return the conclusions (R, K) that explain the readings best.
 

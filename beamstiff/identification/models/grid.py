@@ -1,7 +1,5 @@
 """Gridded stiffness from measured displacements: each cube for itself, or shrunk towards what all share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

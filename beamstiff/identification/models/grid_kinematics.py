@@ -5,8 +5,6 @@ realistic prior for g, and ``x_c ~ N(0, t^2)`` of it; t and the noise maximise t
 interpolation", 1992), as for the springs of the cubes.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every model of elasticity, fitted to the same rows and judged by held-out rows (seed 003, 3.3)."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

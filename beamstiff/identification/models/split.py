@@ -1,7 +1,5 @@
 """Rows to fit, and rows to judge by: whole poses and a whole load that no model sees."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.held_out.prediction import shift
+from beamstiff.diagnosis.held_out.score import shift
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
     CAUSES,

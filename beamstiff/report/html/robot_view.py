@@ -10,7 +10,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.beam import beam_axes
+from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond

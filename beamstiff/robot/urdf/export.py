@@ -5,8 +5,6 @@ coefficient the variable's own, all others mimic it. What is left makes a fixed 
 passive joints look free to other readers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr

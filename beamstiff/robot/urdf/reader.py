@@ -8,8 +8,6 @@ stands in elements `<beamstiff>`, which other readers pass over:
   take the place of what the tree says: ``gravity``, ``beams``, ``loops``, ``effects`` and so on.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from typing import Any

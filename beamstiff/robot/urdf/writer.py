@@ -4,8 +4,6 @@ What changed is put where it stood (origins, axes, limits, masses), stiffness in
 and what URDF cannot say into `<beamstiff>` of the robot. The text is read back before it is handed out.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

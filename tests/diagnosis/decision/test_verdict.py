@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.decision.tempering import tempered
 from beamstiff.diagnosis.decision.verdict import (
     DOUBTED,
     FEW,
@@ -18,9 +19,8 @@ from beamstiff.diagnosis.decision.verdict import (
     judge,
     larger_first,
     share_of_subspaces,
-    tempered,
 )
-from beamstiff.diagnosis.held_out.prediction import HeldOutError
+from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.component_subspaces import CREEPING, OF_POSTURES
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search

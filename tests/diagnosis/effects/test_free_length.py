@@ -112,8 +112,8 @@ def test_a_prismatic_drive_follows_its_slide() -> None:
     assert not shape.parameters[0].positive  # which end the bearing is at is not in the model
 
 
-@pytest.mark.parametrize("variable", DRIVEN)
-def test_a_screw_with_a_free_length_is_found_by_a_model_with_constant_screws(variable: str) -> None:
+def test_a_screw_with_a_free_length_is_found_by_a_model_with_constant_screws() -> None:
+    variable = "r2"
     rng = np.random.default_rng(3)
     q = np.repeat(inside(SCREWS, 30), 2, axis=0)
     rows = rows_of(SCREWS, q, rng.normal(0, 3000, (60, 6)) * [1, 1, 1, 0, 0, 0], sigma_position=POSITION)

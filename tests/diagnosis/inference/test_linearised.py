@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff import Robot
 from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.diagnosis.held_out.prediction import Weighted, fitted
+from beamstiff.diagnosis.held_out.score import Weighted, fitted
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.baseline import around, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten

@@ -5,7 +5,7 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.diagnosis.held_out.prediction import Weighted
+from beamstiff.diagnosis.held_out.score import Weighted
 from beamstiff.diagnosis.inference.evidence import evidence
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of

@@ -250,7 +250,7 @@ def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: P
     records = run_cases(CROWDED, SMALL, 2, Examiner(looks), results=results)
     assert [line["sealed"] for line in seen] == [0, 1]
     assert [line["label_sha256"] for line in seen] == [record.label.digest() for record in records]
-    assert read_results(results)[1] == records
+    assert read_results(results)[1] == {record.label.case: record for record in records}
 
 
 def test_one_process_or_two_the_same_cases_and_a_broken_exam_goes_on(tmp_path: Path) -> None:
@@ -311,4 +311,4 @@ def test_records_come_back_from_their_file(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     head = {"format": "beamstiff-exam/2", "exam": EXAM.settings()}
     path.write_text(json.dumps(head) + "\n" + json.dumps({"record": record.to_dict()}) + "\n")
-    assert read_results(path)[1] == [record]
+    assert read_results(path)[1] == {record.label.case: record}

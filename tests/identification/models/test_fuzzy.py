@@ -14,8 +14,8 @@ from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.identification.models.fuzzy import fit_fuzzy, solis_wets
 from beamstiff.identification.models.fuzzy_rules import build_readings, fit_conclusions, rapid_prototype
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 
 LENGTH = 2.0
 SIGMA = 1e-5

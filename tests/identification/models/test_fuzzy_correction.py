@@ -6,8 +6,8 @@ import pytest
 from beamstiff import BeamstiffError
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
-from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_correction import FuzzyCorrection
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 from beamstiff.model.linear import predict_displacements
 from tests.identification.varying_machines import compliances, kr500, lever, loads, nothing, postures, table
 

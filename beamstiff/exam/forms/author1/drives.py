@@ -1,7 +1,5 @@
 """Drives: play, hardening, compliance, friction, and torque on one axis that turns another."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

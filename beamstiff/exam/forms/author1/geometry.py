@@ -1,7 +1,5 @@
 """Kinematics and payload that differ from the model's, and joint angles that err without a torque."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rods whose lever arm about the axis changes with the joint angle, and spring balancers across an axis."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

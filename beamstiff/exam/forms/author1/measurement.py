@@ -1,7 +1,5 @@
 """Loads that are not what the table says, and readings: a wrong frame, drift, a few bad rows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth

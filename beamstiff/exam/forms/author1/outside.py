@@ -1,7 +1,5 @@
 """Effects outside the table: in a drive, and in the structure (loose bolts, play in bearings, stops)."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

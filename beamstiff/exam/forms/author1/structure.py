@@ -1,7 +1,5 @@
 """Structure that is compliant: links, bearings across their axis, and the base under the machine."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """At the tool: compliance behind it, a wrench or a reflector beside the TCP, and a reflector that slips."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Further forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 
@@ -191,10 +189,7 @@ class MaxwellSlip(Remembering):
 
 
 def _draw_coupling(request: DrawRequest) -> dict[str, float]:
-    found = {
-        "share": request.sign() * request.sized(*author1.SHARE),
-        "ratio": request.uniform(0.6, 1.6),
-    }
+    found = {"share": request.sign() * request.sized(*author1.SHARE), "ratio": request.uniform(0.6, 1.6)}
     if request.form == "belt":
         found["slack"] = request.log_uniform(1e-4, 1e-3)  # strain where a strand is slack
     if request.form == "eccentric":

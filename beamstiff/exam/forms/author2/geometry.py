@@ -1,7 +1,5 @@
 """Further forms of wrong geometry and payload."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Further forms of levers and balancers: a four-bar linkage, a long screw, nested coils, a disc."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.added_parts import lever, with_balancer

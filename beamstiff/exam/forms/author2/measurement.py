@@ -1,7 +1,5 @@
 """Further forms of wrong loads and readings."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth

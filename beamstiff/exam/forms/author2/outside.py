@@ -1,7 +1,5 @@
 """Further effects outside the table: drives softer one way or under load, and a tether to the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.added_parts import tied_to_ground

@@ -1,7 +1,5 @@
 """Further forms at the tool: a load cell on struts, a flange that opens, a load that finds its own place."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

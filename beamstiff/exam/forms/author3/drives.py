@@ -1,7 +1,5 @@
 """Third forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -274,10 +272,7 @@ class Clamped(Remembering):
 
 
 def _draw_coupling(request: DrawRequest) -> dict[str, float]:
-    found = {
-        "share": request.sign() * request.sized(*author1.SHARE),
-        "ratio": request.uniform(0.6, 1.6),
-    }
+    found = {"share": request.sign() * request.sized(*author1.SHARE), "ratio": request.uniform(0.6, 1.6)}
     if request.form == "linkage":
         return found | {"start": request.uniform(-0.3, 0.3)}  # rad from the longest lever
     return found | {"preload": request.log_uniform(2e-5, 3e-4)}  # strain

@@ -1,7 +1,5 @@
 """Third forms of wrong geometry and payload: oval wheels, many tolerances, things that roll or flow."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

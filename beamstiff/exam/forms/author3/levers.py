@@ -1,7 +1,5 @@
 """Third forms of levers and balancers: a slider-crank, a cylinder with its oil, a cam, a chain."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

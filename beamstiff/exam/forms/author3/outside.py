@@ -1,7 +1,5 @@
 """Third effects outside the table: a flange that slips, a gauge that sticks, a stand that the load moves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Third forms of soft structure: base, bearings and links."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Third forms at the tool: a changer on three balls, a remote centre, and loads hung on in other places."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

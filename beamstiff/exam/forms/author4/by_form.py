@@ -1,7 +1,5 @@
 """An effect put together from its forms, and the scales of a machine that their sizes follow."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

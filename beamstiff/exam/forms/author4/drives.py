@@ -1,7 +1,5 @@
 """Drives: wind-up, play that is not a plain dead zone, friction by load or by way, and coupling of two."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

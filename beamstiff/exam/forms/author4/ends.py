@@ -1,7 +1,5 @@
 """What holds a robot and what it holds: feet, mats, a tool changer, a bracket."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.added_parts import behind_flange, free_name, on_pedestal, sprung

@@ -1,7 +1,5 @@
 """Geometry that is off with its neighbours, tools that sit turned, payloads that are not as told."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 
@@ -70,10 +68,7 @@ def _turned(request: DrawRequest) -> dict[str, float]:
 
 def _clevis(request: DrawRequest) -> dict[str, float]:
     length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
-    return {
-        **request.direction(length),
-        **way_of(request, length * request.uniform(0.1, 0.4), "still_"),
-    }
+    return {**request.direction(length), **way_of(request, length * request.uniform(0.1, 0.4), "still_")}
 
 
 def _tool(truth: Truth, reality: Reality) -> Reality:

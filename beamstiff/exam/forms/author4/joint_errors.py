@@ -1,7 +1,5 @@
 """Joints that stand elsewhere than they read, by angle or by the way they came; reflectors that slip."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 

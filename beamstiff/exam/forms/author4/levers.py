@@ -1,7 +1,5 @@
 """Drives by screws and slides, whose stiffness follows the lever arm, and balancers across an axis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Loads that are not as read, and what is wrong with the reading: frame, drift and bad rows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth

@@ -1,7 +1,5 @@
 """What no name of the table covers: a hanger at the elbow, a floor that is loaded, couplings that bed in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

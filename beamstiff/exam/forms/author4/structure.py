@@ -1,7 +1,5 @@
 """Links with windows and open sections, and slewing rings that lift or sit in a soft casting."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise

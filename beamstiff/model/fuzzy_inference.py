@@ -9,8 +9,6 @@ It is the multilinear interpolation of the conclusions b on the lattice of modal
 definite conclusions is positive definite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Local degrees of freedom ``[u v w rx ry rz]`` at each end, x along the axis. Sou
 Matrix Structural Analysis (1968), eq. 5.116; the shear parameter is ``phi = 12 E I / (G A_s L^2)``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.se3 import Array

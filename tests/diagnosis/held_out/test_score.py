@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff.diagnosis.effects import Quantity, Shape
-from beamstiff.diagnosis.held_out.prediction import (
+from beamstiff.diagnosis.held_out.score import (
     Weighted,
     combinations_of,
     fitted,

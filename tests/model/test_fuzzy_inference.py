@@ -12,8 +12,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 from beamstiff import BeamstiffError, load_robot, read_measurements
 from beamstiff.measure import make_measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition, equal_parts
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of, rules_from_table
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 
 # seed 003, table 4: modal values in deg, conclusions in mm
 THETA2 = (-24.15, 1.37, 12.54, 36.83)

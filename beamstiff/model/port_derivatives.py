@@ -4,8 +4,6 @@ One elimination a row, without pivots: ``M = S + sum k_j Phi_j`` is positive def
 every step of it runs over a stretch of numbers that stays in the processor's cache.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,12 +13,7 @@ CHUNK = 512  # rows at a time
 
 
 def moved_with_slopes(
-    own: Array,
-    springs: Array,
-    port_stiffness: Array,
-    pose: NDArray[np.int64],
-    force: Array,
-    motion: Array,
+    own: Array, springs: Array, port_stiffness: Array, pose: NDArray[np.int64], force: Array, motion: Array
 ) -> tuple[Array, Array]:
     """Return ``B_d^T M^-1 f`` of every row (N, 6), and its derivatives by the values k, (N, 6, m).
 

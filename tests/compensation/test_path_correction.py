@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from beamstiff.compensation.correct import correct_path, errors_of
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, ToolPath
+from beamstiff.compensation.path_correction import correct_path, errors_of
 from beamstiff.compensation.process.load import Constant, FromPath, Together
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import make_measurements
-from beamstiff.model.fuzzy import FuzzySystem, Partition
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
+from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 from beamstiff.model.model_file import with_model
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.geometric import complementary_stiffness, loaded_compliance, loaded_stiffness
+from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.description import Robot
