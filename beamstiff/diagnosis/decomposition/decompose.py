@@ -21,6 +21,7 @@ from beamstiff.diagnosis.decomposition.held_out import (
     folds_of,
     interval,
     ordered,
+    unweighed,
 )
 from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry, open_stiffness
@@ -168,6 +169,18 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
     """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
     theta, _ = solved(model, chosen)
     return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))
+
+
+def gap_with(model: OpenModel, chosen: Sequence[Form]) -> Array:
+    """Return measured minus predicted, (N, 6), m and rad, with some causes and all that is open fitted.
+
+    Without a cause: what a calibration by itself leaves. 0 where nothing was measured.
+    """
+    columns = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+    left = (model.residual - columns @ solved(model, chosen)[0])[: model.count]
+    result = np.zeros(model.used.shape)
+    result[model.used] = unweighed(model, left)
+    return result
 
 
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
