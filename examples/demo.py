@@ -50,8 +50,8 @@ FIGURE = HERE / "output" / "ir663_identification.png"
 PAPER_RMS = 0.110  # mm, Table 5, parametric model, all loads
 
 INTRODUCTION = (
-    "KUKA IR-663: 12 published displacements of the tool along x under 900 N (the paper's Table 4: conclusions "
-    "of the fuzzy model of its measurements). The start is the paper's stiffness (Table 3, design 1)."
+    "KUKA IR-663: 12 published displacements of the tool along x under 900 N (the paper's Table 4: "
+    "conclusions of the fuzzy model of its measurements). The start is the paper's stiffness (Table 3, design 1)."
 )
 CAUTION = (
     "The paper's 0.110 mm and our gap are not the same quantity: its number is over the measured "
@@ -61,8 +61,8 @@ CAUTION = (
 SHOWN = 12  # causes in the figure
 DRIVES = ("J12.torsional", "J18.torsional")
 DIAGNOSIS = (
-    "2. Diagnosed. The springs of axes 2 and 8 are fitted; the coupler's bearings keep the paper's values and "
-    "are among the possible causes."
+    "2. Diagnosed. The springs of axes 2 and 8 are fitted; the coupler's bearings keep the paper's values "
+    "and are among the possible causes."
 )
 REFITTED = (
     "Each cause is added to the model alone and all is fitted again; no drive may get stiffer than rigid. "

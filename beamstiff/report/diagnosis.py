@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from beamstiff.diagnosis.decomposition.causes import Decomposition
 
-SHOWN = 8
+SHOWN, SIZES = 8, 16  # candidates and places; parameters
 PARTS_OF_GAP = {
     "directions": "By direction",
     "loads": "By load",
@@ -75,7 +75,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         yield from (candidates_table(result, likely(result, SHOWN), "Which effect"), "")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
-        yield from (sizes, *(Text(line) for line in names_text(result)), "")
+        yield sizes
+        yield Text("".join(f"{line}\n" for line in names_text(result)))
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
         title = "Where: share of the explainable gap that each place could account for"
         yield from (places_table(places, title), "")
@@ -179,6 +180,7 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
             plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
             doubted = usual + ("" if item.plausible else " (!)")
             made.add_row(named(one), name, value, std, doubted, usual, plausible, unit)
+    made.most, made.open = SIZES, len(made.rows) <= SIZES
     return made
 
 
@@ -224,9 +226,11 @@ def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
 
 
 def untestable_table(result: Diagnosis, title: str) -> Table:
-    """Return the effects that the data cannot show, and why."""
-    made = table(title, "effect", "component", "why", left=3)
-    add_rows(made, ([one.effect, one.component or "-", one.why] for one in result.untestable))
+    """Return the effects that the data cannot show, those of one reason in a row."""
+    made, reasons = table(title, "effects", "why", left=2), dict[str, list[str]]()
+    for one in result.untestable:
+        reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
+    add_rows(made, ([", ".join(effects), why] for why, effects in reasons.items()))
     return made
 
 

@@ -180,9 +180,7 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
     if (left < ABSORBED * size).all():
         return "the fitted stiffness absorbs it, so the fitted model already has it"
     if (most < FAINT).all():
-        return (
-            f"too small to show: the largest realistic one moves a reading by {most.max():.2g} of its noise"
-        )
+        return f"too small to show: at most it moves a reading by {most.max():.2g} of its noise"
     return ""
 
 
