@@ -191,7 +191,7 @@ def summary(result: Diagnosis) -> str:
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := several(result):
-        return f"{first}\n{head}.\n{_of_several(found)}{_weak(result)}"
+        return f"{first}\n{_of_several(found)}{_weak(result)}"
     sure = percent(verdict.probability)
     if head == UNDECIDED:
         likely = ", ".join(
@@ -232,11 +232,12 @@ def summary(result: Diagnosis) -> str:
     if verdict.shrink is not None and one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
-        share, interval = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        share, ends = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        interval = "" if ends == share else f", 90 % interval {ends}"
         both = "it" if also is None else "both"
         text += (
             f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
-            f"gap above noise, 90 % interval {interval}) for postures and load directions as measured.\n"
+            f"gap above noise{interval}) for postures and load directions as measured.\n"
             f"{SQUARES}{_weak(result)}"
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
@@ -302,11 +303,10 @@ def _of_several(found: Sequence[Cause]) -> str:
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
-    them = "all of them" if len(found) > 1 else "it"
-    left = f"{1e3 * found[-1].rms_after:.3f} mm"
+    them = "all causes" if len(found) > 1 else "it"
     return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}. Adding "
-        f"{them} reduces the residual to {left}. {SQUARES}"
+        f"{meaning}\nShare of the gap that each closes on held-out data, in this order: {each}.\nAdding {them} "
+        f"reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
     )
 
 
