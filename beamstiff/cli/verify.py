@@ -48,7 +48,7 @@ def verify(
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
     from beamstiff.report.diagnosis_text import SQUARES
-    from beamstiff.report.diagnosis_words import in_words
+    from beamstiff.report.diagnosis_words import in_words, percent
     from beamstiff.report.tables import add_rows, table
     from beamstiff.report.verdict import Level, Verdict, level_of, rounded
     from beamstiff.units import in_unit
@@ -62,18 +62,17 @@ def verify(
         found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
     modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
-    lines = [
-        ["without model and effects" if modelled else "without effects", f"{1e3 * found.before:.4f} mm", ""]
-    ]
+    first = "without model and effects" if modelled else "without effects"
+    lines = [[first, f"{1e3 * found.before:.4f} mm", ""]]
     lines += [
-        [f"and {in_words([name])}", f"{1e3 * after:.4f} mm", f"{100 * closes:.0f} %"]
-        for name, after, closes in found.causes
+        [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.4f} mm", percent(closes)]
+        for at, (name, after, closes) in enumerate(found.causes)
     ]
     if found.noise > 0.0:
         lines.append(["noise as stated", f"{1e3 * found.noise:.4f} mm", ""])
     add_rows(rows, lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
-    with_them = "with its effects" if found.causes else "as described"
+    with_them = "with the file's effects" if found.causes else "of the robot file, which has no effects"
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
     head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
     files = ", ".join(Path(path).name for path in data)
@@ -89,7 +88,7 @@ def verify(
     verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)
     said = []
     if found.causes and found.promised is not None and found.other_frame is None:
-        said = [f"Promised: {100 * found.promised:.0f} % of the gap closes. True: {100 * found.true:.0f} %."]
+        said = [f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."]
     said += [SQUARES] if found.causes else []
     outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
     if limit is not None and found.after > limit:

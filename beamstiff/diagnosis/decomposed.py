@@ -17,6 +17,7 @@ from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select
+from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import HeldOutError
@@ -86,12 +87,13 @@ def _simplest(
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
     """Return the diagnosis that a decomposition says."""
     verdict = found.verdict
-    baseline = replace(found.model.baseline, robot=found.model.robot(found.change))
+    baseline = found.model.baseline  # its geometry was fitted beside the causes; nobody has such a model
+    calibrated = replace(baseline, measured=baseline.predicted + gap_with(found.model, ()))
     candidates = _candidates(found)
     named = next(one for one in candidates if one.key == (verdict.key if verdict else _nothing(found)))
     return Diagnosis(
-        baseline=found.model.baseline,
-        linear=found.model.baseline,
+        baseline=baseline,
+        linear=baseline,
         rms=found.rms,
         noise=found.noise,
         candidates=candidates,
@@ -100,12 +102,12 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
         outliers=(),
-        notes=(*notes, *unloaded(found.model.baseline), *(one.text for one in found.behind)),
+        notes=(*notes, *unloaded(baseline), *(one.text for one in found.behind)),
         fits=(),
         ceiling=min(
             [found.rms, found.remainder.rms, *(cause.rms_after for cause in (*found.causes, *found.unclear))]
         ),
-        where=where(baseline, baseline.used, _components(found)),
+        where=where(calibrated, baseline.used, _components(found)),
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
     )

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from beamstiff.diagnosis.decomposition.causes import Decomposition
 
-SHOWN = 8
+SHOWN, SIZES = 8, 16  # candidates and places; parameters
 PARTS_OF_GAP = {
     "directions": "By direction",
     "loads": "By load",
@@ -46,13 +46,22 @@ PARTS_OF_GAP = {
 }
 LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
 CAUSES = "Causes, each added to those above it"
+# what parts of a parameter's name mean: where it occurs, how it is written, in words
+NAMES = (
+    (r"_[xyz]_by_[xyz]", "a_by_b", "how much a grows per unit of b"),
+    (r"_by_[xyz][xyz]\b", "a_by_bc", "how much a grows per unit of the product b c"),
+    (r"_tool_", "tool", "along the axes of the tool"),
+    (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
+    (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "what acts along one shows along the other"),
+)
 POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
 
 def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     """Yield what a terminal shows of a diagnosis."""
-    yield from verdict(result).lines()
+    first = verdict(result)
+    yield from first.lines()
     yield Text(summary(result))
     yield Text("")
     if result.decomposition is not None and result.decomposition.gap_shows:
@@ -66,7 +75,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         yield from (candidates_table(result, likely(result, SHOWN), "Which effect"), "")
     sizes = sizes_table(result, "How large")
     if sizes.rows:
-        yield from (sizes, "")
+        yield sizes
+        yield Text("".join(f"{line}\n" for line in names_text(result)))
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
         title = "Where: share of the explainable gap that each place could account for"
         yield from (places_table(places, title), "")
@@ -76,9 +86,10 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.untestable:
         yield from (untestable_table(result, "What these data cannot show"), "")
     if result.next and result.verdict.effect != "none":
-        yield Text(f"Measure next: {proposed(result)} (--next writes them).")
+        yield Text(f"Measure next: {proposed(result)} (--next FILE writes them).")
     for line in separations(result):
-        yield Text(line)
+        if line.partition(": ")[2] not in first.action:
+            yield Text(line)
 
 
 def by_causes(result: Diagnosis) -> Decomposition | None:
@@ -116,10 +127,11 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = "Probability: that the cause, or one of the same mechanics, is really there"
-    said += " (the verdict's: that it is also the largest)." if found.verdict else "."
+    said = "Probability: that this cause, or one that acts the same way, is there."
+    if found.verdict:
+        said += " The verdict's above: that it is also the largest."
     if any(one.indistinguishable for one in found.causes):
-        said += " Which of a cause and those that it is indistinguishable from acts, these data leave open."
+        said += " These data cannot distinguish a cause from those in its last column."
     return said
 
 
@@ -168,7 +180,15 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
             plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
             doubted = usual + ("" if item.plausible else " (!)")
             made.add_row(named(one), name, value, std, doubted, usual, plausible, unit)
+    made.most, made.open = SIZES, len(made.rows) <= SIZES
     return made
+
+
+def names_text(result: Diagnosis) -> list[str]:
+    """Return what parts of the parameters' names mean, a sentence each, where they occur."""
+    names = " ".join(f"{item.name} " for one in told(result) for item in one.estimates)
+    said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
+    return [f"Names: {'; '.join(said)}."] if said else []
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
@@ -206,9 +226,11 @@ def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
 
 
 def untestable_table(result: Diagnosis, title: str) -> Table:
-    """Return the effects that the data cannot show, and why."""
-    made = table(title, "effect", "component", "why", left=3)
-    add_rows(made, ([one.effect, one.component or "-", one.why] for one in result.untestable))
+    """Return the effects that the data cannot show, those of one reason in a row."""
+    made, reasons = table(title, "effects", "why", left=2), dict[str, list[str]]()
+    for one in result.untestable:
+        reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
+    add_rows(made, ([", ".join(effects), why] for why, effects in reasons.items()))
     return made
 
 

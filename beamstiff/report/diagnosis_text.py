@@ -43,7 +43,7 @@ NAMED = 3  # explanations that are named where nothing is decided; changes of th
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
-SQUARES = "Percentages are of the mean square above noise: 75 % closed halves the gap."
+SQUARES = "Percentages count squares above noise: 75 % closed halves the gap."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -172,12 +172,12 @@ def _undetermined(result: Diagnosis) -> set[str]:
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
-    said = f"Remainder: {1e3 * rest.rms:.3f} mm RMS, all rows fitted ({percent(rest.share)} of the gap)"
+    said = f"Remainder with all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)"
     if rest.follows:
         said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
     if found.unclear:
         share = percent(sum(one.closes for one in found.unclear))
-        said += f". Minor or undecided causes are a part of it ({share} of the gap): "
+        said += f". Minor or undecided causes make a part of it ({share} of the gap): "
         said += in_words([one.key for one in found.unclear])
     if found.unnamed:
         each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unnamed]
@@ -194,7 +194,7 @@ def summary(result: Diagnosis) -> str:
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := several(result):
-        return f"{first}\n{head}.\n{_of_several(found)}{_weak(result)}"
+        return f"{first}\n{_of_several(found)}{_weak(result)}"
     sure = percent(verdict.probability)
     if head == UNDECIDED:
         likely = ", ".join(
@@ -235,11 +235,12 @@ def summary(result: Diagnosis) -> str:
     if verdict.shrink is not None and one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
-        share, interval = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        share, ends = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        interval = "" if ends == share else f", 90 % interval {ends}"
         both = "it" if also is None else "both"
         text += (
             f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
-            f"gap above noise; 90 % interval {interval}), within the postures and load directions measured. "
+            f"gap above noise{interval}) for postures and load directions as measured.\n"
             f"{SQUARES}{_weak(result)}"
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
@@ -305,11 +306,10 @@ def _of_several(found: Sequence[Cause]) -> str:
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
-    them = "all of them" if len(found) > 1 else "it"
-    left = f"{1e3 * found[-1].rms_after:.3f} mm"
+    them = "all causes" if len(found) > 1 else "it"
     return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}. Adding "
-        f"{them} reduces the residual to {left}. {SQUARES}"
+        f"{meaning}\nShare of the gap that each closes on held-out data, in this order: {each}.\nAdding {them} "
+        f"reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
     )
 
 
@@ -363,9 +363,8 @@ def separations(result: Diagnosis) -> list[str]:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
-        f"Geometry: the position error is {rounded(1e3 * changed.before)} mm RMS as described (measuring "
-        f"frame fitted) and {rounded(1e3 * changed.after)} mm on held-out data once calibrated, without a "
-        "cause."
+        f"Geometry: the robot file leaves {rounded(1e3 * changed.before)} mm RMS (measuring frame fitted). "
+        f"Calibration alone leaves {rounded(1e3 * changed.after)} mm on held-out data."
     )
     if not changed.changes:
         return [gap]
@@ -373,8 +372,8 @@ def recalibration_text(changed: Recalibration) -> list[str]:
         _change(item.name, item.group == "offset", by, item.unit) for item, by in changed.changes[:NAMED]
     )
     rest = len(changed.changes) - NAMED
-    more = f"; {rest} more in the JSON and in the robot that --apply writes" if rest > 0 else ""
-    return [gap, f"Largest changes by the calibration: {each}{more}."]
+    more = f" ({rest} more in --json and --apply)" if rest > 0 else ""
+    return [gap, f"Largest changes by calibration: {each}{more}."]
 
 
 def _change(name: str, is_zero: bool, by: float, unit: str) -> str:

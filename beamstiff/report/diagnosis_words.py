@@ -52,13 +52,18 @@ def stiffness_in_words(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in whole percent."""
-    return f"{100 * share:.0f} %"
+    """Return a share in whole percent, at most all."""
+    return f"{100 * min(share, 1.0):.0f} %"
 
 
 def percents(ends: Sequence[float]) -> str:
-    """Return the ends of an interval in whole percent, at most all."""
-    return f"{100 * min(ends[0], 1.0):.0f} to {100 * min(ends[1], 1.0):.0f} %"
+    """Return the ends of an interval in whole percent, at most all.
+
+    >>> percents((0.81, 1.02)), percents((0.631, 0.634))
+    ('81 to 100 %', '63 %')
+    """
+    low, high = (percent(end) for end in ends)
+    return high if low == high else f"{low.removesuffix(' %')} to {high}"
 
 
 def several(result: Diagnosis) -> tuple[Cause, ...]:
@@ -69,7 +74,7 @@ def several(result: Diagnosis) -> tuple[Cause, ...]:
 
 def closed(found: Sequence[Cause]) -> str:
     """Return what several causes close together, in whole percent."""
-    return percent(min(sum(one.closes for one in found), 1.0))
+    return percent(sum(one.closes for one in found))
 
 
 def causes(result: Diagnosis) -> str:

@@ -23,6 +23,7 @@ from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
+MOST_HELD = 8  # parameters that a terminal lists as held
 SETUP = ("base", "target", "instrument")  # what was set up for the measurement: no errors of the robot
 WITHIN = 1.96  # standard deviations: 95 %
 
@@ -31,13 +32,12 @@ def calibration_told(found: Calibration) -> Iterator[RenderableType]:
     """Yield what a terminal shows of a calibration."""
     if found.rows is not None:
         yield from calibration_verdict(found, found.rows).lines()
-    yield parameters_table(found, f"{found.robot.name}: calibrated geometry")
-    yield ""
-    if (dependent := dependent_table(found)) is not None:
-        yield dependent
-        yield ""
     yield errors_table(found)
-    yield from ("", *calibration_text(found))
+    yield from (*calibration_text(found), "")
+    yield parameters_table(found, f"{found.robot.name}: calibrated geometry")
+    if (dependent := dependent_table(found)) is not None:
+        dependent.most = MOST_HELD
+        yield from ("", dependent)
 
 
 def parameters_table(found: Calibration, title: str) -> Table:
@@ -66,7 +66,7 @@ def errors_table(found: Calibration) -> Table:
     kinds = ["position mean, mm", "RMS", "largest"]
     if found.after.orientation_mean is not None:
         kinds += ["orientation mean, deg", "RMS", "largest"]
-    result = table("Errors of the absolute readings", "robot", *kinds)
+    result = table("Errors of the absolute readings, base and reflectors fitted", "robot", *kinds)
     rows = {"nominal": found.before, "calibrated": found.after}
     if found.held_out is not None:
         rows["calibrated, held-out poses"] = found.held_out
@@ -138,9 +138,9 @@ def calibration_text(found: Calibration) -> list[str]:
     """Return sentences: how many parameters, what the noise says, where the base stands."""
     seen = found.observability
     lines = [
-        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} are estimated; "
-        f"{len(seen.dependent)} are indistinguishable from others, {len(seen.silent)} without influence on "
-        f"the readings. Condition number {seen.condition:.3g}."
+        f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} estimated, "
+        f"{len(seen.dependent)} indistinguishable from others, {len(seen.silent)} without influence on "
+        f"the readings; condition number {seen.condition:.3g}."
     ]
     stated = "stated noise" if found.claimed else "usual noise (none is stated)"
     lines.append(f"The residual is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")

@@ -16,7 +16,7 @@ from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.se3 import Array
 
 _PARTS = ((slice(0, 3), "position", "mm", "force, N"), (slice(3, 6), "rotation", "mrad", "moment, N m"))
-BEFORE, AFTER = "robot as described", "identified"
+BEFORE, AFTER = "robot file", "identified"
 
 
 def residual_figure(found: Identification, measured: Measurements, title: str = "") -> Figure:
@@ -34,7 +34,7 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
             f"{measured.source}: holds no measured displacement, so there is nothing to draw"
         )
     models = {AFTER: (found.predicted, {"marker": ".", "color": BLUE, "markersize": 7})}
-    if (before := _before(found, measured)) is not None:
+    if (before := before_fit(found, measured)) is not None:
         open_circle = {"marker": "o", "color": ORANGE, "markerfacecolor": "none", "markersize": 5}
         models = {BEFORE: (before, open_circle), **models}
     figure = new_figure(10.4, 3.8 * len(panels))
@@ -56,8 +56,8 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
     return figure
 
 
-def _before(found: Identification, measured: Measurements) -> Array | None:
-    """Return what the robot as described predicts of the rows, (N, 6); None where that is not known."""
+def before_fit(found: Identification, measured: Measurements) -> Array | None:
+    """Return what the robot file predicts of the rows, (N, 6); None where that is not known."""
     start = found.start
     if start is None or start.effects or start.model is not None:
         return None

@@ -10,10 +10,15 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
-def demo_text(folder: Path) -> str:
+def demo_text(folder: Path, *options: str) -> str:
     """Return what the demo prints, 80 columns wide; it draws into a folder, named as by default."""
     printed = subprocess.run(
-        [sys.executable, str(REPOSITORY / "examples" / "demo.py"), str(folder / "ir663_identification.png")],
+        [
+            sys.executable,
+            str(REPOSITORY / "examples" / "demo.py"),
+            str(folder / "ir663_identification.png"),
+            *options,
+        ],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,  # of which there is none
         encoding="utf-8",

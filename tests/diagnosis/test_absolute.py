@@ -73,8 +73,8 @@ def test_a_joint_that_gives_way_under_its_own_weight_is_named(
 def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | None, Diagnosis]) -> None:
     hidden = {one.effect: one.why for one in told[2].untestable}
     for effect in ("backlash", "hardening", "hysteresis", "actuator-lever", "gravity-compensator"):
-        assert hidden[effect] == "the model holds every joint rigid about its axis"
-    assert hidden["load-error"] == "no row carries a load"
+        assert hidden[effect] == "all joints are rigid about their axes: add a stiffness to the robot file"
+    assert hidden["load-error"] == "no row carries a load: measure with one"
     assert "no row carries a load: only compliance under the dead weight can show" in told[2].notes
 
 

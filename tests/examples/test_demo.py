@@ -11,26 +11,28 @@ from tests.cli.demo_text import demo_text
 from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+SCREEN = 40  # lines
 
 
 @pytest.fixture(scope="module")
-def printed(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """Return what the demo prints, and the folder of its figures."""
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Return what the demo prints with all its details, on one line, and its figure."""
     folder = tmp_path_factory.mktemp("demo") / "new"
-    return demo_text(folder), folder
+    return " ".join(demo_text(folder, "--details").split()), folder / "ir663_identification.png"
 
 
-@pytest.fixture(scope="module")
-def demo(printed: tuple[str, Path]) -> tuple[str, Path]:
-    """Return what the demo prints, on one line, and its figure."""
-    return " ".join(printed[0].split()), printed[1] / "ir663_identification.png"
-
-
-def test_the_demo_prints_what_its_page_shows(printed: tuple[str, Path]) -> None:
+def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to_do(tmp_path: Path) -> None:
+    printed = demo_text(tmp_path)
     page = (REPOSITORY / "docs" / "demo.md").read_text(encoding="utf-8")
     shown = re.search(r"<!-- demo -->\n```\w*\n(.*?)```", page, re.DOTALL)
     assert shown is not None
-    assert prints(shown[1], printed[0]), f"`make readme` writes what the demo prints now:\n{printed[0]}"
+    assert prints(shown[1], printed), f"`make readme` writes what the demo prints now:\n{printed}"
+    lines = printed.splitlines()
+    assert len(lines) <= SCREEN
+    [verdict] = [at for at, line in enumerate(lines) if line.startswith("Gap of 0.22 mm on 12 postures")]
+    assert lines[verdict + 1].startswith("Data: ir663_compliance_xx.csv, 12 rows")
+    assert lines[verdict + 2].startswith("Next: To check tool-compliance: put reflectors")
+    assert len(lines) - verdict <= 4
 
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:

@@ -24,7 +24,7 @@ from beamstiff.report.diagnosis_text import (
     undecided_text,
     verdict,
 )
-from beamstiff.report.diagnosis_words import hardly_checked
+from beamstiff.report.diagnosis_words import hardly_checked, percent
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.verdict import rounded
@@ -40,7 +40,7 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     closes = [int(row[1].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     assert sum(closes) in (99, 100, 101)
-    assert remainder_text(several).startswith("Remainder: 0.0")
+    assert remainder_text(several).startswith("Remainder with all rows fitted: 0.0")
     assert CAUSES in [getattr(item, "title", None) for item in diagnosis_tables(result)]
 
 
@@ -65,7 +65,7 @@ def test_causes_that_close_the_gap_together_are_the_headline_where_none_makes_mo
     assert "no effect in the library" not in text
     assert "Undecided" not in text
     for cause in several.causes:
-        assert f"({100 * cause.closes:.0f} %)" in text
+        assert f"({percent(cause.closes)})" in text
     assert f"reduces the residual to {1e3 * several.causes[-1].rms_after:.3f} mm" in text
 
 
@@ -94,9 +94,9 @@ def test_what_cannot_be_distinguished_stands_in_the_headline_and_beside_the_prob
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
     assert several is not None
-    assert "leave open" not in probability_text(replace(several, causes=_with(several.causes, ())))
+    assert "cannot distinguish" not in probability_text(replace(several, causes=_with(several.causes, ())))
     alike = replace(several, causes=_with(several.causes, ("backlash:q2", "hardening:q2")))
-    assert "leave open" in probability_text(alike)
+    assert "cannot distinguish" in probability_text(alike)
     assert "(or backlash at q2 or 1 more)" in verdict(replace(result, decomposition=alike)).headline
 
 
@@ -134,7 +134,7 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert changed is not None
     assert changed.after == result.rms
     gap, *_ = recalibration_text(changed)
-    assert f"error is {rounded(1e3 * changed.before)} mm RMS as described" in gap
+    assert f"the robot file leaves {rounded(1e3 * changed.before)} mm RMS" in gap
     assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
 
 

@@ -1,7 +1,5 @@
 """What a selection of causes says: which are sure and named, what each closes, and what remains."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,13 +1,12 @@
 """Open parameters and those of causes in one least squares solution, and what causes move."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
 from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
+from beamstiff.diagnosis.decomposition.held_out import unweighed
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.se3 import Array
 
@@ -41,3 +40,15 @@ def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
     """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
     theta, _ = solved(model, chosen)
     return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))
+
+
+def gap_with(model: OpenModel, chosen: Sequence[Form]) -> Array:
+    """Return measured minus predicted, (N, 6), m and rad, with some causes and all that is open fitted.
+
+    Without a cause: what a calibration by itself leaves. 0 where nothing was measured.
+    """
+    columns = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
+    left = (model.residual - columns @ solved(model, chosen)[0])[: model.count]
+    result = np.zeros(model.used.shape)
+    result[model.used] = unweighed(model, left)
+    return result

@@ -4,8 +4,6 @@ Play of the structure, seats that slip and drives that creep, soften or give mor
 like causes. Without them the causes that come nearest to them would stand in for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -58,7 +58,7 @@ EFFECT = Effect(
     meaning="The error of a joint follows its angle: gear, encoder, eccentricity.",
     components=_components,
     shapes=_shapes,
-    separation="this joint alone through its range in small steps, unloaded, read at a long lever",
+    separation="move this joint alone through its range in small steps, unloaded; read it far from its axis",
     look_alikes=("geometry-error", "gravity-compensator"),
     sources="UR10 of the public set: amplitudes of 0.05 to 0.3 mrad; eccentricity of wheels 0.02 mm",
 )

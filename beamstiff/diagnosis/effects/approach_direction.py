@@ -59,7 +59,7 @@ EFFECT = Effect(
     meaning="The error of a joint follows the direction in which it last moved, whatever its torque.",
     components=_components,
     shapes=_shapes,
-    separation="the same pose approached by this joint from either side, several times",
+    separation="approach the same pose with this joint from either side, several times",
     look_alikes=("hysteresis", "backlash"),
     sources="IRB 120 of the public set: 0.5 mrad to either side",
 )

@@ -103,7 +103,7 @@ class Effect:
     shapes : callable
         Shapes at a component, under the baseline's rows.
     separation : str
-        The measurement that tells it from its look-alikes, in words.
+        The measurement that distinguishes it from its look-alikes, as an instruction.
     look_alikes : tuple of str
     scales : callable
         What its shapes take from the rows that were fitted, SI, by name: written beside an effect that is

@@ -89,7 +89,7 @@ EFFECT = Effect(
     meaning="Torque on one axis turns another.",
     components=_components,
     shapes=_shapes,
-    separation="torque on one of the two joints only",
+    separation="apply a torque to one of the two joints only",
     sources="5 to 50 % of the geometric mean of both compliances, engineering estimate",
     places_of=lambda component: tuple(component.split("+")),
 )

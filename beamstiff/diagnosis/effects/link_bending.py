@@ -163,7 +163,7 @@ EFFECT = Effect(
     meaning="The link bends, stretches and twists more than the model says.",
     components=_components,
     shapes=_shapes,
-    separation="two reflectors on the link, at its ends",
+    separation="put a reflector at either end of the link",
     look_alikes=("bearing-tilt",),
     sources="of a heavy robot EI 3e6 to 3e7 N m^2, engineering estimate",
 )

@@ -67,7 +67,7 @@ EFFECT = Effect(
     meaning="The reflector, or the tool, moves on the robot at some row and stays there.",
     components=_components,
     shapes=_shapes,
-    separation="the reference pose read again; a second reflector",
+    separation="read the reference pose again; add a second reflector",
     look_alikes=("thermal-drift", "outliers"),
     sources="a public set of a 6R arm: 5 mm at one row, smaller slips at three others",
 )

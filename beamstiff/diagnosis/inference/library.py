@@ -176,30 +176,30 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
     left = np.array([np.sqrt((white.project_out(one.columns) ** 2).sum()) for one in hypotheses])
     most = left * np.array([one.shape.prior_factor for one in hypotheses]) / np.sqrt(max(white.freedom, 1))
     if not size.any():
-        return "these loads and postures do not excite it"
+        return "these loads and postures do not excite it: choose others (beamstiff plan)"
     if (left < ABSORBED * size).all():
-        return "the fitted stiffness absorbs it"
+        return "the fitted stiffness absorbs it, so the fitted model already has it"
     if (most < FAINT).all():
-        return f"too small: at the largest realistic size it moves a reading by {most.max():.2g} sigma"
+        return f"too small to show: at most it moves a reading by {most.max():.2g} of its noise"
     return ""
 
 
 def nowhere(effect: str, baseline: Baseline) -> str:
     """Return why an effect has no component under these rows."""
     if effect in ("payload-error", *DECOMPOSED) and not baseline.absolute:
-        return "displacements do not depend on it: look at absolute positions"
+        return "displacements do not depend on it: measure absolute positions"
     if effect == "angle-curve":
-        return "no joint visited enough different angles"
+        return "no joint was at enough different angles: measure more postures"
     if effect == "thermal-drift":
         if np.isfinite(baseline.rows.time).any() or np.isfinite(baseline.rows.temperature).any():
-            return "time and temperature are the same in all rows that have them"
+            return "time and temperature are the same in all rows: measure for longer"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
-        return "the model holds no joint rigid about its axis"
+        return "every joint has a stiffness about its axis already"
     if effect == "joint-coupling":
-        return "fewer than two joints have springs about their axes"
+        return "fewer than two joints have a stiffness about their axes: add it to the robot file"
     if effect in OF_DRIVES and not drives(baseline):
-        return "the model holds every joint rigid about its axis"
+        return "all joints are rigid about their axes: add a stiffness to the robot file"
     if not np.abs(baseline.rows.wrench).any():
-        return "no row carries a load"
-    return "this robot has no component for it"
+        return "no row carries a load: measure with one"
+    return "this robot has no such part"

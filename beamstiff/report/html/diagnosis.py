@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.held_out.score import shift
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
@@ -19,6 +20,7 @@ from beamstiff.report.diagnosis import (
     gap_tables,
     in_full,
     likely,
+    names_text,
     notable,
     places_table,
     probability_text,
@@ -56,16 +58,11 @@ NOTHING_LEFT = 1e-5  # mm: no reading is as good
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     """Return the report of a diagnosis as one HTML page."""
     baseline = result.baseline
-    compared = Compared(
-        baseline.nominal,
-        baseline.rows,
-        baseline.measured,
-        baseline.predicted,
-        baseline.used,
-        _with_cause(result),
-    )
+    without, beside = _predictions(result)
+    compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
     changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
-    rows = row_figures(compared, ("fitted model", f"with {causes(result)}"))
+    with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
+    rows = row_figures(compared, ("fitted model", with_them))
     return render(
         Page(
             title="Diagnosis",
@@ -89,12 +86,17 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     )
 
 
-def _with_cause(result: Diagnosis) -> Array | None:
-    """Return what the model says with the verdict's effects in it; None where the verdict has none."""
+def _predictions(result: Diagnosis) -> tuple[Array, Array | None]:
+    """Return what the model says without and with the causes; None where there are none."""
+    found, baseline = result.decomposition, result.baseline
+    if found is not None:
+        forms = [form for cause in (*found.causes, *found.unclear) for form in cause.forms]
+        without, beside = (baseline.measured - gap_with(found.model, some) for some in ((), forms))
+        return without, beside if forms else None
     if not result.fits:
-        return None
+        return baseline.predicted, None
     columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
-    return result.linear.predicted + shift(result.linear, result.fits, columns)
+    return baseline.predicted, result.linear.predicted + shift(result.linear, result.fits, columns)
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
@@ -133,7 +135,7 @@ def _view(result: Diagnosis) -> RobotView | None:
 
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, "How large: its parameters")
-    tables = [large] if large.rows else []
+    tables, legend = [large] if large.rows else [], " ".join(names_text(result))
     if (found := by_causes(result)) is not None:
         traces, layout = bars(
             [in_words([one.key]) for one in found.causes],
@@ -150,7 +152,7 @@ def _which(result: Diagnosis) -> Section:
         )
         figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
         plural = "s" * (len(found.causes) > 1)
-        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables)
+        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, tables_text=legend)
     first = likely(result, SHOWN)
     traces, layout = bars(
         [in_full(one, result) for one in first],
@@ -168,7 +170,7 @@ def _which(result: Diagnosis) -> Section:
         layout,
         candidates_table(result, likely(result, len(result.candidates)), "The candidates"),
     )
-    return Section("which", "Which cause", figures=[figure], tables=tables)
+    return Section("which", "Which cause", figures=[figure], tables=tables, tables_text=legend)
 
 
 def _where(result: Diagnosis) -> Section:

@@ -23,6 +23,7 @@ from beamstiff.report.identification import (
     identification_verdict,
     method_text,
 )
+from beamstiff.report.residuals import AFTER, BEFORE, before_fit
 from beamstiff.robot.description import Robot
 
 MOST_NAMED = 30  # parameters whose correlation is drawn
@@ -37,10 +38,11 @@ def identification_html(
     that was asked for.
     """
     used = measured.measured_mask
-    compared = Compared(
-        found.robot, measured, np.where(used, measured.displacement, 0.0), found.predicted, used
-    )
-    rows = row_figures(compared, ("identified model", ""))
+    before = before_fit(found, measured)
+    predicted = (found.predicted, None) if before is None else (before, found.predicted)
+    displacement = np.where(used, measured.displacement, 0.0)
+    compared = Compared(found.robot, measured, displacement, predicted[0], used, predicted[1])
+    rows = row_figures(compared, (AFTER, "") if before is None else (BEFORE, AFTER))
     fronts = [] if found.front is None else [front_table(found.front)]
     return render(
         Page(

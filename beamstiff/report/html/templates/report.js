@@ -45,8 +45,12 @@
       return shares ? { ...moved, [part]: { ...trace[part], color: shares } } : moved;
     });
     const layout = resolve(figure.layout, style);
-    layout.scene.annotations = view.labels.map((one, at) => ({
-      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1, ax: [70, -70, 70][at % 3], ay: [-36, -36, 36][at % 3],
+    // the highest label above its place, the lowest below it, by turns on either side: none overprints another
+    const rank = new Map([...view.labels].sort((a, b) => b.at[2] - a.at[2]).map((one, at) => [one, at]));
+    const last = Math.max(1, view.labels.length - 1);
+    layout.scene.annotations = view.labels.map((one) => ({
+      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1,
+      ax: rank.get(one) % 2 ? -70 : 70, ay: -40 + 80 * rank.get(one) / last,
       x: one.at[0] + factor * one.by[0], y: one.at[1] + factor * one.by[1], z: one.at[2] + factor * one.by[2],
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
