@@ -74,7 +74,7 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
         raise BeamstiffError("found no table of measurements, expected at least one")
     first = tables[0]
     for other in tables[1:]:
-        for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load"):
+        for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load", "camera"):
             a, b = getattr(first, name), getattr(other, name)
             if a != b:
                 raise BeamstiffError(
