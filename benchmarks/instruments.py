@@ -242,6 +242,8 @@ def drawn(effect: str, kind: str, count: int) -> Iterator[Case]:
         number += 1
         if kind != "absolute" and case.campaign.kind != kind:
             continue
+        if kind == "absolute" and not case.robot.masses:  # unloaded, and weightless: no drive shows
+            continue
         yielded += 1
         yield case
 

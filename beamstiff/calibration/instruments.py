@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from beamstiff.calibration.parameters import AXES, PLACED, SETUP, Parameter
+from beamstiff.calibration.parameters import AXES, LENGTH, PLACED, SETUP, SPARE, Parameter
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.camera import SCALE
 from beamstiff.measure.instruments import Target, across
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
@@ -29,6 +30,11 @@ def instrument_parameters(rows: Measurements) -> tuple[Parameter, ...]:
         for one in rows.targets
         for name in one.sought
     )
+
+
+def camera_parameters(rows: Measurements) -> tuple[Parameter, ...]:
+    """Return what may be sought of a camera: its scale, which a robot that is as much longer hides."""
+    return (Parameter(SCALE, "instrument", "1", LENGTH, SPARE),) if rows.camera else ()
 
 
 def knows_a_frame(rows: Measurements) -> bool:
@@ -115,6 +121,8 @@ def settled(one: Target, values: Mapping[str, float]) -> Target:
 def start_of(rows: Measurements, name: str) -> float:
     """Return the value that a parameter of a set-up starts at, SI; 0 for tilts and offsets."""
     owner, _, what = name.rpartition(".")
+    if name == SCALE:
+        return 0.0
     one = next(item for item in rows.targets if item.name == owner)
     if what in AXES and one.place is not None:
         return one.place[AXES.index(what)]

@@ -13,6 +13,7 @@ from beamstiff.calibration.error_jacobian import Geometry, Indices, Placed
 from beamstiff.calibration.instruments import gap_of_rows, linearised_rows
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.measure.camera import SCALE, gap_of_camera, scale_column
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -75,6 +76,8 @@ class Problem:
         if rotation.any():
             seen = rotation_from_vector(self.rows.rotation[rotation])
             result[rotation, 3:] = vector_from_rotation(seen @ placed.rotation[rotation].swapaxes(-1, -2))
+        if self.rows.camera:
+            result[:, :3] = gap_of_camera(self.rows, self.values(theta), (placed.position, placed.rotation))
         return gap_of_rows(self.rows, self.values(theta), placed.position, result)
 
     def residuals(self, theta: Array) -> Array:
@@ -99,6 +102,10 @@ class Problem:
         if compliance.size:
             moved = _turned(self.elastic.columns(compliance), self.geometry.turn(geometry))
             jacobian = np.concatenate([jacobian, moved], axis=2)
+        if self.rows.camera:
+            for at in [at for at, item in enumerate(self.parameters) if item.name == SCALE]:
+                jacobian[:, :, at] = scale_column(self.rows)
+            jacobian = self.rows.along(jacobian)
         jacobian = linearised_rows(self.rows, self.parameters, self.values(theta), placed.position, jacobian)
         weighed = (jacobian / self.sigma[:, :, None])[self.used]
         known = np.flatnonzero(np.isfinite(self.prior))

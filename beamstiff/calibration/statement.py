@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from beamstiff.calibration.elastic import build_elastic, compliance_parameters, compliances_of, felt_names
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
-from beamstiff.calibration.instruments import begun, instrument_parameters, knows_a_frame
+from beamstiff.calibration.instruments import begun, camera_parameters, instrument_parameters, knows_a_frame
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
 from beamstiff.calibration.problem import Problem, build_problem
@@ -70,6 +70,7 @@ def build_calibration(
     turned = bool(rows.measured_mask[:, 3:].any())
     places = len(rows.sources) if stations else 1
     known = known_parameters(robot, list(dict.fromkeys(rows.point.tolist())), turned, places)
+    known = (*known, *camera_parameters(rows))
     if not knows_a_frame(rows):  # every frame that the set-ups are in is as good as the robot's own
         fixed = (*fixed, *base_names(places))
     if rows.targets and stations:

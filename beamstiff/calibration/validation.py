@@ -13,6 +13,7 @@ from beamstiff.calibration.result import Calibration, Errors, errors_of
 from beamstiff.calibration.statement import Statement
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.models.split import configurations
+from beamstiff.measure.camera import unscaled
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
@@ -66,9 +67,14 @@ def gap_of(robot: Robot, rows: Measurements, base: Array | None = None, target: 
 def errors_on(found: Calibration, rows: Measurements, station: int = 0) -> Errors:
     """Return the errors of a calibrated robot on other readings, in the measuring frame of a station."""
     known = {one.name: one for one in found.targets}
+    rows = unscaled(rows, _values(found))
     rows = replace(rows, targets=tuple(known.get(one.name, one) for one in rows.targets))
     gap = gap_of(found.robot, rows, found.bases[station], found.target)
     return errors_of(np.nan_to_num(gap), rows.measured_mask)
+
+
+def _values(found: Calibration) -> dict[str, float]:
+    return {one.name: one.value for one in found.parameters}
 
 
 def in_base_frame(found: Calibration, rows: Measurements) -> Measurements:
@@ -76,6 +82,7 @@ def in_base_frame(found: Calibration, rows: Measurements) -> Measurements:
 
     Where each table had a base of its own, the tables must come in the same order.
     """
+    rows = unscaled(rows, _values(found))
     stands = found.bases[rows.run if len(found.bases) > 1 else np.zeros(len(rows), dtype=np.intp)]
     back, shift = stands[:, :3, :3].swapaxes(-1, -2), stands[:, :3, 3]
     rotation = rows.rotation.copy()
@@ -85,6 +92,9 @@ def in_base_frame(found: Calibration, rows: Measurements) -> Measurements:
         rotation[known] = vector_from_rotation(seen)
     position = (back @ (rows.position - shift)[:, :, None])[:, :, 0]
     there = replace(rows, position=position, rotation=rotation)
+    if rows.camera:
+        ways = [(back @ part[:, :, None])[:, :, 0] for part in (rows.direction, rows.sight)]
+        there = replace(there, direction=ways[0], sight=ways[1])
     if not rows.targets:
         return there
     there = replace(there, position=np.where(rows.by_tracker[:, None], position, rows.position))

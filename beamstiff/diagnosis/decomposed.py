@@ -52,7 +52,7 @@ def beside_calibration(
     told = tuple(chosen_for(robot))
     if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
-    if rows.targets:
+    if rows.targets or rows.camera:
         return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
@@ -74,8 +74,9 @@ def _simplest(
     found: Decomposition, robot: Robot, rows: Measurements, prior: Prior, seed: int
 ) -> Decomposition:
     """Return the decomposition with the geometry as described, but for set-ups, if it leaves no more."""
+    opened = (("base",),) if rows.camera else ((),)
     try:
-        closed = decompose(robot, rows, prior=prior, seed=seed, opened=((),))
+        closed = decompose(robot, rows, prior=prior, seed=seed, opened=opened)
     except BeamstiffError:  # nothing of the set-ups is open, or the machine may buckle
         return found
     forms = [form for cause in (*closed.causes, *closed.unclear) for form in cause.forms]
@@ -116,7 +117,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
 def with_next(result: Diagnosis, seed: int) -> Diagnosis:
     """Return a diagnosis with the states that would tell its several causes from others best."""
     found, left_out, test_plan = result.decomposition, list[str](), None
-    if found is None:
+    if found is None or found.model.baseline.rows.camera:  # where it sees the tag is not known
         return result
     with optional("what to measure next", left_out.append):
         test_plan = propose_between(found, seed)

@@ -117,7 +117,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     try:
         beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
     except BeamstiffError as error:
-        if stations:
+        if stations or rows.targets or rows.camera:  # whose readings say nothing without a calibration
             raise
         why = error
     if beside is not None:

@@ -28,12 +28,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.camera import corner_noise, robot_poses
 from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of, read_header, to_si
 from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
@@ -143,6 +145,11 @@ def parse_measurements(
         )
     if kind == "absolute":
         measured[:, 3:] = _orientation(measured[:, 3:], turns, raw)
+    sigmas = [_sigma("sigma_position", "length", raw), _sigma("sigma_rotation", "angle", raw)]
+    tracked: dict[str, Any] = {"position": measured[:, :3], "rotation": measured[:, 3:], "sigma": read.sigma}
+    if camera := choices["camera"]:
+        tracked = _of_camera(measured, read.sigma, sigmas, camera, raw)
+    tracked = tracked if kind == "absolute" else {"displacement": measured, "sigma": read.sigma}
     q = stack(actuated, 0.0)
     nodes = {column: _nodes(column, cells[column], robot, raw) for column in NODES if column in cells}
     return make_measurements(
@@ -150,12 +157,8 @@ def parse_measurements(
         q,
         tcp=robot.tcp,
         wrench=stack(WRENCH, 0.0),
-        displacement=measured if kind == "displacement" else None,
-        position=measured[:, :3] if kind == "absolute" else None,
-        rotation=measured[:, 3:] if kind == "absolute" else None,
-        sigma=read.sigma,
-        sigma_position=_sigma("sigma_position", "length", raw),
-        sigma_rotation=_sigma("sigma_rotation", "angle", raw),
+        sigma_position=sigmas[0],
+        sigma_rotation=sigmas[1],
         sigma_load=_sigma("sigma_load", "force", raw),
         point=nodes.get("point"),
         load_point=nodes.get("load_point"),
@@ -165,7 +168,6 @@ def parse_measurements(
         temperature=values.get("temperature"),
         link=stack([f"{name}_link" for name in actuated], np.nan),
         torque=stack([f"tau_{name}" for name in actuated], np.nan),
-        direction=read.direction,
         target=read.target,
         targets=read.targets,
         rows=raw.lines,
@@ -174,6 +176,8 @@ def parse_measurements(
         metadata={key: value for key, (value, _) in raw.metadata.items()},
         source=name,
         units={column.name: column.unit for column in columns if column.name in actuated and column.unit},
+        camera=camera or "",
+        **({"direction": read.direction} | tracked),
     )
 
 
@@ -258,11 +262,35 @@ def _check_choices(choices: Mapping[str, str | None], kind: Kind, raw: RawTable)
         raw.fail_in_metadata(
             "decimal", "found comma in a table separated by commas, expected semicolons between cells"
         )
+    if choices["camera"] and kind != "absolute":
+        raw.fail_in_metadata("camera", "found in a table of displacements, expected the poses of a tag")
     if choices["unloaded_reading"] == "shared" and kind == "absolute":
         raw.fail_in_metadata(
             "unloaded_reading",
             "found shared in a table of absolute positions, expected a table of differences",
         )
+
+
+def _of_camera(
+    measured: Array, sigma: Array, table: Sequence[float | None], camera: str, raw: RawTable
+) -> dict[str, Array]:
+    """Return the columns of rows that a camera read: poses (N, 6) of a tag in its frame."""
+    if np.isnan(measured).any():
+        row = int(np.argmax(np.isnan(measured).any(axis=1)))
+        raw.fail_in_row(row, "x", "found no pose of the tag, expected x y z and an orientation: # camera")
+    if (measured[:, 2] <= 0).any():
+        row = int(np.argmax(measured[:, 2] <= 0))
+        raw.fail_in_row(row, "z", "found a tag behind the camera, expected z along its view, positive")
+    sigma = np.where(np.isnan(sigma), np.repeat([np.nan if one is None else one for one in table], 3), sigma)
+    kinds = {"pixel_noise": "number", "focal_length": "number", "tag_size": "length"}
+    noise, focal, size = (_sigma(key, kind, raw) for key, kind in kinds.items())
+    if noise and focal and size:
+        corners = corner_noise(measured[:, :3], measured[:, 3:], noise, focal, size)
+        sigma = np.where(np.isnan(sigma), corners, sigma)
+    elif noise or focal or size:
+        key = next(key for key in kinds if key in raw.metadata)
+        raw.fail_in_metadata(key, f"expected all of {' '.join(kinds)}, or none")
+    return robot_poses(measured[:, :3], measured[:, 3:], sigma, camera)
 
 
 def _declared_orientation(raw: RawTable) -> Orientation | None:
@@ -296,7 +324,7 @@ def _sigma(key: str, kind: str, raw: RawTable) -> float | None:
         raw.fail_in_metadata(key, str(error))
     if sigma < LEAST_SIGMA:
         raw.fail_in_metadata(
-            key, f"found {shown(value)}, expected a positive standard deviation, at least {LEAST_SIGMA:g}"
+            key, f"found {shown(value)}, expected a positive number, at least {LEAST_SIGMA:g}"
         )
     return sigma
 

@@ -74,7 +74,7 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
         raise BeamstiffError("found no table of measurements, expected at least one")
     first = tables[0]
     for other in tables[1:]:
-        for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load"):
+        for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load", "camera"):
             a, b = getattr(first, name), getattr(other, name)
             if a != b:
                 raise BeamstiffError(
@@ -105,7 +105,12 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
 
 
 def require_tracker(measurements: Measurements, what: str) -> None:
-    """Refuse rows of instruments that say no position, for what needs positions."""
+    """Refuse rows of instruments that say no position, or of a camera, for what needs positions."""
+    if measurements.camera:
+        raise BeamstiffError(
+            f"{measurements.source}: camera: {what} needs the rows of a tracker; such rows are for calibrate "
+            "and diagnose"
+        )
     alone = np.flatnonzero(~measurements.by_tracker)
     if alone.size:
         raise BeamstiffError(

@@ -28,6 +28,10 @@ HEADER_TEXTS = {
     "history": "continuous: the load history runs on from pose to pose; else each pose starts unloaded",
     "orientation": "what a, b, c are: KUKA ABC, Euler ZYZ, fixed XYZ (any axes), rotation vector",
     "decimal": "comma: decimal commas",
+    "camera": "on robot, or fixed: x y z a b c are the pose of a tag in the frame of a camera there",
+    "pixel_noise": "standard deviation of a tag's corners in a camera's image, pixels",
+    "focal_length": "of that camera, pixels",
+    "tag_size": "edge of the tag, such as 80 mm",
 }
 NUMBER = {"type": ["number", "null"]}
 JOINT = (

@@ -24,6 +24,7 @@ Names = NDArray[np.str_]
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 DISPLACEMENT = ("dx", "dy", "dz", "rx", "ry", "rz")
 ABSOLUTE = ("x", "y", "z", "a", "b", "c")
+ON_ROBOT, FIXED = "on robot", "fixed"  # where a camera is
 MEASURED: dict[Kind, tuple[str, ...]] = {"displacement": DISPLACEMENT, "absolute": ABSOLUTE}
 
 
@@ -65,6 +66,8 @@ class Measurements:
         Measured drive torques or forces (`tau_q2`); NaN where not measured.
     direction : (N, 3) array
         Unit vector along which a row reads one number, the first of `measured`; NaN: along the base's.
+    sight : (N, 3) array, m
+        Of a camera's rows the way from what is on the robot to the other, of camera and tag; else NaN.
     target : (N,) array of str
         Name of what an instrument other than a tracker was set on, one of `targets`; "" for a tracker.
     rows : (N,) array of int
@@ -93,6 +96,8 @@ class Measurements:
         Standard deviation of the size of each load; `identify` counts it in.
     targets : tuple of Target
         Sockets, base balls, planes and gauges, with what is known of them (`measure.instruments`).
+    camera : "on robot", "fixed", or ""
+        Where the camera is that read the rows (`measure.camera`); none: "".
     """
 
     variables: tuple[str, ...]
@@ -112,6 +117,7 @@ class Measurements:
     link: Array
     torque: Array
     direction: Array
+    sight: Array
     target: Names
     rows: Integers
     run: Integers
@@ -126,6 +132,7 @@ class Measurements:
     batch: int | None = None
     sigma_load: float | None = None
     targets: tuple[Target, ...] = ()
+    camera: str = ""
 
     def __len__(self) -> int:
         return len(self.q)
@@ -164,10 +171,17 @@ class Measurements:
         return None if np.isnan(self.direction).all() else axes_along(self.direction)
 
     def along(self, values: Array) -> Array:
-        """Return values (N, 6, ...), base frame, along the axes that each row is read in."""
+        """Return values (N, 6, ...), base frame, along the axes that each row is read in.
+
+        A camera that is turned sees the tag move.
+        """
         if self.axes is None:
             return values
-        turned = np.einsum("nij,nj...->ni...", self.axes, values[:, :3])
+        moved = values[:, :3]
+        if self.camera == ON_ROBOT:
+            sight = self.sight.reshape(self.sight.shape + (1,) * (values.ndim - 2))
+            moved = moved + np.cross(values[:, 3:], sight, axis=1)
+        turned = np.einsum("nij,nj...->ni...", self.axes, moved)
         return np.concatenate([turned, values[:, 3:]], axis=1)
 
     @property
@@ -225,6 +239,7 @@ def make_measurements(
     link: ArrayLike | None = None,
     torque: ArrayLike | None = None,
     direction: ArrayLike | None = None,
+    sight: ArrayLike | None = None,
     target: ArrayLike | None = None,
     targets: Sequence[Target] = (),
     rows: ArrayLike | None = None,
@@ -233,6 +248,7 @@ def make_measurements(
     metadata: Mapping[str, str] | None = None,
     source: str = "<arrays>",
     units: Mapping[str, str] | None = None,
+    camera: str = "",
 ) -> Measurements:
     """Return a table from arrays, with the defaults of the file format for what is not given.
 
@@ -317,6 +333,7 @@ def make_measurements(
         link=column(link, "link", len(variables)),
         torque=column(torque, "torque", len(variables)),
         direction=column(direction, "direction", 3),
+        sight=column(sight, "sight", 3),
         target=names(target, ""),
         rows=np.arange(1, n + 1) if rows is None else whole(rows, "rows"),
         run=np.zeros(n, dtype=np.int64),
@@ -329,4 +346,5 @@ def make_measurements(
         units=dict(units or {}),
         sigma_load=None if sigma_load is None else positive(sigma_load, f"{source}: sigma_load"),
         targets=tuple(targets),
+        camera=camera,
     )

@@ -22,11 +22,16 @@ METADATA = (
     "history",
     "orientation",
     "decimal",
+    "camera",
+    "pixel_noise",
+    "focal_length",
+    "tag_size",
 )
 CHOICES = {
     "unloaded_reading": ("independent", "shared"),
     "history": ("unloaded", "continuous"),
     "decimal": ("point", "comma"),
+    "camera": ("on robot", "fixed"),
 }
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 _KEY_VALUE = re.compile(r"(?P<key>[A-Za-z_][\w .-]{0,59}?)\s*:\s*(?P<value>.*)", re.ASCII)

@@ -56,6 +56,8 @@ def write_measurements(measurements: Measurements, path: str | Path, robot: Robo
 
 def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
     """Return the text of the file that `write_measurements` writes."""
+    if measurements.camera and measurements.measured_mask.any():
+        raise BeamstiffError(f"{measurements.source}: rows that a camera read are not written again")
     variables = tuple(variable.name for variable in robot.actuated)
     if variables != measurements.variables:
         raise BeamstiffError(

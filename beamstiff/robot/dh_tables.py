@@ -17,6 +17,9 @@ revolute, prismatic or fixed, its theta (or d, r) then being the offset, its var
     f1,q1,450,150,90,2e6
     f2,q2 + 90,0,600,0,1e6
 
+Columns ``mass [kg]``, ``cx cy cz`` say what the row's joint moves: a mass, and its centre in the frame that
+the row ends in.
+
 In YAML rows are maps of the same names, a quantity each: ``{convention: classic, rows: [{theta: "q1 - 90
 deg", a: "600 mm"}]}``.
 """
@@ -25,6 +28,7 @@ import csv
 import os
 import re
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -38,7 +42,7 @@ from beamstiff.robot.fields import reads_as_number
 from beamstiff.robot.link_tree import LinkTree, TreeJoint, TreeLink, robot_data, robot_of
 from beamstiff.robot.parts import FRAME_PARAMETERS, STIFFNESS_KINDS
 from beamstiff.robot.yaml_text import parse_yaml
-from beamstiff.units import NUMBER, unit_factor
+from beamstiff.units import NUMBER, quantity, unit_factor
 
 CONVENTIONS: dict[str, tuple[str, ...]] = {
     "classic": ("theta", "d", "a", "alpha"),
@@ -49,10 +53,13 @@ KINDS = {
     "theta": "angle",
     "alpha": "angle",
     "gamma": "angle",
-    **dict.fromkeys("abdr", "length"),
+    **dict.fromkeys(("a", "b", "d", "r", "cx", "cy", "cz"), "length"),
+    "mass": "mass",
     **dict.fromkeys(("torsional", "tilting"), "rotational stiffness"),
     **dict.fromkeys(("axial", "radial"), "translational stiffness"),
 }
+USUAL_UNITS = {"angle": "deg", "length": "mm", "mass": "kg"}
+CENTRE = ("cx", "cy", "cz")
 TYPES = {"revolute": "revolute", "r": "revolute", "0": "revolute"}
 TYPES |= {"prismatic": "prismatic", "p": "prismatic", "1": "prismatic"}
 TYPES |= {"fixed": "fixed", "f": "fixed", "2": "fixed"}  # 0, 1, 2: Khalil's sigma
@@ -146,7 +153,7 @@ def _columns(header: Sequence[str], place: str) -> list[tuple[str, str]]:
             if unit is None:
                 raise BeamstiffError(
                     f"{place}: {name}: its unit is missing, expected for instance {name} "
-                    f"[{'deg' if KINDS[name] == 'angle' else 'mm' if KINDS[name] == 'length' else 'N*m/rad'}]"
+                    f"[{USUAL_UNITS.get(KINDS[name], 'N*m/rad')}]"
                 )
             try:
                 unit_factor(unit, KINDS[name])
@@ -205,7 +212,9 @@ def _robot(rows: list[Row], given: str | None, said: str | None, name: str, sour
     read = [_read(row, convention, turning, sliding) for row in rows]
     _name_variables(rows, read, turning, sliding)
     frames, joints = _chain(rows, read, convention)
-    links = [TreeLink("base"), *(TreeLink(frame["name"]) for frame in frames)]
+    links = [TreeLink("base")]
+    for row, frame in zip_longest(rows, frames):  # a classic table's last frame has no row
+        links += [TreeLink(frame["name"], *_mass(row or {}, convention))] if frame else []
     data = robot_data(LinkTree(name, tuple(links), tuple(joints), source))
     data["frames"] = [frame if frame["parent"] else frame | {"parent": "base"} for frame in frames]
 
@@ -218,6 +227,7 @@ def _robot(rows: list[Row], given: str | None, said: str | None, name: str, sour
 def _read(row: Row, convention: str, turning: str, sliding: str) -> Row:
     """Return the row with its type, checked."""
     allowed = (*CONVENTIONS[convention], "name", "type", "variable", "parent", "place", *STIFFNESS_KINDS)
+    allowed = (*allowed, "mass", *CENTRE)
     for key in row:
         if key not in allowed:
             raise BeamstiffError(
@@ -258,6 +268,21 @@ def _read(row: Row, convention: str, turning: str, sliding: str) -> Row:
             f"{row['place']}: type: found {kind}, but the variable stands in that of another"
         )
     return {"kind": kind or told, "variable": (found[turning] or found[sliding] or [None])[0]}
+
+
+def _mass(row: Row, convention: str) -> tuple[float, tuple[float, float, float]]:
+    """Return a row's mass, kg, and its centre in our frame of the row, m."""
+    try:
+        mass, x, y, z = (quantity(row.get(key, 0.0), KINDS[key]) for key in ("mass", *CENTRE))
+        if mass < 0 or (mass == 0 and any((x, y, z))):
+            raise BeamstiffError(f"found {mass:g} kg, expected a positive mass (with its centre cx cy cz)")
+        if convention == "classic":  # which ends in the frame that the next of ours begins with
+            a, alpha = (quantity(row.get(key, 0.0), KINDS[key]) for key in ("a", "alpha"))
+            sine, cosine = np.sin(alpha), np.cos(alpha)
+            x, y, z = a + x, float(cosine * y - sine * z), float(sine * y + cosine * z)
+    except BeamstiffError as error:
+        raise BeamstiffError(f"{row['place']}: mass: {error}") from None
+    return mass, (x, y, z) if mass else (0.0, 0.0, 0.0)
 
 
 def _name_variables(rows: list[Row], read: list[Row], turning: str, sliding: str) -> None:

@@ -252,3 +252,35 @@ def test_the_table_in_the_documentation_is_one() -> None:
     page = (Path(__file__).parents[2] / "docs" / "files.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"```\n(# convention.*?)```", page, re.DOTALL)
     assert parse_csv_table(text).parameter("q3.torsional") == 8e5
+
+
+@pytest.mark.parametrize("convention", ["classic", "modified"])
+def test_masses_stand_in_the_frame_that_a_row_ends_in(convention: str) -> None:
+    rows = [
+        {"theta": 0.0, "d": 450.0, "a": 150.0, "alpha": 90.0},
+        {"theta": 90.0, "d": 20.0, "a": 600.0, "alpha": 30.0},
+    ]
+    lines = [
+        f"f{k},{row['theta']} + q{k},{row['d']},{row['a']},{row['alpha']},{10 * k},30,-20,{50 * k}"
+        for k, row in enumerate(rows, start=1)
+    ]
+    header = "name,theta [deg],d [mm],a [mm],alpha [deg],mass [kg],cx [mm],cy [mm],cz [mm]"
+    robot = parse_csv_table("\n".join([f"# convention: {convention}", header, *lines]))
+    q = np.array([0.4, -0.7])
+    kinematics = compile_frames(robot)
+    placed = forward(kinematics, all_values(kinematics, q[None]))[0]
+    assert [mass.mass for mass in robot.masses] == [10.0, 20.0]
+    for count, mass in enumerate(robot.masses, start=1):
+        node = next(node for node in robot.nodes if node.name == mass.node)
+        frame = placed[kinematics.frame_index[node.frame]]
+        at = frame[:3, :3] @ (np.array(node.at) + np.array(mass.at)) + frame[:3, 3]
+        turned = [row | {"theta": row["theta"] + np.rad2deg(q[k])} for k, row in enumerate(rows[:count])]
+        end = product(convention, turned)
+        np.testing.assert_allclose(at, (end @ [0.03, -0.02, 0.05 * count, 1.0])[:3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("mass", "found"), [("-3", "-3 kg"), ("0", "0 kg"), ("heavy", "heavy")])
+def test_a_mass_that_is_none_is_refused(mass: str, found: str) -> None:
+    text = f"# convention: modified\ntheta [deg],a [mm],mass [kg],cx [mm]\nq1,100,{mass},5\n"
+    with pytest.raises(BeamstiffError, match=f"mass: .*{found}"):
+        parse_csv_table(text)

@@ -22,6 +22,7 @@ from beamstiff.diagnosis.decomposition.known import known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.camera import without_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -156,7 +157,7 @@ def open_geometry(
         As of `calibrate`: too few readings, a pose that does not close its loops.
     """
     bare = robot.model_copy(update={"identify": ()})
-    sound = rows if moved is None else replace(rows, position=rows.position - moved[:, :3])
+    sound = rows if moved is None else without_motion(rows, moved)
     found = calibrate(bare, sound, parameters, compliances=robot.identify, folds=0, stations=stations)
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given

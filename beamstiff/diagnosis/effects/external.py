@@ -36,6 +36,11 @@ def tool_axes(baseline: Baseline) -> Array:
     return baseline.described[1]
 
 
+def read_by_camera(baseline: Baseline) -> list[str | None]:
+    """Return the component of what only a camera's readings show, also of a robot that has it already."""
+    return [None] if baseline.rows.camera or baseline.stated is not None else []
+
+
 @dataclass(frozen=True)
 class Clock:
     """When the rows that were fitted began, how long they took (0: no times), and how many they are."""

@@ -188,6 +188,8 @@ def nowhere(effect: str, baseline: Baseline) -> str:
     """Return why an effect has no component under these rows."""
     if effect in ("payload-error", *DECOMPOSED) and not baseline.absolute:
         return "displacements do not depend on it: measure absolute positions"
+    if effect in ("camera-scale", "hand-eye"):
+        return "no camera read these rows"
     if effect == "angle-curve":
         return "no joint was at enough different angles: measure more postures"
     if effect == "thermal-drift":

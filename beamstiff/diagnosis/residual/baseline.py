@@ -339,7 +339,7 @@ def deviation(robot: Robot, rows: Measurements) -> Array:
     if known.any():
         turned = rotation_from_vector(rows.rotation[known]) @ rotations[known].swapaxes(-1, -2)
         result[known, 3:] = vector_from_rotation(turned)
-    return result
+    return rows.along(result) if rows.camera else result
 
 
 def nominal_pose(robot: Robot, rows: Measurements) -> tuple[Array, Array]:

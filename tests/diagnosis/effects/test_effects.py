@@ -21,6 +21,7 @@ NAMES = [
     *("joint-compliance", "hardening", "hysteresis", "joint-coupling", "gravity-compensator"),
     *("geometry-error", "tool-offset", "load-error", "frame-misalignment", "payload-error"),
     *("thermal-drift", "outliers", "target-slip", "angle-curve", "approach-direction"),
+    *("camera-scale", "hand-eye"),  # of rows that a camera read: tests/diagnosis/test_camera.py
 ]
 BY_LOAD = {"link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "backlash", "hardening"}
 

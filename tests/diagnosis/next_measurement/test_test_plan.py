@@ -31,12 +31,14 @@ from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
 from tests.diagnosis.planted import Plan, base_compliance, campaign, diagnosed, hardening, plan
 
 
-def rivals_at(there: Baseline) -> list[tuple[str, float, list[Weighted]]]:
-    """Return backlash and hardening at the second joint, as likely as one another."""
+def rivals_at(
+    there: Baseline, keys: tuple[str, str] = ("hardening:q2", "backlash:q2")
+) -> list[tuple[str, float, list[Weighted]]]:
+    """Return two causes, such as backlash and hardening at the second joint, as likely as one another."""
     white = whiten(there)
     library = build_library(there, white)
     found = search(white, library.hypotheses, noise_prior_of(there), pairs=False)
-    return [(key, 0.5, found.shapes[key]) for key in ("hardening:q2", "backlash:q2")]
+    return [(key, 0.5, found.shapes[key]) for key in keys]
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +64,21 @@ def test_load_cycles_at_some_postures_within_the_limits_are_proposed(
     assert force.max() == pytest.approx(1500.0)  # what the campaign had
     assert not rows.measured_mask.any()
     assert split[1].separates == ("hardening:q2", "backlash:q2")
+
+
+@pytest.mark.parametrize(
+    ("keys", "whole"), [(("hysteresis:q2", "hardening:q2"), True), (("hardening:q2", "hardening:q3"), False)]
+)
+def test_a_batch_is_whole_cycles_where_only_they_tell(
+    split: tuple[Baseline, Programme], keys: tuple[str, str], whole: bool
+) -> None:
+    """What only the way back tells needs a cycle; what any load tells is asked at as many postures as fit."""
+    there = replace(split[0], rows=replace(split[0].rows, batch=2 * len(STEPS)))
+    found = propose_tests(there, there.used, rivals_at(there, keys), 1.0, 0)
+    assert found is not None
+    steps = [*range(len(STEPS))] * 2 if whole else [0] * (2 * len(STEPS))
+    assert found.rows.step.tolist() == steps
+    assert len(np.unique(found.rows.q, axis=0)) == (2 if whole else 2 * len(STEPS))
 
 
 def tool_at(q: Array) -> Array:
