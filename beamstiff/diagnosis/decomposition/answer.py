@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import expit
 
-from beamstiff.diagnosis.decomposition.causes import PRESENT, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.forms import by_form
@@ -30,10 +30,10 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     """Return the decomposition that a selection of causes says; `seed` of the intervals."""
     model, choice, least = folds.model, folds.choice, step.bic
     step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
-    order, errors = ordered(folds, _causes_of(choice, step))
+    noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
+    order, errors, shown = _without_cancelling(folds, step, noise2)
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
-    noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())
     total = float(errors[0].sum())
     theta, covariance = solved(model, forms)
     free = len(model.residual) - choice.open_count - step.determined
@@ -42,20 +42,16 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
-    explainable = max(total - noise2, NEGLIGIBLE)
     causes = {
         cause: replace(
             judged,
             theta=tuple(thetas[k] for k in cause),
             std=tuple(stds[k] for k in cause),
             closes=share,
-            shown=shown / explainable,
+            shown=own,
         )
-        for (cause, judged), share, shown in zip(
-            _judged(folds, step, order, replaced).items(),
-            closed(errors, noise2),
-            _shown(folds, order),
-            strict=True,
+        for (cause, judged), share, own in zip(
+            _judged(folds, step, order, replaced).items(), closed(errors, noise2), shown, strict=True
         )
     }
     order, errors = _named_first(folds, order, errors, causes, noise2)
@@ -92,6 +88,26 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
         bic=least,
         largest=_largest(errors),
     )
+
+
+def _without_cancelling(
+    folds: Folds, step: Step, noise2: float
+) -> tuple[list[Numbers], list[Array], list[float]]:
+    """Return causes in order, the errors (P,) along them, and what share of the gap each shows.
+
+    Of several that cancel one another each closes much, and the fit without it is hardly worse: what it does
+    the others do too. The one that is missed least goes, and so on.
+    """
+    while True:
+        order, errors = ordered(folds, _causes_of(folds.choice, step))
+        explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
+        shown = [own / explainable for own in _shown(folds, order)]
+        shares = closed(errors, noise2)
+        cancelling = [at for at, share in enumerate(shares) if shown[at] < MINOR <= abs(share)]
+        if not cancelling:
+            return order, errors, shown
+        least = order[min(cancelling, key=lambda at: shown[at])]
+        step = fit_step(folds.choice, [number for number in step.chosen if number not in least])
 
 
 def _rank(cause: Cause) -> int:
