@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,13 @@ def verify(
     action = "Use the robot within these postures and loads."
     if level in ("doubtful", "differs"):
         action = "Run beamstiff diagnose on these rows: something is still missing."
+    steps = pairwise([found.before, *(after for _, after, _ in found.causes)])
+    worse = [
+        name for (name, _, _), (before, after) in zip(found.causes, steps, strict=True) if after > before
+    ]
+    if found.after > found.before:
+        level = "differs"
+        action = f"Delete from the robot file what makes these rows worse: {in_words(worse)}."
     if found.other_frame is not None:
         head = (
             f"These readings are hardly in the robot's base frame: {rounded(1e3 * found.after)} mm as they "

@@ -67,3 +67,13 @@ def test_of_a_calibration_it_takes_the_held_out_error(run: Run, folder: Path) ->
 def test_bad_input_is_refused(folder: Path, refused: Refused, text: str, limit: str, says: str) -> None:
     (folder / "r.json").write_text(text)
     refused(["check", "r.json", f"--max-gap={limit}"], says)
+
+
+def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path) -> None:
+    effect = (
+        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
+        "parameters: {half_width: 2 mrad}, scales: {torque: 700}}]\n"
+    )
+    (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + effect)
+    said = run("verify", "worse.yaml", "crane.csv").stdout
+    assert "Next: Delete from the robot file what makes these rows worse: backlash at q1." in said
