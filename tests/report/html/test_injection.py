@@ -27,7 +27,7 @@ COMMANDS = {
     "compare": ["compare", "ROBOT", "rows.csv", "--models", "nominal,parametric"],
     "calibrate": ["calibrate", "ROBOT", "readings.csv", "--parameters", "q1,TIP.x"],
     "compensate": ["compensate", "ROBOT", "path.csv"],
-    "exam": ["exam", "ROBOT", "--cases", "2", "--classes", "null,load-error"],
+    "exam": ["exam", "ROBOT", "--cases", "2", "--classes", "null,load-error", "--no-compare"],
 }
 
 
