@@ -217,7 +217,10 @@ def summary(result: Diagnosis) -> str:
         far = " The rows scatter far more than the stated noise." if _factor(result) > OFF else ""
         return f"{first}\n{head} ({sure}).{far}"
     if verdict.effect == "unknown":
-        text = f"{first}\nUnknown ({sure}): the gap is systematic, and "
+        gap = "the gap is systematic"
+        if result.decomposition is not None and not result.baseline.claimed:
+            gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
+        text = f"{first}\nUnknown ({sure}): {gap}, and "
         if best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:

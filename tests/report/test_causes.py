@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause
+from beamstiff.diagnosis.result import Candidate
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
@@ -118,6 +119,14 @@ def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None
     assert "the table states none" not in summary(result)
     unclaimed = replace(result, baseline=replace(result.baseline, claimed=False))
     assert "mm (a laser tracker's: the table states none" in summary(unclaimed)
+    assert unclaimed.decomposition is not None
+    nothing = replace(unclaimed.decomposition, causes=())
+    without = replace(unclaimed, decomposition=nothing, verdict=Candidate("unknown", None, 0.95))
+    assert "exceeds a laser tracker's noise (state the instrument's own as sigma_position)" in summary(
+        without
+    )
+    stated = replace(without, baseline=result.baseline)
+    assert "the gap is systematic" in summary(stated)
 
 
 def test_undecided_effects_of_the_written_robot_are_named() -> None:
