@@ -12,8 +12,8 @@ from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.fit import build_choice
+from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
-from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select

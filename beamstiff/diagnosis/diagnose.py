@@ -15,7 +15,7 @@ from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
 from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
-from beamstiff.diagnosis.decomposition.held_out import FOLDS
+from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.score import (
     Fitted,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from beamstiff.diagnosis.decomposed import cause_candidate
-from beamstiff.diagnosis.decomposition.held_out import FOLDS
+from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.report.tables import number
 

@@ -10,8 +10,8 @@ from scipy.special import expit
 from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, forms_in
+from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import by_form
-from beamstiff.diagnosis.decomposition.held_out import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of

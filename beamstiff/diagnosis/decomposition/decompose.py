@@ -13,8 +13,8 @@ from beamstiff.diagnosis.decomposition.answer import told
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
+from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
-from beamstiff.diagnosis.decomposition.held_out import folds_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import moved_by, solved

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.folds import unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, stacked
-from beamstiff.diagnosis.decomposition.held_out import unweighed
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.effects.external import clock, tool_axes

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
+from beamstiff.diagnosis.decomposition.folds import unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
-from beamstiff.diagnosis.decomposition.held_out import unweighed
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.se3 import Array
 

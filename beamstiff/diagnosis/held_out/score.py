@@ -1,6 +1,6 @@
 """What effects are worth on postures that did not see them: gap before, gap after, the share that closes.
 
-Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.held_out`.
+Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.folds`.
 """
 
 from __future__ import annotations

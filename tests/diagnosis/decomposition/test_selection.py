@@ -9,8 +9,8 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
+from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
-from beamstiff.diagnosis.decomposition.held_out import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.selection import select, with_each
 from beamstiff.diagnosis.effects import Quantity, Shape
