@@ -305,8 +305,8 @@ def _of_several(found: Sequence[Cause]) -> str:
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
     them = "all causes" if len(found) > 1 else "it"
     return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, in this order: {each}.\nAdding {them} "
-        f"reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
+        f"{meaning}\nShare of the gap that each closes on held-out data, in this order: {each}.\nAdding "
+        f"{them} reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
     )
 
 
