@@ -34,6 +34,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.stages import stage
 
 Numbers = tuple[int, ...]  # of the forms of a cause
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
@@ -82,10 +83,12 @@ def decompose(
         See `calibrate` and `fit_baseline`.
     """
     if rows.kind != "absolute":
+        stage("selecting causes")
         model = open_stiffness(baseline or fit_baseline(robot, rows))
         folds = folds_of(model, build_choice(model, forms_of(model, prior, known=known)), seed)
         return _told(folds, select(folds.choice, folds.squared_errors), seed)
     robot = robot.model_copy(update={"identify": fitted_names(robot)})
+    stage("calibrating")
     model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
     forms = forms_of(model, prior)
@@ -97,11 +100,13 @@ def decompose(
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
+        stage("selecting causes")
         step = select(choice, folds.squared_errors)
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         chosen = list(forms_in(choice, step).values())
         if not chosen:
             break
+        stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
             model = open_geometry(
                 robot,
@@ -184,6 +189,7 @@ def gap_with(model: OpenModel, chosen: Sequence[Form]) -> Array:
 
 
 def _told(folds: Folds, step: Step, seed: int) -> Decomposition:
+    stage("checking the causes on held-out postures")
     model, choice, least = folds.model, folds.choice, step.bic
     step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
     order, errors = ordered(folds, _causes_of(choice, step))
