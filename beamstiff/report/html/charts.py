@@ -268,6 +268,6 @@ def _layout(across: Sequence[str], down: Sequence[str], around: int) -> dict[str
 
     return plain_layout(
         around + SQUARE * len(down),
-        xaxis=axis(**ticks(across), tickangle=90),
+        xaxis=axis(**ticks(across)),
         yaxis=axis(**ticks(down), autorange="reversed"),
     )
