@@ -64,14 +64,14 @@ def optional(what: str, note: Callable[[str], object]) -> Iterator[None]:
     --------
     >>> with optional("the figure", print):
     ...     raise BeamstiffError("robot.yaml: loop_1 does not close")
-    the figure is left out: robot.yaml: loop_1 does not close
+    the figure is skipped: robot.yaml: loop_1 does not close
     """
     try:
         yield
     except UnwritableError:
         raise
     except BeamstiffError as error:
-        note(f"{what} is left out: {error}")
+        note(f"{what} is skipped: {error}")
 
 
 def suggest(name: object, candidates: Iterable[str]) -> str:

@@ -17,6 +17,7 @@ from rich.console import Console
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.files import check_writable, target_of
 from beamstiff.outputs import check_distinct, check_replaceable, write_output
+from beamstiff.stages import LISTENER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,7 +84,7 @@ def optional_file(path: str) -> AbstractContextManager[None]:
 
 @contextmanager
 def working(what: str, still: bool = False) -> Iterator[None]:
-    """Show on stderr that long work goes on, if it is a terminal; numbers that overflow are bad input.
+    """Show on stderr what long work is at, if it is a terminal; numbers that overflow are bad input.
 
     `what`: the work, such as "identifying". `still`: show nothing, since the work shows itself.
     """
@@ -92,10 +93,15 @@ def working(what: str, still: bool = False) -> Iterator[None]:
     console = _console(quiet=QUIET.get(), stderr=True)
     try:
         with (
-            console.status(f"{what} ...") if console.is_terminal and not still else nullcontext(),
+            console.status(f"{what} ...") if console.is_terminal and not still else nullcontext() as status,
             np.errstate(over="raise"),
         ):
-            yield
+            tell = None if status is None else lambda name: status.update(f"{what}: {name} ...")
+            heard = LISTENER.set(tell)
+            try:
+                yield
+            finally:
+                LISTENER.reset(heard)
     except (FloatingPointError, OverflowError) as error:  # numpy's, and Python's own
         raise BeamstiffError(
             f"{what}: numbers out of range ({error}), expected lengths, loads and stiffness of a real "

@@ -63,7 +63,7 @@ def verify(
         found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
     modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
-    first = "without model and effects" if modelled else "without effects"
+    first = "without model and effects" if modelled else "without effects" if found.causes else "robot file"
     lines = [[first, f"{1e3 * found.before:.4f} mm", ""]]
     lines += [
         [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.4f} mm", percent(closes)]
@@ -89,7 +89,7 @@ def verify(
         action = f"Delete from the robot file what makes these rows worse: {in_words(worse)}."
     if found.other_frame is not None:
         head = (
-            f"These readings are hardly in the robot's base frame: {rounded(1e3 * found.after)} mm as they "
+            f"These readings are not in the robot's base frame: {rounded(1e3 * found.after)} mm as they "
             f"are, {rounded(1e3 * found.other_frame)} mm with the measuring frame fitted"
         )
         level, action = "differs", "Run it again with --refit-frame."

@@ -31,6 +31,7 @@ from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.stages import stage
 
 AS_DESCRIBED = 2.0  # times what is left beside a calibration: forms of causes are not exact either
 SINGLE_ERRORS = 2  # of a geometry as described: its causes come alone or in pairs
@@ -119,6 +120,7 @@ def with_next(result: Diagnosis, seed: int) -> Diagnosis:
     found, left_out, test_plan = result.decomposition, list[str](), None
     if found is None or found.model.baseline.rows.camera:  # where it sees the tag is not known
         return result
+    stage("choosing what to measure next")
     with optional("what to measure next", left_out.append):
         test_plan = propose_between(found, seed)
     return replace(result, next=as_plain(test_plan), notes=(*result.notes, *left_out))

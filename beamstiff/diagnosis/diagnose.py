@@ -48,6 +48,7 @@ from beamstiff.measure.doubts import counted_once, require_usable
 from beamstiff.measure.rows import in_runs
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.stages import stage
 
 NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
@@ -142,6 +143,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
 
 def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:
     """Return the rows, what could be the cause, and the rows with their noise as they show it."""
+    stage("fitting the stiffness")
     baseline = fit_baseline(robot, rows)
     if not baseline.used[:, :3].any():
         raise BeamstiffError(
@@ -153,6 +155,7 @@ def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline,
 
 def _weighed_one_by_one(library: Library, screened: Screened, prior: Prior, seed: int) -> Diagnosis:
     """Return the diagnosis of one cause, or two, with the geometry as it is described."""
+    stage("weighing causes one by one")
     white = whiten(screened.baseline, screened.used)
     library = seen_by(library, white)
     if not library.hypotheses:

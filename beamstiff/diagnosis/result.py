@@ -92,7 +92,7 @@ class Diagnosis(Shown):
     linear : Baseline
         The one about whose stiffness effects are linear: `fits` change this.
     rms, noise : float, m
-        Position gap on held-out postures, and what noise alone would leave.
+        Position gap on held-out postures, and the noise floor.
     candidates : tuple of Candidate
         The likeliest first; `none` and `unknown` among them.
     verdict : Candidate

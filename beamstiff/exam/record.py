@@ -55,7 +55,7 @@ class Answer:
     `verdict`: ``effect:component``; ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
     `probability`: of the verdict.
     `also`: further effects named.
-    `indistinguishable`: what these data cannot tell from the verdict.
+    `indistinguishable`: what these data cannot distinguish from the verdict.
     `probabilities`: of all candidates, those below 1e-6 left out.
     `promised`: the shrink said of the verdict; None where no effect is named.
     """
@@ -106,7 +106,7 @@ class Record:
 
     @property
     def verdict_set(self) -> frozenset[str]:
-        """The verdict and what it says that these data cannot tell from it."""
+        """The verdict and what is indistinguishable from it with these data."""
         return frozenset((self.answer.verdict, *self.answer.indistinguishable))
 
     @property

@@ -22,7 +22,7 @@ _LIMITS = ((-170, 170), (-20, 130), (-160, 70), (-180, 180), (-115, 115), (-350,
 
 
 def exam_robot(name: str, rng: np.random.Generator) -> Robot:
-    """Return the robot of this name: drawn anew for `RANDOM_ARM`, else the one that comes along."""
+    """Return the robot of this name: drawn anew for `RANDOM_ARM`, else the bundled one."""
     return random_arm(rng) if name == RANDOM_ARM else load_robot(robot_path(name))
 
 

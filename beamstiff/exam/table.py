@@ -58,7 +58,7 @@ def headline(records: Records, lean: bool = False) -> list[Row]:
     """Return the figures that the exam asks for, over the given cases.
 
     Of lean designs nothing is asked but few false alarms, and that the verdict set holds the truth where an
-    effect is named: the rest is shown.
+    effect is named: only the others are shown.
     """
     rows = _headline(records)
     if not lean:

@@ -142,7 +142,7 @@ def _silent(problem: Problem, points: Sequence[Array]) -> tuple[Silent, ...]:
 
 
 def _merge_parallel_columns(acting: list[_Acting]) -> tuple[list[_Acting], list[Mixed]]:
-    """Join springs whose columns are parallel at all points, by the simplest sum; the rest is mixed."""
+    """Join springs whose columns are parallel at all points, by the simplest sum; others are mixed."""
     merged: list[_Acting] = []
     mixed: list[Mixed] = []
     for group in _parallel(acting):

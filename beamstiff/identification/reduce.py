@@ -30,7 +30,7 @@ class Lumped:
 
 @dataclass(frozen=True)
 class Reduced:
-    """A robot without what its measurements cannot tell."""
+    """A robot without what its measurements cannot determine."""
 
     robot: Robot  # lists under `identify` what is left to identify
     lumped: tuple[Lumped, ...]

@@ -46,8 +46,8 @@ def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -
     """Return the errors on held-out groups of rows, fold by fold.
 
     `groups` (N,): rows of one group are left out together: poses, or loads. `folds`: at most so many fits.
-    `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where the
-    rest is too little to fit.
+    `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where
+    too few rows are left to fit.
     """
     residual = np.full(objective.problem.used.shape, np.nan)
     try:

@@ -80,10 +80,10 @@ def read_bag(path: str | os.PathLike[str], skip: Iterable[str] = ()) -> tuple[li
         if len(values):
             signals.append(Signal(topic, kind, columns, values=values, time=time[finite], frame=frame))
         if lost := int((~finite).sum()):
-            notes.append(f"{topic}: {lost} readings without a number were left out")
+            notes.append(f"{topic}: {lost} readings without a number were skipped")
     if left_out:
         told = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in left_out.items()]
-        notes.append(f"left out: {listed(told, 12)}")
+        notes.append(f"skipped: {listed(told, 12)}")
     return [signal.shifted(signal.time) for signal in signals], notes
 
 

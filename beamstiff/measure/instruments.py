@@ -52,7 +52,7 @@ def target(
     normal: Sequence[float] | Array | None = None,
     length: float | None = None,
 ) -> Target:
-    """Return a target with what is known of it; the rest is sought.
+    """Return a target with what is known of it; all else is estimated.
 
     >>> target("bar", "ball-bar", length=0.3).sought, target("wall", "plane", normal=(2, 0, 0)).normal
     (('x', 'y', 'z'), (1.0, 0.0, 0.0))

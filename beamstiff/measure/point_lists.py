@@ -71,7 +71,7 @@ def parse_points(
         known = np.isin(labels["point"], list(profile.points))
         left_out = sorted(set(np.array(labels["point"])[keep & ~known].tolist()))
         if left_out:
-            notes.append(f"left out, for `points` does not name them: {listed(left_out)}")
+            notes.append(f"skipped, as `points` does not name them: {listed(left_out)}")
         keep &= known
         labels["point"] = [profile.points.get(point, point) for point in labels["point"]]
     if not keep.any():

@@ -189,8 +189,8 @@ def identifiable(
 
     Of parameters that act only together, all but the first count as known.
 
-    Returns the names (m), the information (N, m, m), and the parameters that these tests cannot tell, each
-    with the reason.
+    Returns the names (m), the information (N, m, m), and the parameters that these tests cannot determine,
+    each with the reason.
     """
     names, found, idle = _information(robot, tests, noise, parameters)
     left_out: dict[str, str] = {}

@@ -127,7 +127,7 @@ def compensation_verdict(result: Compensated) -> Verdict:
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
     said = f"Predicted error along the path: {_mm(before.rms_mm)} mm, corrected {_mm(after.rms_mm)} mm"
-    said += " if the robot is as described" if before.rms_mm > NOTHING else ""
+    said += " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
 
 
@@ -153,12 +153,12 @@ def compensation_text(result: Compensated) -> str:
     targets = counted(int(known.sum()), "target")
     text = (
         f"Predicted error of the tool at {targets}: RMS {_seen(before.rms_mm)} mm, "
-        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg; with the corrected commands "
+        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg. With the corrected commands: "
         f"RMS {_seen(after.rms_mm)} mm, at most {_seen(after.max_mm)} mm and {_seen(after.max_deg)} deg"
     )
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
-        text += f" ({less:.2f} % less, provided the robot is as described)"
+        text += f" ({less:.2f} % less, if the real robot is as assumed)"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")

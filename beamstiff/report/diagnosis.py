@@ -128,8 +128,6 @@ def causes_table(found: Decomposition, title: str) -> Table:
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = "Probability: that this cause, or one that acts the same way, is there."
-    if found.verdict:
-        said += " The verdict's above: that it is also the largest."
     if any(one.indistinguishable for one in found.causes):
         said += " These data cannot distinguish a cause from those in its last column."
     return said

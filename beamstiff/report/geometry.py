@@ -193,7 +193,7 @@ def _errors(axes: Axes, found: Calibration) -> None:
     part, factor, unit = (slice(0, 3), 1e3, "mm")
     if found.after.position_rms is None:
         part, factor, unit = (slice(3, 6), 180 / np.pi, "deg")
-    gaps = {"as described": found.nominal_residual, "calibrated": found.residual}
+    gaps = {"nominal": found.nominal_residual, "calibrated": found.residual}
     if found.held_out_residual is not None:
         gaps["held-out poses"] = found.held_out_residual
     for (name, gap), colour, style in zip(

@@ -21,7 +21,7 @@ from beamstiff.robot.fields import stiffness_text
 
 BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
-CHANCE = 3.0  # standard deviations of a residual that noise alone would leave
+CHANCE = 3.0  # standard deviations of a residual of noise alone
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 _PLAIN: Level = "plain"
 ACTS = {

@@ -76,7 +76,7 @@ class TreeJoint:
     # as in a robot file: ``{"torsional": "1e6 N*m/rad"}``
     stiffness: Mapping[str, Any] = field(default_factory=dict)
     variable: str = ""  # what the joint's variable is called; by default after the joint
-    spring: bool = False  # a joint of a simulator's file that gives way to its spring and is not driven
+    spring: bool = False  # a joint of a simulator's file that its spring holds and no drive
     fail: Callable[[str], NoReturn] = _raise  # raises an error at the joint's place in its file
 
 

@@ -215,7 +215,7 @@ def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Run) -> 
     again = re.search(r"\(width_up (\S+) mm\)", twice)
     assert again is not None, twice
     assert float(again[1]) == pytest.approx(2 * float(told[1]), rel=0.06)  # two digits each
-    assert "% less, provided the robot is as described)" in " ".join(result.stdout.split())
+    assert "% less, if the real robot is as assumed)" in " ".join(result.stdout.split())
     assert (
         "unloaded tool"
         not in run("compensate", "kr500", "path.csv", "--actual", "play.yaml", "--taught").stderr

@@ -77,7 +77,7 @@ def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(succeed: Run, 
     found = json.loads((folder / "out.json").read_text())
     assert found["verdict"]["effect"] not in ("none", "unknown")
     assert found["next"] == []
-    [note] = [text for text in found["notes"] if text.startswith("what to measure next is left out: ")]
+    [note] = [text for text in found["notes"] if text.startswith("what to measure next is skipped: ")]
     assert "'s'" in note
     assert "without limits" in note
     assert f"note: {note}\n" in result.stderr
@@ -91,7 +91,7 @@ def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(succeed: Run, f
     result = succeed("diagnose", *with_play(folder, SLACK, q, force), "--json", "out.json")
     found = json.loads((folder / "out.json").read_text())
     assert found["next"] == []
-    [note] = [text for text in found["notes"] if text.startswith("what to measure next is left out: ")]
+    [note] = [text for text in found["notes"] if text.startswith("what to measure next is skipped: ")]
     assert "buckles" in note
     assert f"note: {note}\n" in result.stderr
 
@@ -99,7 +99,7 @@ def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(succeed: Run, f
 def test_a_bootstrap_of_too_few_poses_leaves_the_fit_with_a_note(run: Run, folder: Path) -> None:
     result = run(*IDENTIFY, "--bootstrap", "20", "--json", "out.json")
     assert result.exit_code == 0, result.output
-    assert "note: the bootstrap is left out: crane.csv: found 3 poses" in result.stderr
+    assert "note: the bootstrap is skipped: crane.csv: found 3 poses" in result.stderr
     assert json.loads((folder / "out.json").read_text())["parameters"]["J1.torsional"]["value"] > 0
 
 
@@ -190,7 +190,7 @@ def test_a_step_that_fails_becomes_a_note_beside_the_result(
     module, _, name = step.rpartition(".")
     monkeypatch.setattr(import_module(module), name, fails)
     result = succeed(*command, *options, "--json", "after.json")
-    assert f"left out: {REASON}\n" in result.stderr
+    assert f"skipped: {REASON}\n" in result.stderr
     before, after = before_of[command[0]], json.loads((inputs / "after.json").read_text())
     notes = after.get("notes") or []
     assert any(REASON in text for text in notes) == in_json

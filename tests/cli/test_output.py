@@ -1,4 +1,5 @@
 import json
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError, examine
-from beamstiff.cli.output import json_text
+from beamstiff.cli.output import json_text, working
+from beamstiff.stages import stage
 from tests.cli.conftest import Run
 
 leaves = (
@@ -43,3 +45,25 @@ def test_reports_of_an_exam_replace_nothing_of_the_users_whoever_asks_for_them(f
     with pytest.raises(BeamstiffError, match=r"case-000001\.json: exists"):
         examine("kr240-2", cases=2, classes=["null"], reports="reports")
     assert [(path.name, path.read_text()) for path in report.parent.iterdir()] == [(report.name, "my notes")]
+
+
+def test_long_work_says_what_it_is_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = list[str]()
+    monkeypatch.setattr("beamstiff.cli.output._console", lambda **_: Terminal(shown))
+    with working("diagnosing"):
+        stage("calibrating")
+    stage("nobody listens any more")
+    assert shown == ["diagnosing ...", "diagnosing: calibrating ..."]
+
+
+class Terminal:
+    """A terminal that keeps its status lines."""
+
+    is_terminal = True
+
+    def __init__(self, shown: list[str]) -> None:
+        self.update = shown.append
+
+    def status(self, text: str) -> AbstractContextManager["Terminal"]:
+        self.update(text)
+        return nullcontext(self)

@@ -52,7 +52,7 @@ def test_spatialanalyzer_ascii_joined_with_joint_values_is_a_table_of_measuremen
     np.testing.assert_allclose(table.wrench[:, 2], [0, -500])
     assert table.sigma_position == pytest.approx(3e-5, rel=1e-15)
     assert table.point.tolist() == ["tip", "tip"]
-    assert made.notes == ("left out, for `points` does not name them: SMR9",)
+    assert made.notes == ("skipped, as `points` does not name them: SMR9",)
 
 
 def test_an_axyz_like_list_has_semicolons_decimal_commas_and_deviations() -> None:

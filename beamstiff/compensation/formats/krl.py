@@ -230,7 +230,7 @@ def _target(
         last = before[-1]
         inherited = last.inherited or tuple(slot.value for slot in last.orientation)
     elif missing:
-        why = ": what is left out follows the target before, which is corrected" if motion else ""
+        why = ": values that it does not state follow the target before, which is corrected" if motion else ""
         refuse(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
     position = tuple(slots[key] for key in POSITION)

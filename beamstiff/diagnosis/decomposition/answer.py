@@ -20,6 +20,7 @@ from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
 from beamstiff.diagnosis.prior import TEMPERING
 from beamstiff.se3 import Array
+from beamstiff.stages import stage
 
 Numbers = tuple[int, ...]  # of the forms of a cause
 NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
@@ -28,6 +29,7 @@ ROUNDS = 4  # of putting a better fit in the place of one
 
 def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     """Return the decomposition that a selection of causes says; `seed` of the intervals."""
+    stage("checking the causes on held-out postures")
     model, choice, least = folds.model, folds.choice, step.bic
     step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
     noise2 = float((model.baseline.sigma[:, :3][model.used[:, :3]] ** 2).sum())

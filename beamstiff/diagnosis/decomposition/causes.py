@@ -104,7 +104,7 @@ class Decomposition:
     unexplained : float
         Share of the explainable gap that those that are unclear leave as well.
     rms, noise : float, m
-        Held-out position gap of the open model without a cause, and what noise alone would leave.
+        Held-out position gap of the open model without a cause, and the noise floor.
     change : (t,) array
         Of the open parameters, beside the causes.
     scatter : float

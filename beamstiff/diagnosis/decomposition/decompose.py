@@ -26,6 +26,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.stages import stage
 
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
@@ -73,12 +74,14 @@ def decompose(
         See `calibrate` and `fit_baseline`.
     """
     if rows.kind != "absolute":
+        stage("selecting causes")
         model = open_stiffness(baseline or fit_baseline(robot, rows))
         folds = folds_of(model, build_choice(model, _forms(model, prior, known)), seed)
         return told(folds, select(folds.choice, folds.squared_errors), seed)
     drives = fitted_names(robot)
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
+    stage("calibrating")
     model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
     forms = forms_of(model, prior)
@@ -90,11 +93,13 @@ def decompose(
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
+        stage("selecting causes")
         step = select(choice, folds.squared_errors)
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         chosen = list(forms_in(choice, step).values())
         if not chosen:
             break
+        stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
             model = open_geometry(
                 robot,

@@ -83,7 +83,7 @@ class Folds:
     def parts(self) -> list[tuple[Integers, Array]]:
         """Return the values of each fold, and a root of ``(1 - Q_F Q_F^T)^-1``, Q of the open parameters.
 
-        What other folds cannot tell of the values is left out of the root, and so not held out: a reflector
+        What other folds do not determine of the values is not in the root, and so not held out: a reflector
         that was read in one fold alone has to be found there.
         """
         result = []

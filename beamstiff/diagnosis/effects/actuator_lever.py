@@ -2,10 +2,10 @@
 
 A linear drive (ball screw, cylinder, tie rod) between points at distances a and b from the axis acts at the
 lever ``h = a b sin(phi) / L``, ``L^2 = a^2 + b^2 - 2 a b cos(phi)``; its stiffness k_s gives
-``k = k_s h^2`` about the axis, so the compliance follows 1/h^2 (seed 003, eqs 45 to 47). A screw that gives
-way by its free length besides (``(L - fixed)/EA``, see `Strut`) follows (L - fixed)/h^2: `any crank` holds
-those laws too. Where the model has the screw itself, as a strut or a prismatic joint, its lever is known and
-its compliance grows with its free length (`free_length`).
+``k = k_s h^2`` about the axis, so the compliance follows 1/h^2 (seed 003, eqs 45 to 47). A screw that is
+compliant by its free length besides (``(L - fixed)/EA``, see `Strut`) follows (L - fixed)/h^2: `any crank`
+holds those laws too. Where the model has the screw itself, as a strut or a prismatic joint, its lever is
+known and its compliance grows with its free length (`free_length`).
 """
 
 from __future__ import annotations

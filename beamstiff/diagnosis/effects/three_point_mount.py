@@ -1,4 +1,4 @@
-"""Tools on three seats: jaws, feet or bolts at a radius r, 120 degrees apart, each giving way by a law.
+"""Tools on three seats: jaws, feet or bolts at a radius r, 120 degrees apart, each compliant by a law.
 
 From a wrench about their middle, a distance a behind the TCP, a seat in direction ``t_i`` carries
 ``f_i = F_z / 3 + 2 M t_i / (3 r)``; how far the seats yield tilts the tool about the ``t_i`` and lifts it.

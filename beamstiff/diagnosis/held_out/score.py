@@ -72,7 +72,7 @@ class HeldOutError:
         90 %, over the postures.
     postures : int
     noise : float, m
-        What noise alone would leave.
+        Noise floor.
     misfit : float
         What is left with the effects, RMS over all values, rotations too, each over its noise.
     open : float

@@ -241,7 +241,7 @@ def _add(to: Array, rows: Index, columns: Index, what: Array) -> None:
 
 
 def _add_lower(to: Array, index: Index, what: Array) -> None:
-    """Add the lower triangle of a symmetric matrix into that of another; what is above counts for nothing."""
+    """Add the lower triangle of a symmetric matrix into that of another; the upper triangle is ignored."""
     runs = _runs(index)
     for number, (there, here) in enumerate(runs):
         if len(runs) > RUNS:

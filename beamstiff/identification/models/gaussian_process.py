@@ -2,7 +2,7 @@
 
 Linear-Gaussian about the parametric fit, linearised again where the readings lead. The spreads, lengths and
 the noise maximise the evidence of linear readings ``y = U x + noise``, with mild priors against what few
-readings cannot tell (Rasmussen and Williams, 2006, eqs 2.30, 5.8, 5.9).
+readings cannot determine (Rasmussen and Williams, 2006, eqs 2.30, 5.8, 5.9).
 """
 
 from __future__ import annotations

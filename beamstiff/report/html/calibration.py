@@ -32,7 +32,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 POSES = 5  # that the robot is shown in
-BEFORE, AFTER, HELD_OUT = "as described", "calibrated", "held-out poses"
+BEFORE, AFTER, HELD_OUT = "nominal", "calibrated", "held-out poses"
 PARTS = (("position", slice(0, 3), 1e3, "mm"), ("orientation", slice(3, 6), 180 / np.pi, "deg"))
 
 
@@ -74,7 +74,7 @@ def calibration_html(found: Calibration, robot: Robot, measured: Measurements, p
 def _facts(found: Calibration) -> Iterator[Fact]:
     for part, _, factor, unit in PARTS:
         values = [
-            ("Before", found.before, "RMS, the robot as described, aligned with the readings"),
+            ("Before", found.before, "RMS, robot file, base and reflectors fitted"),
             ("After", found.after, "RMS, calibrated, on the fitted rows"),
             ("Held out", found.held_out, "RMS, on held-out poses"),
         ]
@@ -194,7 +194,7 @@ def _parameters(found: Calibration) -> Section:
             f"change, {shown}",
             log=False,
         )
-        caption = "Change against the robot as described, with its 95 % interval."
+        caption = "Change against the robot file, with its 95 % interval."
         figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, traces, layout))
     table = parameters_table(found, "What was found")
     text = (

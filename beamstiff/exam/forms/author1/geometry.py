@@ -26,8 +26,8 @@ ALONE = "order"  # form of one order; the other one has a second order beside it
 def geometry_places(robot: Robot) -> list[str | None]:
     """Return the encoders, and of every frame its constant lengths and the angle between its axes.
 
-    Left out are those that absolute positions cannot tell from another of them, from a turned measuring frame
-    or from an offset of the tool: with any of these names a diagnosis would be right.
+    Excluded are those that absolute positions cannot distinguish from another of them, from a turned
+    measuring frame or from an offset of the tool: with any of these names a diagnosis would be right.
     """
     found = [variable.name for variable in robot.actuated]
     for name, _, parameters in skeleton_of(robot).frames:
