@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -287,12 +288,9 @@ def by_displacement(case: Case, rng: np.random.Generator) -> Iterator[tuple[str,
     yield "ball-bar", along(every, off / np.linalg.norm(off, axis=1, keepdims=True), "bar")
 
 
-def table_of(kind: str, count: int) -> None:
-    """Print effects by instrument: how often each is named."""
-    effects = OF_WEIGHT if kind == "absolute" else OF_LOADS
-    said: dict[tuple[str, str], Counter[str]] = {}
-    names: dict[str, None] = {}
-    for effect in effects:
+def judgements(kind: str, count: int) -> Iterator[tuple[str, str, str]]:
+    """Yield effect, instrument and what became of it, for `count` cases of each effect."""
+    for effect in OF_WEIGHT if kind == "absolute" else OF_LOADS:
         told = 0
         for number, case in enumerate(drawn(effect, kind, 3 * count)):
             if told == count:
@@ -308,18 +306,23 @@ def table_of(kind: str, count: int) -> None:
                 continue
             told += 1
             for name, rows in tables:
-                names[name] = None
-                found = judged(case, rows)
-                said.setdefault((effect, name), Counter())[found] += 1
-                print(f"  {effect:20} {case.robot.name:12} {name:18} {found}", file=sys.stderr, flush=True)
-    print(f"diagnosis, {kind}: named / in set / unknown or none / other, {count} cases an effect at most")
-    print(f"{'effect':22}" + "".join(f"{name:>20}" for name in names))
-    for effect in effects:
-        cells = [said.get((effect, name), Counter()) for name in names]
-        texts = [
-            f"{c['named']} / {c['in set']} / {c['unknown'] + c['refused']} / {c['other']}" for c in cells
-        ]
-        print(f"{effect:22}" + "".join(f"{text:>20}" for text in texts))
+                yield effect, name, judged(case, rows)
+
+
+def table_of(kind: str, count: int) -> None:
+    """Print effects by instrument, in Markdown: how often each is named; broken off, what there is so far."""
+    said: dict[str, dict[str, Counter[str]]] = {}
+    with suppress(KeyboardInterrupt):
+        for effect, name, found in judgements(kind, count):
+            said.setdefault(effect, {}).setdefault(name, Counter())[found] += 1
+            print(f"  {effect:20} {name:12} {found}", file=sys.stderr, flush=True)
+    print(f"{kind}: named / in the set / unknown or none / another, of {', '.join(ROBOTS)}\n")
+    names = list(next(iter(said.values()), {}))
+    print(f"| effect | cases | {' | '.join(names)} |\n| --- | --- |{' --- |' * len(names)}")
+    for effect, by in said.items():
+        cells = [(c["named"], c["in set"], c["unknown"] + c["refused"], c["other"]) for c in by.values()]
+        texts = [" / ".join(map(str, cell)) for cell in cells]
+        print(f"| {effect} | {max(map(sum, cells))} | {' | '.join(texts)} |")
 
 
 if __name__ == "__main__":
