@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from beamstiff.diagnosis.decomposition.fit import DRIVES, Choice, Step, bic, fit_step, prior_of
+from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.forms import REPEATED
 from beamstiff.se3 import Array
 
@@ -26,10 +26,12 @@ HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each hel
 def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Array:
     """Return the BIC (f,) of a fit with each form added to it.
 
-    inf where a form does not show, is of a forbidden cause, stands there already, or asks for a sign that a
-    parameter cannot have: such a form is not what is there.
+    inf where a form does not show, is of a forbidden cause, stands there already, or surely asks for a sign
+    that a parameter cannot have: such a form is not what is there. A parameter that may as well be 0 is held
+    there, in the best of these forms.
     """
     result = np.full(len(choice.forms), np.inf)
+    bounded = np.zeros(len(choice.forms), dtype=bool)
     known = prior_of(choice, step.chosen)
     forms = [choice.forms[number] for number in step.chosen]
     of_form, of_cause = choice.log_priors
@@ -54,7 +56,10 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
         squares = step.squares - (theta * pull[at]).sum(axis=1)
         determined = np.einsum("gij,gji->g", inverse, gram)
-        wrong = ((theta < 0) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
+        scatter = np.maximum(squares / max(choice.count, 1), 1.0)
+        std = np.sqrt(np.einsum("gii->gi", inverse) * scatter[:, None])
+        wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
+        bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
         wrong |= (np.abs(theta * choice.units[at]) > choice.largest[at]).any(axis=1)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.count, known + log_prior[numbers])
@@ -62,6 +67,12 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
     for key in taken & choice.of_cause.keys():
         result[choice.of_cause[key]] = np.inf
     result[list(step.chosen)] = np.inf
+    held = np.flatnonzero(bounded)
+    held = held[np.argsort(result[held], kind="stable")]
+    result[held[TRIED:]] = np.inf
+    for number in held[:TRIED].tolist():
+        if result[number] < step.bic:
+            result[number] = fit_step(choice, (*step.chosen, number)).bic
     return result
 
 

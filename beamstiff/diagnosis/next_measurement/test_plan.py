@@ -39,6 +39,7 @@ SETTLED = 0.9  # probability among its rivals from which a cause needs no second
 WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
 REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+ROUNDING = 1e-12  # of 1: what is left of a variance that the readings determine
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +193,20 @@ class _Open:
     def root(self, read: Array) -> Array:
         """Return Cholesky's factor of the covariance of each group, (G, 3 g, 3 g)."""
         spread = self.matrix @ self.covariance @ self.matrix.swapaxes(1, 2)
-        return np.asarray(np.linalg.cholesky(spread + read))
+        largest = np.diagonal(spread, axis1=1, axis2=2).max(axis=1)
+        return np.asarray(
+            np.linalg.cholesky(spread + read + ROUNDING * largest[:, None, None] * np.eye(read.shape[-1]))
+        )
 
     def take(self, group: int, read: Array) -> Array:
-        """Go on from what a group tells; return the gain (p, 3 g)."""
+        """Go on from what a group tells; return the gain (p, 3 g).
+
+        In Joseph's form, which stays positive where little is left of much (Bucy and Joseph 1968, ch. 16).
+        """
         seen = self.matrix[group] @ self.covariance
         gain: Array = np.linalg.solve(seen @ self.matrix[group].T + read[group], seen).T
-        self.covariance = self.covariance - gain @ seen
+        left = np.eye(len(self.covariance)) - gain @ self.matrix[group]
+        self.covariance = left @ self.covariance @ left.T + gain @ read[group] @ gain.T
         return gain
 
 

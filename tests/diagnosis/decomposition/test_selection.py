@@ -123,6 +123,19 @@ def test_no_drive_gives_less_than_nothing(change: float, known: bool) -> None:
     assert (error < 0.02 * np.sqrt(VALUES)) == known
 
 
+@pytest.mark.parametrize(("second", "tried"), [(-0.05, True), (-2.0, False)])
+def test_a_form_is_tried_though_chance_puts_a_part_of_it_below_zero(second: float, tried: bool) -> None:
+    """Of a compliance in two directions one is often 0: its estimate is negative every other time."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((VALUES, 2))
+    residual = columns @ [3.0, second] + rng.standard_normal(VALUES)
+    pair = [Quantity("first", "m", 1.0, positive=True), Quantity("second", "m", 1.0, positive=True)]
+    choice = choice_of(residual, form(columns, *pair))
+    nothing = fit_step(choice, ())
+    assert fit_step(choice, (0,)).free[0].tolist() == [True, False]
+    assert with_each(choice, nothing)[0] == (fit_step(choice, (0,)).bic if tried else np.inf)
+
+
 @pytest.mark.parametrize(("coupling", "used"), [(1.0, True), (4.0, False)])
 def test_a_coupling_stays_within_what_it_couples(coupling: float, used: bool) -> None:
     """``c_ab^2 <= c_aa c_bb``: of compliances 2 and 3 at most 2.45."""
