@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, robot_file
-from beamstiff.cli.output import Outputs, working, write
+from beamstiff.cli.output import Outputs, working, write, write_robot
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def calibrate(
     ),
     folds: int = option("N", "Folds of the errors held out; 0 for none.", 5, min=0),
     test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
-    out: str | None = option("FILE", "Write the calibrated robot as YAML."),
+    out: str | None = option("FILE", "Write the calibrated robot: YAML, or .urdf, .sdf, .xml (MJCF)."),
     readings: str | None = option(
         "CSV", "Write the readings, as they are, in the base frame found, for verify."
     ),
@@ -88,7 +88,6 @@ def calibrate(
     from beamstiff.measure.rows import concatenate
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.geometry import calibration_told
-    from beamstiff.robot.yaml_edit import robot_yaml
 
     file = robot_file(robot)
     drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
@@ -122,7 +121,7 @@ def calibrate(
     assert found.statement is not None
     outputs.result(found.notes, calibration_told(found), found.to_dict())
     if out is not None:
-        write(out, robot_yaml(found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n"))
+        write_robot(out, found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
     if readings is not None:
         write(readings, measurements_to_csv(in_base_frame(found, concatenate(tables)), machine))
     for (_, path), table in zip(moved, others, strict=True):

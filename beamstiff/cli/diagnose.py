@@ -17,7 +17,7 @@ from beamstiff.cli.options import (
     parse_region,
     robot_file,
 )
-from beamstiff.cli.output import Outputs, note, optional_file, working, write
+from beamstiff.cli.output import Outputs, note, optional_file, working, write, write_robot
 from beamstiff.errors import BeamstiffError
 
 
@@ -102,8 +102,6 @@ def diagnose(
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
-        from beamstiff.functions.written import applied_text
-        from beamstiff.robot.yaml_edit import robot_yaml
 
         with optional_file(apply):
             larger = readable(extended(result), machine.effects)
@@ -116,14 +114,8 @@ def diagnose(
             measuring = f"; {lost} is of measuring, not of the robot" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
-            simulator = Path(apply).suffix.lower() in (".xml", ".urdf", ".sdf")
-            if simulator:
-                text, losses = applied_text(larger, apply, file)
-                for item in losses:
-                    note(item)
-            else:  # the error's text is one line
-                text = robot_yaml(larger, file, written_std(larger), f"# {head}\n{below}")
-            write(apply, text, f"the fitted stiffness, and {added} added{measuring}", as_it_is=simulator)
+            holds = f"the fitted stiffness, and {added} added{measuring}"
+            write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             if doubt:
                 note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:

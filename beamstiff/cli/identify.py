@@ -22,7 +22,7 @@ from beamstiff.cli.options import (
     robot_file,
     side_of,
 )
-from beamstiff.cli.output import Outputs, progress, working, write
+from beamstiff.cli.output import Outputs, progress, working, write_robot
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -74,7 +74,9 @@ def identify(
     processes: Processes = 1,
     scheduler: Scheduler = None,
     assembly: Assembly = None,
-    out: str | None = option("FILE", "Write the robot with the identified stiffness as YAML."),
+    out: str | None = option(
+        "FILE", "Write the robot with the identified stiffness: YAML, or .urdf, .sdf, .xml."
+    ),
     model: str | None = option(
         "KIND",
         "Fit a model of elasticity too (fuzzy, grid, gray-box, gaussian-process); --out holds it, and "
@@ -131,7 +133,6 @@ def identify(
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.identification import identification_told
     from beamstiff.report.residuals import front_figure, residual_figure
-    from beamstiff.robot.yaml_edit import robot_yaml
 
     whole("evaluations", evaluations, 1)  # before the bar counts them
     if front is not None and not pareto:
@@ -180,10 +181,10 @@ def identify(
     assert fitted is not None
     outputs.result(found.notes, identification_told(found, folds), found.to_dict())
     if out is not None:
-        write(out, robot_yaml(found.robot, file, found.conditional_std, _head(found, data)))
+        write_robot(out, found.robot, file, found.conditional_std, _head(found, data))
     if reduce is not None and found.reduced is not None:
         head = _reduced_head(found.reduced, found, data)
-        write(reduce, robot_yaml(found.reduced.robot, file, head=head))
+        write_robot(reduce, found.reduced.robot, file, {}, head)
     outputs.draw("figure", lambda: residual_figure(found, fitted, machine.name))
     if (points := found.front) is not None:
         outputs.draw("front", lambda: front_figure(points, machine.name))

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
+    from beamstiff.robot.description import Robot
+
 STDOUT = "-"
 TYPED: ContextVar[Sequence[str]] = ContextVar("TYPED", default=())  # the words of the command
 JSON: ContextVar[str | None] = ContextVar("JSON", default=None)  # where --json goes
@@ -56,6 +58,23 @@ def write(path: str, content: str | bytes, holds: str = "", *, as_it_is: bool = 
     """Write an output as `write_output`, and say so, and what it `holds`, when the command ends."""
     write_output(path, content, as_it_is=as_it_is)
     written(path, holds)
+
+
+def write_robot(
+    path: str, robot: Robot, source: Path, std: Mapping[str, float], head: str, holds: str = ""
+) -> None:
+    """Write a robot as YAML with lines `head`, or as the path's ending says, and note what that loses."""
+    from beamstiff.functions.written import applied_text
+    from beamstiff.robot.yaml_edit import robot_yaml
+
+    simulator = Path(path).suffix.lower() in (".xml", ".urdf", ".sdf")
+    if simulator:
+        text, lost = applied_text(robot, path, source)
+        for item in lost:
+            note(item)
+    else:
+        text = robot_yaml(robot, source, std, head)
+    write(path, text, holds, as_it_is=simulator)
 
 
 def written(path: str, holds: str = "") -> None:

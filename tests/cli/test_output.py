@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff import BeamstiffError, examine
-from beamstiff.cli.output import json_text, working
+from beamstiff import BeamstiffError, examine, load_robot
+from beamstiff.cli.output import files_last, json_text, working, write_robot
 from beamstiff.stages import stage
 from tests.cli.conftest import Run
 
@@ -67,3 +67,12 @@ class Terminal:
     def status(self, text: str) -> AbstractContextManager["Terminal"]:
         self.update(text)
         return nullcontext(self)
+
+
+@pytest.mark.parametrize("ending", [".yaml", ".urdf"])
+def test_a_robot_is_written_as_its_path_ends(tmp_path: Path, ending: str) -> None:
+    robot = load_robot("kr240-2")
+    to = tmp_path / f"fitted{ending}"
+    with files_last():
+        write_robot(str(to), robot, tmp_path / "given.urdf", {}, "# fitted\n")
+    assert load_robot(to).parameter("J2.torsional") == pytest.approx(robot.parameter("J2.torsional"))
