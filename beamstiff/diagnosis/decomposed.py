@@ -18,7 +18,7 @@ from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import gap_with
-from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
+from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
@@ -61,7 +61,7 @@ def beside_calibration(
         return diagnosis_of(found, told)
     found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
     forms = forms_of(closed, prior, {*OF_GEOMETRY, *found_here})
-    choice = build_choice(closed, [*forms, *(unnamed_forms(closed) if found.unnamed else ())])
+    choice = build_choice(closed, [*forms, *(unmodelled_forms(closed) if found.unmodelled else ())])
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
     step = select(choice, folds_of(closed, choice, seed).squared_errors, most=2 * (SINGLE_ERRORS + 2))
     freedom = max(choice.count - choice.open_count - step.determined, 1.0)

@@ -187,7 +187,7 @@ def _told(model: OpenModel, chosen: Sequence[Form], squares: Sequence[float]) ->
         model=model,
         causes=tuple(causes.values()),
         unclear=(),
-        unnamed=(),
+        unmodelled=(),
         remainder=Remainder(rms(last), left, (), ()),
         unexplained=left,
         rms=rms(0),

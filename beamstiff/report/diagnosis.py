@@ -52,8 +52,9 @@ NAMES = (
     (r"_by_[xyz][xyz]\b", "a_by_bc", "how much a grows per unit of the product b c"),
     (r"_tool_", "tool", "along the axes of the tool"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
-    (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "what acts along one shows along the other"),
+    (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "a load along one moves the other"),
 )
+DOUBTFUL = "(!) A size far from realistic ones: doubt the cause, or its name."
 POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
@@ -183,10 +184,12 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
 
 
 def names_text(result: Diagnosis) -> list[str]:
-    """Return what parts of the parameters' names mean, a sentence each, where they occur."""
-    names = " ".join(f"{item.name} " for one in told(result) for item in one.estimates)
+    """Return what parts of the parameters' names mean, and the mark of sizes, where they occur."""
+    items = [item for one in told(result) for item in one.estimates]
+    names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
-    return [f"Names: {'; '.join(said)}."] if said else []
+    doubtful = [] if all(item.plausible for item in items) else [DOUBTFUL]
+    return [*doubtful, *([f"Names: {'; '.join(said)}."] if said else [])]
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:

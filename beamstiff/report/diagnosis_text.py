@@ -179,8 +179,8 @@ def remainder_text(found: Decomposition) -> str:
         share = percent(sum(one.closes for one in found.unclear))
         said += f". Minor or undecided causes make a part of it ({share} of the gap): "
         said += in_words([one.key for one in found.unclear])
-    if found.unnamed:
-        each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unnamed]
+    if found.unmodelled:
+        each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unmodelled]
         said += f". What no effect in the library is: {', '.join(each)}"
     return f"{said}."
 

@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled
 from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.prior import TEMPERING
 from beamstiff.se3 import Array
 from beamstiff.stages import stage
@@ -71,7 +71,7 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     parts: list[list[Cause]] = [[], [], []]
     for numbers, cause in zip(order, every, strict=True):
         parts[_rank(causes[numbers])].append(cause)
-    named, unclear, unnamed = parts
+    named, unclear, unmodelled = parts
     rest = _rest(model, [*named, *unclear], noise2, total, folds.rows)
     unexplained = rest.share
     if unclear:
@@ -80,12 +80,12 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
         model=model,
         causes=tuple(named),
         unclear=tuple(unclear),
-        unnamed=tuple(unnamed),
+        unmodelled=tuple(unmodelled),
         remainder=rest,
         unexplained=unexplained,
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
-        change=theta[:opened] + _taken_up(model, unnamed),
+        change=theta[:opened] + _taken_up(model, unmodelled),
         scatter=scatter,
         bic=least,
         largest=_largest(errors),
@@ -113,7 +113,7 @@ def _without_cancelling(
 
 
 def _rank(cause: Cause) -> int:
-    """Return 0 for a cause that is named, 1 for one that is undecided, 2 for a law without a name."""
+    """Return 0 for a cause that is named, 1 for one that is undecided, 2 for an unmodelled law."""
     return 0 if cause.named else 2 if cause.outside_library else 1
 
 
@@ -122,11 +122,11 @@ def _rest(model: OpenModel, causes: Sequence[Cause], noise2: float, total: float
     return remainder_of(model, forms, solved(model, forms)[0], noise2, total, rows)
 
 
-def _taken_up(model: OpenModel, unnamed: Sequence[Cause]) -> Array:
+def _taken_up(model: OpenModel, unmodelled: Sequence[Cause]) -> Array:
     """Return what the open parameters (t,) take up of laws that the robot as written will lack."""
     columns = [
         form.columns @ theta
-        for cause in unnamed
+        for cause in unmodelled
         for form, theta in zip(cause.forms, cause.theta, strict=True)
     ]
     if not columns:
@@ -168,7 +168,7 @@ def _judged(
             closes_interval=(0.0, 0.0),
             rms_after=0.0,
             indistinguishable=_in_library(rival.indistinguishable),
-            rivals=tuple(choice.forms[k] for k in rival.forms if choice.forms[k].effect != UNNAMED),
+            rivals=tuple(choice.forms[k] for k in rival.forms if choice.forms[k].effect != UNMODELLED),
         )
         for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
     }
@@ -176,7 +176,7 @@ def _judged(
 
 def _in_library(keys: Sequence[str]) -> tuple[str, ...]:
     """Return causes with those that no effect of the library has as one: unknown."""
-    return tuple(dict.fromkeys(UNNAMED if key.startswith(f"{UNNAMED}:") else key for key in keys))
+    return tuple(dict.fromkeys(UNMODELLED if key.startswith(f"{UNMODELLED}:") else key for key in keys))
 
 
 def _named_first(

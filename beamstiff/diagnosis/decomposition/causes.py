@@ -8,7 +8,7 @@ from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.remainder import Remainder
-from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.se3 import Array
 
@@ -67,7 +67,7 @@ class Cause:
     @property
     def outside_library(self) -> bool:
         """Whether it is a law that no effect of the library has."""
-        return self.forms[0].effect == UNNAMED
+        return self.forms[0].effect == UNMODELLED
 
     @property
     def named(self) -> bool:
@@ -97,8 +97,8 @@ class Decomposition:
     model : OpenModel
     causes, unclear : tuple of Cause
         Those that are named, and those that are there but could as well be another.
-    unnamed : tuple of Cause
-        Laws that no effect of the library has, `unnamed_forms`: a part of the remainder.
+    unmodelled : tuple of Cause
+        Laws that no effect of the library has, `unmodelled_forms`: a part of the remainder.
     remainder : Remainder
         What those that are named leave.
     unexplained : float
@@ -120,7 +120,7 @@ class Decomposition:
     model: OpenModel
     causes: tuple[Cause, ...]
     unclear: tuple[Cause, ...]
-    unnamed: tuple[Cause, ...]
+    unmodelled: tuple[Cause, ...]
     remainder: Remainder
     unexplained: float
     rms: float
@@ -139,13 +139,13 @@ class Decomposition:
     @property
     def gap_shows(self) -> bool:
         """Whether more is left without a cause than noise makes."""
-        return self.scatter > NOISE or bool(self.causes or self.unclear or self.unnamed)
+        return self.scatter > NOISE or bool(self.causes or self.unclear or self.unmodelled)
 
     @property
     def verdict(self) -> Cause | None:
         """The first cause, where it closes most of what can be closed."""
         if not self.causes:
             return None
-        first, *others = (*self.causes, *self.unclear, *self.unnamed)
+        first, *others = (*self.causes, *self.unclear, *self.unmodelled)
         alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
         return first if first.named and (first.closes >= HALF or alone) else None

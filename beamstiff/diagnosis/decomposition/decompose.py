@@ -18,7 +18,7 @@ from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import moved_by, solved
-from beamstiff.diagnosis.decomposition.unnamed import unnamed_forms
+from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
@@ -89,7 +89,7 @@ def decompose(
     if behind:
         prior = informed(prior, behind)
         forms = forms_of(model, prior)
-    choice = build_choice(model, [*forms, *unnamed_forms(model)])
+    choice = build_choice(model, [*forms, *unmodelled_forms(model)])
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -160,7 +160,7 @@ def _name(form: Form) -> tuple[str, str]:
 
 
 def _forms(model: OpenModel, prior: Prior, known: Shapes | None = None) -> list[Form]:
-    return [*forms_of(model, prior, known=known), *unnamed_forms(model)]
+    return [*forms_of(model, prior, known=known), *unmodelled_forms(model)]
 
 
 def _opened(

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic
-from beamstiff.diagnosis.decomposition.unnamed import UNNAMED
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -77,11 +77,11 @@ def _same_kind(effect: str) -> list[str]:
     Links, bearings and drives carry one wrench and move the tool alike: that some of them are compliant is
     one question, which of them, and whether by a law that has a name, another.
     """
-    if effect == UNNAMED:
+    if effect == UNMODELLED:
         return [effect]
     family = EFFECTS[effect].family
     alike = [name for name, other in EFFECTS.items() if other.family == family]
-    return [*alike, UNNAMED] if family == "structure" else [effect]
+    return [*alike, UNMODELLED] if family == "structure" else [effect]
 
 
 def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Array, Integers]:

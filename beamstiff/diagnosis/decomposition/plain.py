@@ -33,7 +33,7 @@ def causes_dict(found: Decomposition) -> dict[str, Any]:
                 for cause in found.unclear
             ],
             "outside_library": [
-                {"what": cause.forms[0].component, "closes": cause.closes} for cause in found.unnamed
+                {"what": cause.forms[0].component, "closes": cause.closes} for cause in found.unmodelled
             ],
         },
     }

@@ -26,14 +26,14 @@ from beamstiff.diagnosis.prior import SELDOM
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
-UNNAMED = "unknown"  # effect of their forms; the component says which place does what
+UNMODELLED = "unknown"  # effect of their forms; the component says which place does what
 SIZE = 1e-3  # m, usual RMS of what a mode moves; as of the effects of the library it may be ten times that
 MODES = 6  # of a law: those that move the readings most, as many as directions of a wrench
 SHOWS = 1e-2  # of the largest mode
 
 
-def unnamed_forms(model: OpenModel) -> list[Form]:
-    """Return a form for every law without a name of every place: its main modes beside the open geometry."""
+def unmodelled_forms(model: OpenModel) -> list[Form]:
+    """Return a form for every unmodelled law of every place: its main modes beside the open geometry."""
     baseline = model.baseline
     found = []
     for place, does, columns, positive in _laws(baseline):
@@ -45,7 +45,7 @@ def unnamed_forms(model: OpenModel) -> list[Form]:
             continue
         parameters = tuple(Quantity(f"mode_{at + 1}", "m", SIZE, positive) for at in range(modes.shape[-1]))
         shape = Shape(does, modes, parameters)
-        found.append(Form(UNNAMED, f"{place} {does}", shape, model.weighed(SIZE * modes), 0.0, SELDOM))
+        found.append(Form(UNMODELLED, f"{place} {does}", shape, model.weighed(SIZE * modes), 0.0, SELDOM))
     return found
 
 

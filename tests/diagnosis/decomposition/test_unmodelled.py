@@ -10,7 +10,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.elastic import elastic_displacement
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
-from beamstiff.diagnosis.decomposition.unnamed import UNNAMED, unnamed_forms
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure import Measurements, make_measurements
@@ -56,8 +56,8 @@ def test_a_bearing_with_play_is_no_effect_of_the_library() -> None:
     found = diagnosis.decomposition
     assert found is not None
     assert diagnosis.verdict.effect == "unknown"
-    largest = max(found.unnamed, key=lambda cause: cause.closes)
-    assert largest.key == f"{UNNAMED}:q3 has play"
+    largest = max(found.unmodelled, key=lambda cause: cause.closes)
+    assert largest.key == f"{UNMODELLED}:q3 has play"
     assert largest.closes > 0.5
     assert "q3 has play" in remainder_text(found)
     assert diagnosis.to_dict()["remainder"]["outside_library"][0]["what"] == largest.forms[0].component
@@ -65,13 +65,13 @@ def test_a_bearing_with_play_is_no_effect_of_the_library() -> None:
 
 def test_the_robot_is_written_without_it() -> None:
     _, _, diagnosis = loose()
-    assert all(one.effect != UNNAMED for one in extended(diagnosis).effects)
+    assert all(one.effect != UNMODELLED for one in extended(diagnosis).effects)
 
 
 def test_modes_move_the_readings_a_metre_each_and_are_few() -> None:
     robot, rows, _ = loose()
     model = open_geometry(robot.model_copy(update={"identify": ()}), rows, parameters=("base",))
-    for form in unnamed_forms(model):
+    for form in unmodelled_forms(model):
         assert 1 <= form.shape.columns.shape[-1] <= 7
         rms = np.sqrt((form.shape.columns[:, :3] ** 2).sum(axis=1).mean(axis=0))
         np.testing.assert_allclose(rms, 1.0)
