@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.fem.test_geometric import MACHINES
 
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
@@ -13,6 +12,7 @@ from beamstiff.se3 import Array
 from tests.fem.builders import STEEL, at_rest, frame, relative_error, some_rotation
 from tests.fem.random_frames import machine_frame
 from tests.fem.rigid_bodies import RigidBodies
+from tests.fem.test_geometric_stiffness import MACHINES
 
 
 def falls_with_the_third_power(errors: list[float], size: float) -> bool:

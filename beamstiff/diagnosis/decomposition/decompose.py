@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from beamstiff.calibration.elastic import felt_names
-from beamstiff.diagnosis.decomposition.answer import told
+from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
@@ -119,9 +119,9 @@ def decompose(
         )
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    far = _far_from_linear(model, choice, step)
-    if far:
-        others = replace(prior, without=(*prior.without, *far))
+    astray = _far_from_linear(model, choice, step) | unsteady(folds, step, seed)
+    if astray:
+        others = replace(prior, without=(*prior.without, *astray))
         return decompose(robot, rows, prior=others, seed=seed, stations=stations, opened=opened)
     return replace(told(folds, step, seed), behind=tuple(behind))
 
