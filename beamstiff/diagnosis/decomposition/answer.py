@@ -144,14 +144,9 @@ def _rest(model: OpenModel, causes: Sequence[Cause], noise2: float, total: float
 
 def _taken_up(model: OpenModel, unmodelled: Sequence[Cause]) -> Array:
     """Return what the open parameters (t,) take up of laws that the robot as written will lack."""
-    columns = [
-        form.columns @ theta
-        for cause in unmodelled
-        for form, theta in zip(cause.forms, cause.theta, strict=True)
-    ]
-    if not columns:
+    if not unmodelled:
         return np.zeros(model.tangent.shape[1])
-    return np.asarray(inverse_of(model.tangent) @ np.sum(columns, axis=0))
+    return np.asarray(inverse_of(model.tangent) @ np.sum([cause.moved for cause in unmodelled], axis=0))
 
 
 def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:

@@ -45,7 +45,7 @@ def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float
     for cause in (*found.causes, *found.unclear):
         if cause.rows:
             rest = {name: -by for name, by in _slips(found, cause).items()}
-            result += [rest, absorbed_by(*found.model.told_apart, _moved(cause))]
+            result += [rest, absorbed_by(*found.model.told_apart, cause.moved)]
     return result
 
 
@@ -59,12 +59,6 @@ def _slips(found: Decomposition, cause: Cause) -> dict[str, float]:
         }
         for form, theta in forms
     )
-
-
-def _moved(cause: Cause) -> Array:
-    """Return what a cause moves, (n + p,), in units of the noise."""
-    parts = [form.columns @ theta for form, theta in zip(cause.forms, cause.theta, strict=True)]
-    return np.asarray(np.sum(parts, axis=0))
 
 
 def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
@@ -95,7 +89,7 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
     model = found.model
     told: dict[str, Any] = {
         "closes": round(cause.closes, 4),
-        "absorbed": absorbed_by(*model.told_apart, _moved(cause)),
+        "absorbed": absorbed_by(*model.told_apart, cause.moved),
     }
     for (effect, component), shapes in own.items():
         yield added_effect(model.baseline, effect, component, shapes, **told)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
@@ -63,6 +65,12 @@ class Cause:
     def key(self) -> str:
         """``effect:component``."""
         return self.forms[0].key
+
+    @property
+    def moved(self) -> Array:
+        """What it moves, (n + p,), in units of the noise."""
+        parts = [form.columns @ theta for form, theta in zip(self.forms, self.theta, strict=True)]
+        return np.asarray(np.sum(parts, axis=0))
 
     @property
     def outside_library(self) -> bool:

@@ -112,7 +112,8 @@ def decompose(
             break
         choice = build_choice(model, _forms(model, prior))
         folds = folds_of(model, choice, seed)
-        same = [number for number, form in enumerate(choice.forms) if _name(form) in map(_name, chosen)]
+        names = set(map(_name, chosen))
+        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         step = min(
             (select(choice, folds.squared_errors, start=one) for one in starts), key=lambda fit: fit.bic
