@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
-from beamstiff.diagnosis.decomposition.folds import folds_of
+from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
@@ -84,12 +84,31 @@ def decompose(
     stage("calibrating")
     model, parameters = _opened(robot, rows, stations, opened)
     check_names(model.baseline, prior)
-    forms = forms_of(model, prior)
+    forms = _forms(model, prior)
     behind = behind_gears(model, forms, prior)
     if behind:
         prior = informed(prior, behind)
-        forms = forms_of(model, prior)
-    choice = build_choice(model, [*forms, *unmodelled_forms(model)])
+        forms = _forms(model, prior)
+    while True:
+        folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
+        astray = _far_from_linear(folds.model, folds.choice, step) | unsteady(folds, step, seed)
+        if not astray:
+            return replace(told(folds, step, seed), behind=tuple(behind))
+        prior = replace(prior, without=(*prior.without, *astray))
+        forms = [form for form in forms if form.key not in astray]
+
+
+def _selected(
+    robot: Robot,
+    model: OpenModel,
+    forms: Sequence[Form],
+    prior: Prior,
+    seed: int,
+    parameters: tuple[str, ...] | None,
+    stations: bool,
+) -> tuple[Folds, Step]:
+    """Return the causes of absolute positions, and the folds of the model that is calibrated beside them."""
+    choice = build_choice(model, forms)
     folds = folds_of(model, choice, seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
@@ -101,13 +120,8 @@ def decompose(
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = open_geometry(
-                robot,
-                model.baseline.rows,
-                moved_by(model, chosen),
-                parameters=parameters,
-                stations=stations,
-            )
+            moved = moved_by(model, chosen)
+            model = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         choice = build_choice(model, _forms(model, prior))
@@ -115,16 +129,11 @@ def decompose(
         names = set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
-        step = min(
-            (select(choice, folds.squared_errors, start=one) for one in starts), key=lambda fit: fit.bic
-        )
+        fits = (select(choice, folds.squared_errors, start=one) for one in starts)
+        step = min(fits, key=lambda fit: fit.bic)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
-    astray = _far_from_linear(model, choice, step) | unsteady(folds, step, seed)
-    if astray:
-        others = replace(prior, without=(*prior.without, *astray))
-        return decompose(robot, rows, prior=others, seed=seed, stations=stations, opened=opened)
-    return replace(told(folds, step, seed), behind=tuple(behind))
+    return folds, step
 
 
 def _far_from_linear(model: OpenModel, choice: Choice, step: Step) -> set[str]:
@@ -161,7 +170,8 @@ def _name(form: Form) -> tuple[str, str]:
 
 
 def _forms(model: OpenModel, prior: Prior, known: Shapes | None = None) -> list[Form]:
-    return [*forms_of(model, prior, known=known), *unmodelled_forms(model)]
+    laws = (form for form in unmodelled_forms(model) if form.key not in prior.without)
+    return [*forms_of(model, prior, known=known), *laws]
 
 
 def _opened(

@@ -67,6 +67,8 @@ class Choice:
         Causes that are one mechanics.
     products : dict of int to array
         See `products_of`.
+    fits : dict of tuple of int to Step
+        See `fit_step`.
     """
 
     forms: tuple[Form, ...]
@@ -84,6 +86,7 @@ class Choice:
     count: int
     alike: Mapping[str, tuple[str, ...]]
     products: dict[int, Array] = field(default_factory=dict)
+    fits: dict[tuple[int, ...], Step] = field(default_factory=dict)
 
     @cached_property
     def pull(self) -> Array:
@@ -122,10 +125,9 @@ class Step:
         Of each form, which parameters the fit uses; the others would be negative, which they cannot be.
     drives : (d,) bool array
         Likewise of the drives.
-    columns : (n, c) array
-        That are used.
-    residual : (n,) array
-        That is fitted.
+    choice : Choice
+    at : (c,) int array
+        Columns that are used.
     triangle : (c, c) array
         Of Cholesky, upper: of ``G + D``.
     theta : (c,) array
@@ -140,15 +142,20 @@ class Step:
     chosen: tuple[int, ...]
     free: tuple[NDArray[np.bool_], ...]
     drives: NDArray[np.bool_]
-    columns: Array
-    residual: Array
+    choice: Choice
+    at: Integers
     triangle: Array
     theta: Array
     squares: float
     determined: float
     bic: float
 
-    @cached_property
+    @property
+    def columns(self) -> Array:
+        """Columns (n, c) that are used."""
+        return self.choice.columns[:, self.at]
+
+    @property
     def basis(self) -> Array:
         """Columns (n, c), orthonormal together with what is known of their parameters beforehand."""
         return np.asarray(solve_triangular(self.triangle, self.columns.T, trans="T").T)
@@ -169,7 +176,7 @@ class Step:
     @cached_property
     def left(self) -> Array:
         """What is left of the residual, (n,)."""
-        return np.asarray(self.residual - self.columns @ self.theta)
+        return np.asarray(self.choice.residual - self.columns @ self.theta)
 
 
 def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
@@ -211,38 +218,37 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
 
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
-    """Return the fit with some forms, in which no parameter is negative that cannot be."""
+    """Return the fit with some forms, in which no parameter is negative that cannot be; fits are kept."""
+    key = tuple(chosen)
+    if key not in choice.fits:
+        choice.fits[key] = _fitted(choice, key)
+    return choice.fits[key]
+
+
+def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     at = np.concatenate(
-        [np.arange(choice.drives), *(np.arange(len(choice.precision))[choice.at[k]] for k in chosen)]
+        [np.arange(choice.drives), *(np.arange(choice.at[k].start, choice.at[k].stop) for k in chosen)]
     )
-    sizes = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
-    columns, triangle, pull = _factor(choice, at)
-    known = np.linalg.inv(triangle) * np.sqrt(choice.precision[at])[:, None]
+    ends = np.cumsum([choice.at[k].stop - choice.at[k].start for k in chosen], dtype=int)
+    gram = np.concatenate([choice.products_of(k)[:, at] for k in (DRIVES, *chosen)])
+    gram += np.diag(choice.precision[at])
+    triangle, pull = _factor(gram, choice.pull[at])
+    root = solve_triangular(triangle, np.eye(at.size), check_finite=False)
     # a sign that was left out is a choice too: it costs as much
-    determined = float(at.size - (known**2).sum())
-    free = _allowed(choice, chosen, at, sizes, triangle, pull)
+    determined = float(at.size - choice.precision[at] @ (root**2).sum(axis=1))
+    free = _allowed(choice, chosen, at, ends, triangle, root, pull)
+    drives, each = free[: choice.drives], np.split(free[choice.drives :], ends)[:-1]
     if not free.all():
-        columns, triangle, pull = _factor(choice, at[free])
-    theta = np.asarray(np.linalg.solve(triangle, pull))
-    left = choice.residual - columns @ theta
-    squares = float(left @ left + choice.precision[at[free]] @ theta**2)
+        at, gram = at[free], gram[np.ix_(free, free)]
+        triangle, pull = _factor(gram, choice.pull[at])
+    theta = np.asarray(solve_triangular(triangle, pull, check_finite=False))
+    left = choice.residual - choice.columns[:, at] @ theta
+    squares = float(left @ left + choice.precision[at] @ theta**2)
     prior = prior_of(choice, chosen)
     value = float(bic(squares, choice.open_count + determined, choice.count, prior))
-    if (np.abs(theta * choice.units[at[free]]) > choice.largest[at[free]]).any():
+    if (np.abs(theta * choice.units[at]) > choice.largest[at]).any():
         value = np.inf  # no machine is like that
-    drives, each = free[: choice.drives], np.split(free[choice.drives :], sizes)[:-1]
-    return Step(
-        tuple(chosen),
-        tuple(each),
-        drives,
-        columns,
-        choice.residual,
-        triangle,
-        theta,
-        squares,
-        determined,
-        value,
-    )
+    return Step(chosen, tuple(each), drives, choice, at, triangle, theta, squares, determined, value)
 
 
 def prior_of(choice: Choice, chosen: Sequence[int]) -> float:
@@ -252,7 +258,13 @@ def prior_of(choice: Choice, chosen: Sequence[int]) -> float:
 
 
 def _allowed(
-    choice: Choice, chosen: Sequence[int], at: Integers, ends: Integers, triangle: Array, pull: Array
+    choice: Choice,
+    chosen: Sequence[int],
+    at: Integers,
+    ends: Integers,
+    triangle: Array,
+    root: Array,
+    pull: Array,
 ) -> NDArray[np.bool_]:
     """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away.
 
@@ -266,10 +278,12 @@ def _allowed(
     )
     left = choice.residual @ choice.residual - pull @ pull
     scatter = max(1.0, float(left) / choice.count)
-    root = np.linalg.inv(triangle)
     variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
     up = SURELY * np.sqrt(variance) * choice.units[at]
+    found = np.asarray(root @ pull)
     used = np.arange(at.size)
+    if not len(couplings) and (found[choice.positive[at]] >= 0.0).all():
+        return (found > 0.0) | ~choice.positive[at]
     for _ in range(1 + len(couplings)):
         found = np.zeros(at.size)
         found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
@@ -295,12 +309,12 @@ def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> 
     return found
 
 
-def _factor(choice: Choice, at: Integers) -> tuple[Array, Array, Array]:
-    """Return some columns (n, c), their triangle R (c, c) and ``R^-T X^T r`` (c,)."""
-    columns = choice.columns[:, at]
-    triangle = np.linalg.cholesky(columns.T @ columns + np.diag(choice.precision[at])).T
-    pull = solve_triangular(triangle, choice.pull[at], trans="T") if at.size else np.zeros(0)
-    return columns, np.asarray(triangle), np.asarray(pull)
+def _factor(gram: Array, pull: Array) -> tuple[Array, Array]:
+    """Return the triangle R (c, c) of ``G + D`` and ``R^-T X^T r`` (c,)."""
+    if not len(gram):
+        return gram, pull
+    triangle = np.asarray(np.linalg.cholesky(gram).T)
+    return triangle, np.asarray(solve_triangular(triangle, pull, trans="T", check_finite=False))
 
 
 def forms_in(choice: Choice, step: Step) -> dict[int, Form]:

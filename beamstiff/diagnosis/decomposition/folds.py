@@ -8,7 +8,7 @@ eq. 2.2.7, for several rows): one fit tells all folds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -38,6 +38,8 @@ class Folds:
         Number of the posture of each value, from 0.
     position : (n,) bool array
         Which values are positions.
+    known : dict of tuple of int to array
+        See `squared_errors`: errors are kept by the forms of the fit.
     """
 
     model: OpenModel
@@ -45,13 +47,16 @@ class Folds:
     fold: Integers
     posture: Integers
     position: NDArray[np.bool_]
+    known: dict[tuple[int, ...], Array] = field(default_factory=dict)
 
     def squared_errors(self, step: Step) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""
-        left = np.zeros(self.model.count)
-        for out, root in self.parts:
-            left[out] = root @ _predicted(root.T @ step.basis[out], root.T @ step.left[out])
-        return self._by_posture(left)
+        if step.chosen not in self.known:
+            left, basis = np.zeros(self.model.count), step.basis
+            for out, root in self.parts:
+                left[out] = root @ _predicted(root.T @ basis[out], root.T @ step.left[out])
+            self.known[step.chosen] = self._by_posture(left)
+        return self.known[step.chosen]
 
     def errors_along(self, order: Sequence[tuple[int, ...]]) -> list[Array]:
         """Return these errors with no cause, with the first, the first two, and so on: their forms.
@@ -62,14 +67,15 @@ class Folds:
         """
         step = fit_step(self.choice, [number for cause in order for number in cause])
         drives = int(step.drives.sum())
-        basis = orthonormal(step.columns[:, :drives])
+        columns, inside = step.columns, step.basis
+        basis = orthonormal(columns[:, :drives])
         ends = drives + np.cumsum([sum(step.free_count(k) for k in cause) for cause in order], dtype=int)
         left = np.zeros((len(ends), self.model.count))
         for out, root in self.parts:
-            error = root @ _predicted(root.T @ step.basis[out], root.T @ step.left[out])
-            theta = step.theta - np.linalg.solve(step.triangle, step.basis[out].T @ error)
+            error = root @ _predicted(root.T @ inside[out], root.T @ step.left[out])
+            theta = step.theta - np.linalg.solve(step.triangle, inside[out].T @ error)
             for values, end in zip(left, ends.tolist(), strict=True):
-                own = step.residual - step.columns[:, drives:end] @ theta[drives:end]
+                own = self.choice.residual - columns[:, drives:end] @ theta[drives:end]
                 own = own[out] - basis[out] @ (basis.T @ own)
                 values[out] = root @ _predicted(root.T @ basis[out], root.T @ own)
         nothing = self.squared_errors(fit_step(self.choice, ()))  # drives are another matter there

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
-from beamstiff.diagnosis.decomposition.selection import HeldOut, gain, select, with_each
+from beamstiff.diagnosis.decomposition.selection import HeldOut, best_first, gain, select
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
@@ -70,11 +70,10 @@ def rival_of(
     without = fit_step(choice, others)
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
     form: dict[str, int] = {}
-    after = with_each(choice, without)
     before = None if held_out is None else held_out(without)
-    for number in np.argsort(after, kind="stable").tolist():
+    for value, number in best_first(choice, without):
         key = choice.forms[number].key
-        if after[number] > without.bic or len(best) > MOST_RIVALS:
+        if value > without.bic or len(best) > MOST_RIVALS:
             break
         if key in form:
             continue

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import heapq
+from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
@@ -23,12 +26,33 @@ SHOWS = 0.5  # parameters that the data determine, below which a form does not s
 HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each held out
 
 
-def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Array:
-    """Return the BIC (f,) of a fit with each form added to it.
+def best_first(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Iterator[tuple[float, int]]:
+    """Yield the BIC of fits with one form more, and the form's number, best first.
 
-    inf where a form does not show, is of a forbidden cause, stands there already, or surely asks for a sign
-    that a parameter cannot have: such a form is not what is there. A parameter that may as well be 0 is held
-    there, in the best of these forms.
+    In the `TRIED` best of the forms with a parameter that would be negative and may as well be 0, it is held
+    there, once it is their turn: the fit is not better for it.
+    """
+    values, bounded = with_each(choice, step, forbidden)
+    held = np.flatnonzero(bounded)
+    held = held[np.argsort(values[held], kind="stable")]
+    values[held[TRIED:]] = np.inf
+    waiting = set(held[:TRIED].tolist())
+    queue = [(float(values[number]), number) for number in np.flatnonzero(np.isfinite(values)).tolist()]
+    heapq.heapify(queue)
+    while queue:
+        value, number = heapq.heappop(queue)
+        if number in waiting:
+            waiting.remove(number)
+            heapq.heappush(queue, (fit_step(choice, (*step.chosen, number)).bic, number))
+        else:
+            yield value, number
+
+
+def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the BIC (f,) of a fit with each form added to it, and which would have a wrong sign (f,).
+
+    The BIC is inf where a form does not show, is of a forbidden cause, stands there already, or surely asks
+    for a sign that a parameter cannot have: such a form is not what is there.
     """
     result = np.full(len(choice.forms), np.inf)
     bounded = np.zeros(len(choice.forms), dtype=bool)
@@ -67,13 +91,7 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Ar
     for key in taken & choice.of_cause.keys():
         result[choice.of_cause[key]] = np.inf
     result[list(step.chosen)] = np.inf
-    held = np.flatnonzero(bounded)
-    held = held[np.argsort(result[held], kind="stable")]
-    result[held[TRIED:]] = np.inf
-    for number in held[:TRIED].tolist():
-        if result[number] < step.bic:
-            result[number] = fit_step(choice, (*step.chosen, number)).bic
-    return result
+    return result, bounded
 
 
 def select(
@@ -108,10 +126,9 @@ def _larger(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection
     """Return a fit with the form more that helps most; None where none helps enough."""
     if not choice.forms:
         return None
-    after = with_each(choice, step, forbidden)
     before = held_out(step)
-    for new in np.argsort(after, kind="stable")[:TRIED].tolist():
-        if after[new] > step.bic - ENOUGH:
+    for value, new in islice(best_first(choice, step, forbidden), TRIED):
+        if value > step.bic - ENOUGH:
             break
         larger = fit_step(choice, (*step.chosen, new))
         if larger.bic <= step.bic - ENOUGH and gain(before, held_out(larger)) > 0.0:
@@ -169,11 +186,11 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
             continue
         other = without = fit_step(choice, [k for k in step.chosen if k != number])
         for _ in range(2):
-            after = with_each(choice, other)
-            after[number] = np.inf
-            if after.min() >= other.bic - ENOUGH:
+            others = (one for one in best_first(choice, other) if one[1] != number)
+            value, new = next(others, (np.inf, -1))
+            if value >= other.bic - ENOUGH:
                 break
-            other = fit_step(choice, (*other.chosen, int(after.argmin())))
+            other = fit_step(choice, (*other.chosen, new))
             if other.bic < best.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
                 best = other
                 break
