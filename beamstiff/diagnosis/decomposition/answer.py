@@ -217,7 +217,8 @@ def _named_first(
 def _kept(folds: Folds, step: Step) -> Step:
     """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
-    The least sure goes first; the others are judged again without it.
+    The least sure goes first; the others are judged again without it. One without which others would have a
+    size that no machine has stays.
     """
     choice = folds.choice
     while step.chosen:
@@ -227,6 +228,7 @@ def _kept(folds: Folds, step: Step) -> Step:
         gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
         sure = [rival_of(choice, step, cause).present for cause in causes]
         weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
+        weak = [at for at in weak if np.isfinite(fits[at].bic)]
         if not weak:
             break
         step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]

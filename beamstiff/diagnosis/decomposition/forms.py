@@ -1,4 +1,4 @@
-"""The forms of the causes as columns of the least squares problem: few parameters, none data-selected."""
+"""The forms of the causes as columns of the least squares problem: few parameters, hardly data-selected."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from beamstiff.se3 import Array
 MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
+# whose period is chosen by the data, once for all: the weight of the form pays for the one parameter more
+PERIODIC = ("thermal-drift",)
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
 # of compliances, where no drive says how stiff the machine is: a service robot's are many times a heavy one's
 UNKNOWN_SCALE = 1e3
@@ -151,7 +153,8 @@ def _fits(effect: str, shape: Shape) -> bool:
     # a matrix of compliances gives back no more work than is done on it, however many it has
     linear = all(item.unit in COMPLIANCE_UNITS for item in shape.parameters)
     few = linear or len(shape.parameters) <= MOST_PARAMETERS
-    return few and not shape.data_selected and not any(item.posture_specific for item in shape.parameters)
+    chosen = shape.data_selected and effect not in PERIODIC
+    return few and not chosen and not any(item.posture_specific for item in shape.parameters)
 
 
 def _weighed(

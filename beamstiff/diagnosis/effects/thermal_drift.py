@@ -93,30 +93,32 @@ def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
         if baseline.stated is None and bool(since) != shared:
             continue
         found = waves(clock(baseline), counts, first_of_pose(baseline) if since else None)
-        drifts: list[Array] = []
-        names: list[Quantity] = []
-        for at, harmonic in enumerate(HARMONICS):
-            for side, name in enumerate(("sine", "cosine")):
-                drifts.append(along(found[:, at, side]))
-                names += named(f"drift_{name}_{harmonic}", "m", DRIFT / harmonic**2)
-        for name, course in ({} if since else steady(baseline)).items():
-            drifts.append(along(course))
-            names += named(f"drift_{name}", "m", DRIFT)
+        begun = {} if since else steady(baseline)
         about = [turning(baseline, found[:, 0, side]) for side in range(2)]
         turns = [item for name in ("sine", "cosine") for item in named(f"turn_{name}", "rad", TURN)]
-        weight = 0.5 / cycle.choices
-        result += [
-            Shape(
-                f"cycle{since}", np.concatenate(drifts, -1), tuple(names), weight=weight, data_selected=True
-            ),
-            Shape(
-                f"cycle, turning{since}",
-                np.concatenate([*drifts, *about], -1),
-                (*names, *turns),
-                weight=weight,
-                data_selected=True,
-            ),
-        ]
+        for label, harmonics in (("one wave", HARMONICS[:1]), ("cycle", HARMONICS)):
+            drifts: list[Array] = []
+            names: list[Quantity] = []
+            for at, harmonic in enumerate(harmonics):
+                for side, name in enumerate(("sine", "cosine")):
+                    drifts.append(along(found[:, at, side]))
+                    names += named(f"drift_{name}_{harmonic}", "m", DRIFT / harmonic**2)
+            for name, course in begun.items():
+                drifts.append(along(course))
+                names += named(f"drift_{name}", "m", DRIFT)
+            for name, columns, quantities in (
+                (label, drifts, names),
+                (f"{label}, turning", [*drifts, *about], [*names, *turns]),
+            ):
+                result.append(
+                    Shape(
+                        f"{name}{since}",
+                        np.concatenate(columns, -1),
+                        tuple(quantities),
+                        weight=0.5 / cycle.choices,
+                        data_selected=True,
+                    )
+                )
     return result
 
 
