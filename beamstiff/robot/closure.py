@@ -5,7 +5,6 @@ poses that did not close, or closed in another branch, are reached by continuati
 """
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,14 +17,13 @@ from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.robot.loops import LoopSystem, equations_at, loop_equations, loop_system, recorded
 from beamstiff.robot.newton import Mask, newton
-from beamstiff.robot.same import Same, geometry_of
 from beamstiff.se3 import Array
 
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 FAR = np.radians(30.0)  # from the guesses, that the nearest assembly is worth a note; 1 rad is a machine size
 CHOICE = "assembly: in the robot file, --assembly of a command"
 FASTEST = 1e4  # scaled passive variable by actuated ones: beyond it a posture is a dead centre
-GRID = 512  # poses: for fewer it is not worth making a grid of starts, and they are worth remembering
+GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
 
 
@@ -44,22 +42,8 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
     free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
     if not kinematics.loops or poses == 0:
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
-    if poses >= GRID:
-        return _closed(kinematics, q, strict)
-    same = Same(*geometry_of(kinematics.robot), kinematics.assembly, of=kinematics)
-    values, closed, reasons = _remembered(same, q.shape, q.astype(np.float64).tobytes(), strict)
-    return Closure(values.copy(), closed.copy(), reasons)
-
-
-@lru_cache(maxsize=64)  # robots of other stiffness are asked for in the same postures again and again
-def _remembered(same: Same, shape: tuple[int, int], q: bytes, strict: bool) -> Closure:
-    return _closed(same.of, np.frombuffer(q).reshape(shape), strict)
-
-
-def _closed(kinematics: Kinematics, q: Array, strict: bool) -> Closure:
-    joined, poses = kinematics.coupling, len(q)
-    system, start = loop_system(kinematics), declared_start(kinematics)
-    free = np.concatenate([q, np.tile(start[joined.actuated :], (poses, 1))], axis=1)
+    system = loop_system(kinematics)
+    free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free) or _without_branches(system, free[0])
     starts = None
     if poses >= GRID:
@@ -119,15 +103,7 @@ def assembled(kinematics: Kinematics) -> Kinematics:
     An error where no loop determines a passive variable, no assembly has the name, or two are equally near to
     the guesses.
     """
-    same = Same(*geometry_of(kinematics.robot), of=kinematics)
-    assembly, closest = _assembly(same, kinematics.robot.assembly)
-    return replace(kinematics, assembly=assembly, closest=closest)
-
-
-@lru_cache(maxsize=16)
-def _assembly(same: Same, name: str | None) -> tuple[Assembly | None, tuple[Closest, ...]]:
-    kinematics: Kinematics = same.of
-    system, start = loop_system(kinematics), declared_start(kinematics)
+    system, start, name = loop_system(kinematics), declared_start(kinematics), kinematics.robot.assembly
     _check_determined(system, start)
     closest = closest_assemblies(system, start, name)
     head = f"robot {kinematics.robot.name!r}"
@@ -141,7 +117,7 @@ def _assembly(same: Same, name: str | None) -> tuple[Assembly | None, tuple[Clos
             )
         )
     if not closest:
-        return None, ()
+        return kinematics
     if len(closest) > 1 and equally_near(*closest[:2]):
         told = "; ".join(assembly_text(kinematics, one) for one in closest)
         way = "" if name else f"name it ({CHOICE}), or "
@@ -149,7 +125,7 @@ def _assembly(same: Same, name: str | None) -> tuple[Assembly | None, tuple[Clos
             f"{head}: two ways to put its loops together are equally near to the guesses: {told}: {way}give "
             "guesses that are nearer to one of them, or limits that only one of them keeps"
         )
-    return assembly_at(system, closest[0].free), closest
+    return replace(kinematics, assembly=assembly_at(system, closest[0].free), closest=closest)
 
 
 def every_assembly(kinematics: Kinematics) -> tuple[Closest, ...]:
