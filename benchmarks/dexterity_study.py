@@ -88,7 +88,7 @@ def worst_of_random(
     found = []
     for seed in range(seeds):
         random = np.random.default_rng(seed)
-        poses = draw(tests, random)  # type: ignore[operator]
+        poses = draw(tests, random)
         table = candidate_tests(robot, poses, loads)
         rows = np.arange(tests) * len(loads) + random.permutation(
             np.arange(tests) % len(loads)

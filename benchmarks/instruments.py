@@ -233,7 +233,7 @@ def drawn(effect: str, kind: str, count: int) -> Iterator[Case]:
     """Yield cases of an effect that the exam measures with a kind of readings."""
     shares = {"null": 1} if effect == "none" else {"single": 1}
     effects = EFFECTS if effect == "none" else (effect,)
-    exam = Exam(seed=3100, shares=shares, effects=effects, robots=ROBOTS, lean=0.0)  # type: ignore[arg-type]
+    exam = Exam(seed=3100, shares=shares, effects=effects, robots=ROBOTS, lean=0.0)
     yielded, number = 0, 0
     while yielded < count and number < 40 * count:
         try:

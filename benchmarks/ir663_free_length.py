@@ -57,7 +57,7 @@ def left(columns: Array, wanted: Array) -> tuple[float, float, Array]:
     best = fit(every)
     tested = [wanted[at] - columns[at] @ fit(np.delete(every, at)) for at in every]
     rms = (1e3 * float(np.sqrt(np.mean(np.square(gap)))) for gap in (wanted - columns @ best, tested))
-    return (*rms, best)  # type: ignore[return-value]
+    return (*rms, best)
 
 
 def with_free_lengths(screws: Robot, EA: float, fixed: float) -> Robot:

@@ -123,7 +123,7 @@ def start(command: Command, folder: Path, die_at: int | None = None, count_to: P
 def prepare() -> None:
     """Make chunks small and the diagnosis short, and load once what all copies of this process need."""
     map_job.MANY = 300  # poses a chunk: eight of them
-    beamstiff.functions.examine._diagnose = lambda: always_none  # type: ignore[assignment,return-value]
+    beamstiff.functions.examine._diagnose = lambda: always_none
     for command in commands(1):
         with tempfile.TemporaryDirectory() as folder, chdir(folder):
             app([*command.arguments], prog_name="beamstiff", standalone_mode=False)

@@ -31,7 +31,7 @@ def ask(peers: str, peer: str, work: dict[str, Array]) -> Answer:
     """
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "work.npz"), Path(folder, "result.npz")
-        np.savez(source, **work)  # type: ignore[arg-type]
+        np.savez(source, **work)
         script = Path(__file__).parent / "peers_run.py"
         subprocess.run([peers, script, peer, source, target], check=True, capture_output=True, env=os.environ)
         with np.load(target) as stored:

@@ -165,7 +165,7 @@ def refitted(told: Diagnosis, cause: Candidate) -> tuple[float, float]:
     every = np.arange(gap.size)
     fitted = gap - columns @ fit(every)
     tested = np.array([gap[at] - columns[at] @ fit(np.delete(every, at)) for at in every])
-    return tuple(1e3 * float(np.sqrt(np.mean((x * sigma[:, 0]) ** 2))) for x in (fitted, tested))  # type: ignore[return-value]
+    return tuple(1e3 * float(np.sqrt(np.mean((x * sigma[:, 0]) ** 2))) for x in (fitted, tested))
 
 
 def cause_table(told: Diagnosis, causes: Sequence[Candidate], left: dict[str, tuple[float, float]]) -> Table:

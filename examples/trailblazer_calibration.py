@@ -67,7 +67,7 @@ STAGES: dict[str, tuple[list[str], tuple[str, ...]]] = {
 
 def robot_from(urdf: Path) -> Robot:
     """Return the robot of the URDF as frames and links, its column a beam on a foot that tilts."""
-    joints = {item.find("child").get("link"): item for item in ET.parse(urdf).iter("joint")}  # type: ignore[union-attr]
+    joints = {item.find("child").get("link"): item for item in ET.parse(urdf).iter("joint")}
     inertial = {item.get("name"): item.find("inertial") for item in ET.parse(urdf).iter("link")}
     chain = ["prism"]
     while chain[0] in joints:

@@ -1,5 +1,6 @@
 """What every test may use: the shared data, and hypothesis' profiles."""
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,6 +11,15 @@ from hypothesis import settings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED = REPOSITORY / os.environ.get("BEAMSTIFF_SHARED", "../shared")
+
+gc.disable()  # while tests are collected, which makes hardly any garbage
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage again, but never in what collecting made: a few million objects that stay."""
+    gc.freeze()
+    gc.enable()
+
 
 # No deadlines: they measure the machine. In continuous integration the same examples on every run, so that
 # a red run is about the change; `pytest --hypothesis-profile=thorough` looks for new ones.

@@ -56,7 +56,7 @@ def test_a_task_that_no_worker_survives_is_given_up(scheduler: str) -> None:
 def test_whoever_breaks_off_leaves_no_tasks_behind(cluster: Any) -> None:
     results = parallel_map(rest, [0.0] + [0.2] * 40, scheduler=str(cluster.scheduler_address))
     assert len(list(islice(results, 1))) == 1
-    results.close()  # type: ignore[attr-defined]
+    results.close()
     end = time.monotonic() + 5
     while cluster.scheduler.tasks and time.monotonic() < end:
         time.sleep(0.05)

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import beamstiff
 from beamstiff.cli.main import app
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.maps.summary import summary
 from beamstiff.measure import make_measurements
 from beamstiff.robot.parts import AddedEffect
@@ -19,6 +20,7 @@ from beamstiff.robot.parts import AddedEffect
 DATA = Path(__file__).parents[1] / "examples" / "data" / "ir663_compliance_xx.csv"
 Q = {"q2": 0.1, "q8": 0.8}
 GRID = {"q2": np.linspace(-0.1, 0.1, 2), "q8": np.linspace(0.7, 0.9, 2)}
+WITHOUT = [name for name in EFFECTS if name not in ("actuator-lever", "tool-compliance")]
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +51,8 @@ CASES: dict[str, tuple[str, str | None, Call, list[str]]] = {
     "diagnose": (
         "ir663",
         str(DATA),
-        lambda r, d: beamstiff.diagnose(r, d, seed=1).to_dict(),
-        ["--seed", "1"],
+        lambda r, d: beamstiff.diagnose(r, d, seed=1, without=WITHOUT).to_dict(),
+        ["--seed", "1", "--without", ",".join(WITHOUT)],
     ),
     "deflect": ("ir663", str(DATA), lambda r, d: beamstiff.predict(r, d).to_dict(), []),
     "compare": (

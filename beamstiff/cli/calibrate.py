@@ -80,7 +80,7 @@ def calibrate(
       beamstiff calibrate robot.yaml poses.csv --out calibrated.yaml --html report.html
       beamstiff calibrate robot.yaml poses.csv --fix base --prior frames=0.5mm --test fresh.csv
       beamstiff calibrate robot.yaml loaded.csv unloaded.csv --compliances J2.torsional,J3.torsional
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.calibration.validation import in_base_frame
     from beamstiff.functions.calibrate import calibrate as run
     from beamstiff.functions.robots import as_robot

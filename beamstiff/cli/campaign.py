@@ -44,7 +44,7 @@ def campaign(
       beamstiff campaign new cell7 kr240-2 --region z=0.5m:2m
       beamstiff campaign next cell7 --out batch1.csv
       beamstiff campaign add cell7 batch1.csv
-    """  # noqa: D301
+    """
     from beamstiff.campaign_folder import new_campaign, opened
     from beamstiff.functions.robots import as_robot
     from beamstiff.robot.writer import robot_to_yaml

@@ -36,7 +36,7 @@ def check(
     \b
     Example:
       beamstiff check verified.json --max-gap 0.2mm
-    """  # noqa: D301
+    """
     outputs = Outputs([result])
     limit = 1e3 * parse_quantity("--max-gap", max_gap, "length")
     if not limit >= 0.0:

@@ -74,7 +74,7 @@ def compare(
       beamstiff compare robot.yaml data.csv --figure errors.png --html report.html
       beamstiff compare ir663 data.csv --fit-load 900N --rules rules.png
       beamstiff compare kr500 data.csv --models parametric,grid --cube 300mm --out real.yaml
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.diagnosis.apply import written_std
     from beamstiff.functions.compare import compare as run
     from beamstiff.functions.fitted import best_of, judged_notes, robot_with

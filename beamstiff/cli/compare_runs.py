@@ -37,7 +37,7 @@ def compare_runs(
     Examples:
       beamstiff compare-runs robot.yaml spring.csv autumn.csv
       beamstiff compare-runs kr500 before.csv after.csv --parameters offsets,target --json changes.json
-    """  # noqa: D301
+    """
     from beamstiff.functions.compare_runs import compare_runs as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.changes import changes_verdict

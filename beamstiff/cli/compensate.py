@@ -136,7 +136,7 @@ def compensate(
       # orientation: KUKA ABC
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.compensation.formats import points_beside
     from beamstiff.compensation.process.writer import process_to_yaml

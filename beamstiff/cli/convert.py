@@ -104,7 +104,7 @@ def convert(
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
       beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     inputs: list[str | Path] = [
         robot_file(source),
         *(path for path in (like, profile, joints) if path is not None),

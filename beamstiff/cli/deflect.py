@@ -51,7 +51,7 @@ def deflect(
       q2 [deg],q8 [deg],fx [N],fz [N]
       1.37,48.63,-900,0
       12.54,33.04,0,-900
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.functions.predict import predict
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure import measurements_to_csv

@@ -26,7 +26,7 @@ def demo(
     \b
     Example:
       beamstiff demo
-    """  # noqa: D301
+    """
     from beamstiff.functions.diagnose import diagnose
     from beamstiff.functions.identify import identify
     from beamstiff.functions.robots import as_robot

@@ -70,7 +70,7 @@ def diagnose(
       beamstiff diagnose robot.xml data.csv --apply closed.xml
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
-    """  # noqa: D301
+    """
     from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.diagnose import diagnose as run

@@ -37,7 +37,7 @@ def doctor(
     Examples:
       beamstiff doctor
       beamstiff doctor --json -
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     outputs = Outputs([])
     needed, optional = parts(_requirements())
     facts: dict[str, Any] = {

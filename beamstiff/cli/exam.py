@@ -65,7 +65,7 @@ def exam(
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
       beamstiff exam --crowded --cases 100 --seed 7 --out results.jsonl --json table.json
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.errors import OptionError
     from beamstiff.exam.table import by_design, headline
     from beamstiff.functions.examine import check_kept, examine, reports_of

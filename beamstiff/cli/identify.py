@@ -126,7 +126,7 @@ def identify(
       beamstiff identify robot.yaml data.csv --method genetic --seed 3 --bound J1.radial=1e7:1e10
       beamstiff identify robot.yaml data.csv --method crs2 --searches 8 --processes 4
       beamstiff identify robot.yaml data.csv --loss huber --bootstrap 1000 --reduce small.yaml
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.functions.checks import whole
     from beamstiff.functions.identify import identify as run
     from beamstiff.functions.robots import as_robot

@@ -67,7 +67,7 @@ def beamstiff(
 
     Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a fault of beamstiff,
     130 after Ctrl-C. Output files are written whole or not at all.
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 

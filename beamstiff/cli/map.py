@@ -82,7 +82,7 @@ def map(
         --quantity deflection,kappa --wrench fz=-2kN
       beamstiff map kr240-2 --grid z=0.4:1.6:4,x=1.2:2:17,y=-0.8:0.8:17 --q q2=60deg,q3=-200deg,q5=50deg \\
         --orientation b=90deg --out map.nc --processes 4
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import left_out, model_note
     from beamstiff.functions.robots import as_robot

@@ -46,7 +46,7 @@ def plan(
     \b
     Then fill in the columns of displacements and identify:
       beamstiff identify ir663 tests.csv
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     import numpy as np
 
     from beamstiff.cli.variables import parse_wrench

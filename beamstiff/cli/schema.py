@@ -30,7 +30,7 @@ def schema(
     Examples:
       beamstiff schema --json robot.schema.json
       beamstiff schema measurements --json measurements.schema.json
-    """  # noqa: D301
+    """
     if what == ROBOT:
         from beamstiff.robot.schema import robot_schema as made
     elif what == MEASUREMENTS:

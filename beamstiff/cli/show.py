@@ -39,7 +39,7 @@ def show(
       beamstiff show
       beamstiff show ir663
       beamstiff show robot.yaml --json robot.json
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     if robot is None:
         from beamstiff.robot.library import robot_names
 

@@ -48,7 +48,7 @@ def stiffness(
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg
       beamstiff stiffness robot.yaml --q q1=0.3 --json stiffness.json
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg --preload --wrench fz=-900N
-    """  # noqa: D301 - a real backspace keeps the lines of the next paragraph
+    """
     from beamstiff.cli.variables import note_limits, parse_variables, parse_wrench
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.stiffness import stiffness as run

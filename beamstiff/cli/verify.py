@@ -44,7 +44,7 @@ def verify(
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
       beamstiff verify kr240-2 loads.csv --engine mujoco
-    """  # noqa: D301
+    """
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run

@@ -116,7 +116,7 @@ def vector(parameters: Mapping[str, float], names: str = "xyz") -> Array:
     return np.array([parameters[name] for name in names])
 
 
-def nowhere(robot: Robot) -> list[str | None]:  # noqa: ARG001
+def nowhere(robot: Robot) -> list[str | None]:
     """Return the one place of effects that have no component."""
     return [None]
 

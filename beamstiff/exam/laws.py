@@ -66,7 +66,7 @@ class Forgetful:
     remembers = False
     changes = False
 
-    def start(self, situation: Situation) -> Memory:  # noqa: ARG002
+    def start(self, situation: Situation) -> Memory:
         """Return no memory."""
         return ()
 
@@ -94,7 +94,7 @@ class Friction(Remembering):
         """Return the state and its slope by the way, (P,) each, after a way from a state along the motion."""
         raise NotImplementedError
 
-    def largest(self, strain: Array, state: Array) -> tuple[Array | float, Array | float]:  # noqa: ARG002
+    def largest(self, strain: Array, state: Array) -> tuple[Array | float, Array | float]:
         """Return the largest friction after a strain, and by how much friction at a state grows with it."""
         return self.friction, 0.0
 
@@ -103,7 +103,7 @@ class Friction(Remembering):
         poses = len(situation.time)
         return np.zeros(poses), np.full(poses, self.arrived)
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent, and strain and state after."""
         before, held = memory
         sign = np.where(strain >= before, 1.0, -1.0)
@@ -149,7 +149,7 @@ class Curve(Forgetful):
 
     curve: Callable[[Array], tuple[Array, Array]]
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, slope and no memory."""
         force, slope = self.curve(strain)
         return force, slope, memory
@@ -166,7 +166,7 @@ class WindUp(Forgetful):
     wind_up: Callable[[Array], tuple[Array, Array]]
     stiffest: float
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, stiffness and no memory."""
         # the curve is monotone: bracket the force, then Newton kept inside the bracket
         bound = 2.0 * self.stiffest * np.abs(strain) + 1e-9

@@ -8,18 +8,20 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.fields import DescriptionError
-from beamstiff.robot.parts import FRAME_PARAMETERS, Variable
+from beamstiff.robot.parts import FRAME_PARAMETERS, Frame, Variable
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -38,24 +40,24 @@ def variable_kinds(robot: Robot) -> dict[str, str]:
     return dict(_kinds(_Same(robot.variables)))  # a caller's own
 
 
-class _Same:
-    """Variables as the key of a cache by identity: they never change, and comparing them would take long."""
+class _Same(Generic[P]):
+    """Parts as the key of a cache by identity: they never change, and comparing them would take long."""
 
-    def __init__(self, variables: tuple[Variable, ...]) -> None:
-        self.variables = variables
+    def __init__(self, parts: tuple[P, ...]) -> None:
+        self.parts = parts
 
     def __hash__(self) -> int:
-        return id(self.variables)
+        return id(self.parts)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.variables is self.variables
+        return isinstance(other, _Same) and other.parts is self.parts
 
 
 @functools.lru_cache(maxsize=8)  # asked for again for every variable of a robot
-def _kinds(same: _Same) -> dict[str, str]:
-    declared = {variable.name: variable for variable in same.variables}
+def _kinds(same: _Same[Variable]) -> dict[str, str]:
+    declared = {variable.name: variable for variable in same.parts}
     kinds: dict[str, str] = {}
-    for name in _dependence_order(same.variables):
+    for name in _dependence_order(same.parts):
         variable = declared[name]
         used = _used_variables(variable.equals, declared)
         untyped = variable.equals is not None and variable.type is None
@@ -116,11 +118,16 @@ def coupling(robot: Robot) -> Coupling:
 
 def frame_expressions(robot: Robot) -> dict[str, dict[str, Expression]]:
     """Return, by frame, the linear expression of each of its Khalil-Kleinfinger parameters."""
-    kinds = variable_kinds(robot)
+    return _expressions(_Same(robot.frames), _Same(robot.variables))  # that no caller changes
+
+
+@functools.lru_cache(maxsize=8)  # robots of other stiffness have the same frames
+def _expressions(frames: _Same[Frame], variables: _Same[Variable]) -> dict[str, dict[str, Expression]]:
+    kinds = _kinds(variables)
     return {
         frame.name: {
             parameter: parse_expression(getattr(frame, parameter), kind, kinds)
             for parameter, kind in FRAME_PARAMETERS.items()
         }
-        for frame in robot.frames
+        for frame in frames.parts
     }

@@ -57,7 +57,7 @@ def set_ups(instrument: str) -> list[Target]:
             for k, (p, n) in enumerate(zip(PLACES, NORMALS, strict=True))
         ]
     length = 0.6 if instrument == "ball-bar" else None
-    return [target(f"T{k}", instrument, place=p, length=length) for k, p in enumerate(PLACES)]  # type: ignore[arg-type]
+    return [target(f"T{k}", instrument, place=p, length=length) for k, p in enumerate(PLACES)]
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_a_bar_at_the_tip_of_one_link_sees_its_length_alone() -> None:
     assert found.observability.identified == ("tip.x",)
     assert "q1" in found.observability.silent
     assert found["tip.x"].change == pytest.approx(2e-3, abs=1e-9)
-    _, jacobian = found.statement.problem.linearised(np.zeros(4))  # type: ignore[union-attr]
+    _, jacobian = found.statement.problem.linearised(np.zeros(4))
     np.testing.assert_allclose(jacobian[:, 0], 1e5)  # radial; across and about it nothing shows
     np.testing.assert_allclose(jacobian[:, 1:], 0.0, atol=1e-6)
 
@@ -155,7 +155,7 @@ def test_what_is_found_holds_for_fresh_postures_but_for_the_scale(
     for one, truth in zip(found.targets, set_ups(instrument), strict=True):
         if instrument == "ball-bar":
             assert one.place == pytest.approx(truth.place, abs=0.02)
-            assert found[f"{one.name}.x"].value == pytest.approx(one.place[0])  # type: ignore[index]
+            assert found[f"{one.name}.x"].value == pytest.approx(one.place[0])
 
 
 def test_a_bar_of_unknown_length_leaves_the_scale_open(tables: dict[str, Measurements]) -> None:

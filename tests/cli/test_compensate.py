@@ -40,7 +40,7 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
         assert re.sub(rb" *" + number, b"#", a) == re.sub(rb" *" + number, b"#", b)
     assert b"Z 9.00" in new[5]
     assert b"E+02" in new[5]
-    before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
+    before, after = map(float, RESULT.search(result.stdout).groups())
     assert before > 0.3
     assert after < 0.001
     assert "the path begins at q1 = " in result.stderr
@@ -89,7 +89,7 @@ def test_the_real_robot_may_be_another(cell: Path, run: Run, succeed: Run) -> No
     (cell / "real.yaml").write_text(text.replace("theta: q2}", 'theta: "q2 + 0.05 deg"}'), encoding="utf-8")
     succeed("compensate", "kr500", "cell.src", "--actual", "real.yaml", "--out", "new.src", "--quiet")
     # joint 2 turns the arm down: the command goes up by some 1.1 m times the angle
-    z = float(re.search(rb"Z *([0-9.]+)", (cell / "new.src").read_bytes().split(b"\r\n")[4])[1])  # type: ignore[index]
+    z = float(re.search(rb"Z *([0-9.]+)", (cell / "new.src").read_bytes().split(b"\r\n")[4])[1])
     assert 0.5 < z - 900 < 2.0
     other = run("compensate", "kr500", "cell.src", "--actual", "ir663")
     assert other.exit_code == 2
@@ -283,7 +283,7 @@ def test_a_real_robot_whose_effect_is_a_mean_of_shapes_is_taken(succeed: Run, ce
     (cell / "real.yaml").write_text((ROBOTS / "kr500.yaml").read_text() + MEAN_OF_SHAPES)
     arguments = ("--wrench", "fz=-900N", "--actual", "real.yaml")
     result = succeed("compensate", "kr500", "cell.src", *arguments, "--out", "new.src")
-    before, after = map(float, RESULT.search(result.stdout).groups())  # type: ignore[union-attr]
+    before, after = map(float, RESULT.search(result.stdout).groups())
     assert after < 0.01 * before
 
 

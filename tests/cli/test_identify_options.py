@@ -16,11 +16,11 @@ BOTH = ("--parameters", "J1.torsional,J1.radial")
 def answer(succeed: Run, *arguments: str) -> dict[str, Any]:
     """Return the JSON of an identification of the crane."""
     result = succeed("identify", "crane.yaml", *arguments, "--json", "-")
-    return json.loads(result.stdout)  # type: ignore[no-any-return]
+    return json.loads(result.stdout)
 
 
 def value(found: dict[str, Any], name: str = "J1.torsional") -> float:
-    return found["parameters"][name]["value"]  # type: ignore[no-any-return]
+    return found["parameters"][name]["value"]
 
 
 @pytest.fixture

@@ -72,7 +72,7 @@ def along(x: Array, depth: Array, turn: Array | None = None) -> tuple[Cantilever
 def with_(beam: Cantilever, **change: object) -> Cantilever:
     from dataclasses import replace
 
-    return replace(beam, **change)  # type: ignore[arg-type]
+    return replace(beam, **change)
 
 
 def test_euler_and_bernoullis_force() -> None:

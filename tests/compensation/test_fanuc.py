@@ -42,7 +42,7 @@ def test_frame_0_is_the_robots_own_and_others_are_unknown() -> None:
     [place] = fanuc.read(f"{HEAD}{POINT}/END\n", "a.ls").places
     assert place.base is not None
     assert place.tool is not None
-    np.testing.assert_array_equal(place.base.pose, np.eye(4))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(place.base.pose, np.eye(4))
     assert (place.tool.name, place.tool.pose) == ("UT : 2", None)
 
 

@@ -55,7 +55,7 @@ def test_what_is_out_of_reach_is_told_and_the_rest_goes_on() -> None:
 
 def test_a_joint_that_is_in_the_way_is_named() -> None:
     beyond = START.copy()
-    beyond[1] = KINEMATICS.robot.actuated[1].limits[0] - 0.5  # type: ignore[index]
+    beyond[1] = KINEMATICS.robot.actuated[1].limits[0] - 0.5
     found = follow(KINEMATICS, poses_at(beyond), START)
     assert not found.reached[0]
     assert found.reasons[0].endswith("q3 at the limit")

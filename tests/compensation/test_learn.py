@@ -131,7 +131,7 @@ def test_runs_are_read_from_files(machine: Machine, tmp_path: Path) -> None:
     rows = "".join(",".join(f"{1e3 * value:.6f}" for value in at) + "\n" for at in run.measured)
     (tmp_path / "run.csv").write_text("# sigma_position: 0.01 mm\nx [mm],y [mm],z [mm]\n" + rows)
     given = {"process": tmp_path / "p.yaml", "measured": [tmp_path / "run.csv"]}
-    again = compensate("kr500", tmp_path / "a.src", ran=[tmp_path / "first.src"], **given)  # type: ignore[arg-type]
+    again = compensate("kr500", tmp_path / "a.src", ran=[tmp_path / "first.src"], **given)
     assert again.learned is not None
     [friction] = [one for one in again.learned.parameters if one.name == "friction"]
     assert abs(friction.value - 0.15) < 4 * friction.std < 0.1
@@ -140,4 +140,4 @@ def test_runs_are_read_from_files(machine: Machine, tmp_path: Path) -> None:
     (tmp_path / "short.csv").write_text("x,y,z\n1,0,1\n")
     given["measured"] = [tmp_path / "short.csv"]
     with pytest.raises(BeamstiffError, match=r"short\.csv: found 1 rows for 14 targets"):
-        compensate("kr500", tmp_path / "a.src", **given)  # type: ignore[arg-type]
+        compensate("kr500", tmp_path / "a.src", **given)

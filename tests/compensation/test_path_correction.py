@@ -78,7 +78,7 @@ class Jumping(Machine):
     step: float = 0.97e-3
     less: float = 0.95e-3
 
-    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:  # noqa: ARG002 (the machine's)
+    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
         sag = np.zeros((len(q), 6))
         sag[:, 2] = np.where(self.undeformed(q)[:, 2, 3] > 1.0 + self.step, -self.less, -1e-3)
         return sag
@@ -246,7 +246,7 @@ class Wall:
     stiffness: float
     height: float
 
-    def wrench(self, tool: Array, path: ToolPath) -> Array:  # noqa: ARG002
+    def wrench(self, tool: Array, path: ToolPath) -> Array:
         load = np.zeros((len(tool), 6))
         load[:, 2] = -self.stiffness * (tool[:, 2, 3] - self.height)
         return load

@@ -22,7 +22,7 @@ def corrected(folder: Path, name: str, text: str, **options: Array) -> Array:
     """Return commands in the base frame of the robot, tool tip."""
     path = folder / name
     path.write_text(text)
-    return compensate("kr500", path, wrench=[0, 0, -900, 0, 0, 0], **options).correction.commands  # type: ignore[arg-type]
+    return compensate("kr500", path, wrench=[0, 0, -900, 0, 0, 0], **options).correction.commands
 
 
 KRL = [

@@ -40,7 +40,7 @@ def test_targets_are_what_motions_go_to() -> None:
 
 def test_frames_and_tools_are_those_that_hold_at_the_motion() -> None:
     places = urscript.read(PROGRAM, "a.script").places
-    tools = [place.tool.pose[2, 3] for place in places]  # type: ignore[union-attr, index]
+    tools = [place.tool.pose[2, 3] for place in places]
     np.testing.assert_allclose(tools, [0.1, 0.1, 0.1, 0.2, 0.2, 0.2])
     assert [place.base is not None for place in places] == [False, False, True, False, False, False]
     base = places[2].base

@@ -25,7 +25,7 @@ OFF = transform(rotation_from_vector(np.array([0.004, -0.003, 0.005])), np.array
         ("fixed", {"scale": 0.006}, "camera-scale:null"),
     ],
 )
-def test_the_right_party_is_named(where: str, cause: dict, verdict: str) -> None:  # type: ignore[type-arg]
+def test_the_right_party_is_named(where: str, cause: dict, verdict: str) -> None:
     robot = rigid_arm()
     real = corrected(robot, cause.pop("real"), np.zeros((1, 6))) if "real" in cause else None
     found = diagnose(robot, parse_measurements(seen(robot, real, where=where, noise=0.05, **cause), robot))

@@ -16,7 +16,7 @@ from beamstiff.robot.writer import robot_to_yaml
 
 def wishes() -> list[Wish]:
     return [
-        Wish(design, data, readings, "true")  # type: ignore[arg-type]
+        Wish(design, data, readings, "true")
         for design, data, readings in product(("rich", "lean"), ("displacement", "absolute"), (3, 6))
     ]
 
@@ -41,7 +41,7 @@ def test_the_noise_is_what_an_instrument_has_and_the_claim_what_was_wished() -> 
     robot = load_robot("kr240-2")
     for seed, (claim, factor) in enumerate((("true", 1.0), ("half", 0.5), ("twice", 2.0), ("absent", None))):
         rng = np.random.default_rng(seed)
-        campaign = draw_campaign(rng, robot, Wish("rich", "displacement", 6, claim))  # type: ignore[arg-type]
+        campaign = draw_campaign(rng, robot, Wish("rich", "displacement", 6, claim))
         assert 2e-5 <= campaign.sigma_position <= 5e-5
         assert 2e-5 <= campaign.sigma_rotation <= 1e-4
         if factor is None:
@@ -77,13 +77,13 @@ def test_the_loads_move_the_tool_by_about_a_millimetre() -> None:
 def test_a_random_arm_is_a_robot_like_any_other() -> None:
     arms = [random_arm(np.random.default_rng(seed)) for seed in range(20)]
     for arm in arms:
-        reach = np.linalg.norm([arm.frames[2].d, arm.frames[3].r])  # type: ignore[list-item]
+        reach = np.linalg.norm([arm.frames[2].d, arm.frames[3].r])
         assert 0.4 < reach < 2.2
         assert all(3e3 < arm.parameter(name) < 1e8 for name in arm.identify)
     assert len({arm.parameter("J2.torsional") for arm in arms}) == 20
 
 
-def test_a_random_arm_survives_its_file(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_random_arm_survives_its_file(tmp_path) -> None:
     arm = with_payload(random_arm(np.random.default_rng(5)), 40.0, (0.0, 0.05, 0.1))
     (tmp_path / "arm.yaml").write_text(robot_to_yaml(arm), encoding="utf-8")
     assert load_any(tmp_path / "arm.yaml") == arm

@@ -33,7 +33,7 @@ def test_the_interval_of_a_median_holds_the_true_one_as_often_as_it_says() -> No
     assert held == pytest.approx(0.95, abs=0.02)
 
 
-def test_every_effect_of_the_format_has_one_family(shared_path) -> None:  # type: ignore[no-untyped-def]
+def test_every_effect_of_the_format_has_one_family(shared_path) -> None:
     text = Path(shared_path("FORMATS.md")).read_text(encoding="utf-8")
     table = text.split("| effect | component |")[1].split("\n\n")[0]
     assert sorted(line.split("`")[1] for line in table.splitlines() if line.startswith("| `")) == sorted(

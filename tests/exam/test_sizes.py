@@ -121,7 +121,7 @@ def test_some_poses_are_whole_poses_over_the_whole_campaign() -> None:
 def test_drawn_sizes_leave_gaps_between_hardly_seen_and_glaring() -> None:
     exam = Exam(seed=19, shares={"single": 1}, robots=("kr240-2",), lean=0.0)
     gaps = []
-    for case in range(18):  # each effect of the table once
+    for case in range(0, 18, 2):  # every second effect of the table once
         drawn = draw_case(exam, case)
         fit = linear_fit(drawn.robot, drawn.machine, drawn.campaign)
         gaps.append(whitened_gap(drawn.campaign, fit.residual(drawn.truths)))

@@ -8,7 +8,7 @@ from tests.exam.answered import answered
 
 def test_a_figure_is_held_against_what_is_asked_from_the_right_side() -> None:
     def met(value: float | None, better: str) -> object:
-        return Row("", Figure(value, None, None, 1), 0.9, 0.97, better).met  # type: ignore[arg-type]
+        return Row("", Figure(value, None, None, 1), 0.9, 0.97, better).met
 
     assert [met(value, "high") for value in (0.97, 0.9, 0.8999, None)] == ["aim", "required", "missed", None]
     low = [Row("", Figure(v, None, None, 1), 0.05, 0.02, "low").met for v in (0.02, 0.05, 0.0501)]

@@ -51,7 +51,7 @@ def machine(name: str, effect: str) -> Robot:
 def small_campaign(name: str, stiff: bool, kind: str) -> tuple[SimulatedCampaign, np.random.Generator, Array]:
     """Return a campaign, the generator as it was left behind, and what a machine without effects reads."""
     rng, robot = np.random.default_rng(6), loaded_robot(name, stiff)
-    campaign = draw_campaign(rng, robot, Wish("lean", kind, 6, "true"))  # type: ignore[arg-type]
+    campaign = draw_campaign(rng, robot, Wish("lean", kind, 6, "true"))
     campaign = replace(campaign, shared_unloaded=False)  # with one load a pose it takes all drift off
     return campaign, rng, simulate(robot, (), campaign, np.random.default_rng(0)).measured
 

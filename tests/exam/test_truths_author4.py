@@ -41,7 +41,7 @@ ABSOLUTE = {
 @cache
 def rich_campaign(name: str, stiff: bool, kind: str) -> tuple[SimulatedCampaign, Array]:
     """Return a campaign, and what a machine without effects reads."""
-    wish, robot = Wish("rich", kind, 6, "true"), loaded_robot(name, stiff)  # type: ignore[arg-type]
+    wish, robot = Wish("rich", kind, 6, "true"), loaded_robot(name, stiff)
     campaign = replace(draw_campaign(np.random.default_rng(6), robot, wish), shared_unloaded=False)
     return campaign, readings(reality_of(robot, ()), campaign)
 

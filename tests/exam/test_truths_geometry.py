@@ -100,12 +100,12 @@ def test_a_wrong_payload_is_another_payload(form: str) -> None:
     np.testing.assert_allclose(more(robot, campaign, truth)[:, :3], linear, atol=0.03 * np.abs(linear).max())
 
 
-def hose(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:  # noqa: ARG001
+def hose(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:
     """Return what the tool has lifted of a hose."""
     return max(p["per_metre"] * (height - p["low"]), 0.0), np.zeros(3)
 
 
-def slid(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:  # noqa: ARG001
+def slid(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:
     return p["mass"], (p["away"] + p["slides"] * float(axis @ down)) * axis
 
 
@@ -113,11 +113,11 @@ def run(along: float, p: Parameters) -> float:
     return float(p["half"] * along / np.hypot(along, p["tilt"]))
 
 
-def rolled(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:  # noqa: ARG001
+def rolled(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:
     return p["mass"], (p["along"] + run(axis @ down, p)) * axis
 
 
-def flowed(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:  # noqa: ARG001
+def flowed(p: Parameters, axis: Array, down: Array, height: float) -> tuple[float, Array]:
     """Return where a liquid's middle is: each of the two ways across by itself."""
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across = across / np.linalg.norm(across)

@@ -138,19 +138,19 @@ def discs(truth: Truth, m: Machine) -> Array:
 def some(
     factors: Sequence[float], force: float, moments: bool = True, seed: int = 2
 ) -> Callable[[Array], Array]:
-    def loads(axes: Array) -> Array:  # noqa: ARG001
+    def loads(axes: Array) -> Array:
         made = random_loads(np.random.default_rng(seed), 6, factors, force=force)
         return made if moments else made * np.repeat([1.0, 0.0], 3)
 
     return loads
 
 
-def same_in_all_poses(axes: Array) -> Array:  # noqa: ARG001
+def same_in_all_poses(axes: Array) -> Array:
     made = random_loads(np.random.default_rng(2), 1, np.arange(7) / 6.0, force=20.0)
     return np.tile(120.0 / np.linalg.norm(made[:, -1:, :3], axis=-1, keepdims=True) * made, (6, 1, 1))
 
 
-def sideways(axes: Array) -> Array:  # noqa: ARG001
+def sideways(axes: Array) -> Array:
     return np.tile([15.0, 8.0, 0, 0, 0, 0], (6, 1, 1))
 
 

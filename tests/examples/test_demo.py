@@ -117,7 +117,7 @@ def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
     assert (beside[..., :3].min(axis=2) < 0.5).mean() > 0.02
 
 
-def test_the_data_are_those_shared(shared_path) -> None:  # type: ignore[no-untyped-def]
+def test_the_data_are_those_shared(shared_path) -> None:
     shared = shared_path("data/ir663_compliance_xx.csv").read_text(encoding="utf-8")
     assert (REPOSITORY / "examples" / "data" / "ir663_compliance_xx.csv").read_text(
         encoding="utf-8"

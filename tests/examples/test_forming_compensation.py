@@ -15,7 +15,7 @@ def test_the_better_the_beam_is_known_the_less_is_left(
     text = capsys.readouterr().out
     number = r" +([0-9.]+) +([0-9.]+) +([0-9.]+)"
     left = [
-        float(re.search(rf"^{name}{number}", text, re.MULTILINE)[1])  # type: ignore[index]
+        float(re.search(rf"^{name}{number}", text, re.MULTILINE)[1])
         for name in ("euler-bernoulli", "incremental", "incremental, friction")
     ]
     assert left[0] > left[1] > 10 * left[2]

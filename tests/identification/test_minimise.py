@@ -28,7 +28,7 @@ def objective() -> Objective:
 
 
 def stopping(at: int) -> Callable[[int, float], None]:
-    def progress(count: int, cost: float) -> None:  # noqa: ARG001
+    def progress(count: int, cost: float) -> None:
         if count >= at:
             raise KeyboardInterrupt
 

@@ -50,7 +50,7 @@ def test_every_point_solves_the_weighted_normal_equations(front: Front) -> None:
 def test_the_ends_are_what_positions_and_rotations_alone_say(front: Front) -> None:
     robot, data = bent()
     for end, components, part in ((0, "position", slice(0, 3)), (-1, "rotation", slice(3, 6))):
-        alone = identify(robot, data, components=components, folds=0)  # type: ignore[arg-type]
+        alone = identify(robot, data, components=components, folds=0)
         left = (alone.predicted - data.displacement)[:, part]
         assert front.rms[end][end] == pytest.approx(np.sqrt((left**2).sum(axis=1).mean()), rel=1e-6)
 
@@ -82,7 +82,7 @@ def test_what_has_no_front_is_refused() -> None:
     robot, data = bent()
     for given in ({"loss": "huber"}, {"components": "position"}, {"priors": {robot.identify[0]: (1e6, 2.0)}}):
         with pytest.raises(BeamstiffError, match="pareto: is of squared errors of both"):
-            identify(robot, data, folds=0, pareto=3, **given)  # type: ignore[arg-type]
+            identify(robot, data, folds=0, pareto=3, **given)
     with pytest.raises(BeamstiffError, match="pareto: found 1, expected 2 points or more"):
         identify(robot, data, folds=0, pareto=1)
     turned = data.displacement.copy()

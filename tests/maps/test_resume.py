@@ -199,7 +199,7 @@ def test_a_full_disk_loses_no_finished_chunk(
 def test_a_disk_that_is_full_at_the_end_keeps_all_chunks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: Counter[int]
 ) -> None:
-    def full(self: xarray.Dataset, *_: Any, **__: Any) -> None:  # noqa: ARG001
+    def full(self: xarray.Dataset, *_: Any, **__: Any) -> None:
         with open("/dev/full", "wb") as file:
             file.write(b"0")
 

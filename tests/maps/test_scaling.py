@@ -12,7 +12,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     def cost(
         work: dict[str, object],
         processes: int,
-        scheduler: str | None = None,  # noqa: ARG001
+        scheduler: str | None = None,
     ) -> tuple[map_scaling.Cost, float]:
         poses = 1
         for axis in work["over"].values():

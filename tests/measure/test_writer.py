@@ -179,5 +179,5 @@ def test_arguments_of_other_types_say_what_was_expected(tmp_path: Path, arm: Rob
     file = tmp_path / "out.csv"
     arguments = (str(file), table, arm) if swapped == "path first" else (table, 3, arm)
     with pytest.raises(BeamstiffError, match=r"expected (measurements|the path of a CSV file)"):
-        write_measurements(*arguments)  # type: ignore[arg-type]
+        write_measurements(*arguments)
     assert not file.exists()

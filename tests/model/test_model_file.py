@@ -69,8 +69,9 @@ def test_terms_that_rules_do_not_know_are_those_of_the_springs() -> None:
 
 
 def test_a_partition_a_term_knows_what_one_for_all_does() -> None:
-    q = np.repeat(postures(COUNT), 3, axis=0)
-    wrench = np.tile(np.hstack([-900.0 * np.eye(3), np.zeros((3, 3))]), (COUNT, 1))
+    count = 25
+    q = np.repeat(postures(count), 3, axis=0)
+    wrench = np.tile(np.hstack([-900.0 * np.eye(3), np.zeros((3, 3))]), (count, 1))
     rows = table(q, wrench, nothing, noise=1e-9, sigma=None)
     model = fit_fuzzy(kr500(), rows, each_term=True).model
     assert len(model.systems) == len({one.premises for one in model.systems}) > 5

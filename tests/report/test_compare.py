@@ -69,7 +69,7 @@ def test_the_rule_surface_passes_through_the_conclusions() -> None:
     figure = rules_figure(table_4(), angles=("q2", "q8"))
     surface, first, second = figure.axes
     [corners] = surface.lines
-    q2, q8, height = (np.asarray(part, dtype=float) for part in corners.get_data_3d())  # type: ignore[attr-defined]
+    q2, q8, height = (np.asarray(part, dtype=float) for part in corners.get_data_3d())
     assert np.allclose(np.unique(q2), [-24.15, 1.37, 12.54, 36.83])
     assert np.allclose(np.unique(q8), [33.04, 48.63, 62.90])
     assert np.isclose(height.min(), 0.639e6 / 900)

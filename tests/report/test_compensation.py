@@ -59,7 +59,7 @@ def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensate
 
 def test_the_picture_shows_path_commands_and_what_is_lost(result: Compensated) -> None:
     left, right = compensation_figure(result, "title").axes
-    labels = [text.get_text() for text in left.get_legend().get_texts()]  # type: ignore[union-attr]
+    labels = [text.get_text() for text in left.get_legend().get_texts()]
     assert labels == ["target", "without compensation", "compensated", "commands", "out of reach"]
     assert right.get_yscale() == "log"
     before = right.lines[0].get_ydata()

@@ -25,7 +25,7 @@ def shown(tables: list[Table]) -> str:
     console = Console(file=io.StringIO(), width=200)
     for table in tables:
         console.print(table)
-    return console.file.getvalue()  # type: ignore[attr-defined,no-any-return]
+    return console.file.getvalue()
 
 
 def test_the_tables_show_figures_beside_what_is_asked_the_worst_class_first(records: list[Record]) -> None:
@@ -60,7 +60,7 @@ def test_no_case_at_all_is_shown_as_empty_tables() -> None:
 def test_the_reliability_diagram_is_drawn(records: list[Record], tmp_path: Path, ending: str) -> None:
     figure = reliability_figure(records)
     save_figure(figure, tmp_path / f"a.{ending}")
-    points = figure.axes[0].containers[0].lines[0].get_xydata()  # type: ignore[attr-defined]
+    points = figure.axes[0].containers[0].lines[0].get_xydata()
     assert len(points) == 5 - 1  # 0.5, 0.6, 0.7 and 0.9 of said; pairs left out
     assert (tmp_path / f"a.{ending}").stat().st_size > 1000
 

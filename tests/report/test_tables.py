@@ -13,7 +13,7 @@ def printed(width: int) -> list[str]:
     made.add_row("joint_a3", "98 %")
     console = Console(width=width, file=io.StringIO())
     console.print(made)
-    return [line.rstrip() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
 
 def test_a_title_wider_than_its_table_stays_on_one_line() -> None:

@@ -12,13 +12,13 @@ AXIS = np.linspace(-2.5, 2.5, 11)
 
 
 def meshes(figure: object) -> list[np.ma.MaskedArray]:
-    return [axes.collections[0].get_array() for axes in figure.axes if axes.get_label() != "<colorbar>"]  # type: ignore[attr-defined]
+    return [axes.collections[0].get_array() for axes in figure.axes if axes.get_label() != "<colorbar>"]
 
 
 def crosses(figure: object) -> list[tuple[str, float, float]]:
     return [
         (axes.get_title(), float(line.get_xdata()[0]), float(line.get_ydata()[0]))
-        for axes in figure.axes  # type: ignore[attr-defined]
+        for axes in figure.axes
         for line in axes.lines
         if line.get_marker() == "X"
     ]

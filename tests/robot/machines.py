@@ -171,7 +171,7 @@ def ir663(
             Frame(name="f11", parent="f9", d=D11),
         ],
         tool=("f3", (0, REACH, 0)),
-        loops=[Loop(name="four_bar", a=a, b=b, constrain=constrain)],  # type: ignore[arg-type]
+        loops=[Loop(name="four_bar", a=a, b=b, constrain=constrain)],
         nodes=[Node(name="p10", frame="f10"), Node(name="p11", frame="f11")],
     )
 

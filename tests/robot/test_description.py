@@ -83,7 +83,7 @@ def test_arrays_of_numpy_give_plain_numbers() -> None:
 def test_descriptions_do_not_change() -> None:
     node = Node(name="n")
     with pytest.raises(ValueError, match="frozen"):
-        node.name = "m"  # type: ignore[misc]
+        node.name = "m"
 
 
 def small(**fields: Any) -> Robot:

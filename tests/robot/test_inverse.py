@@ -233,7 +233,7 @@ def test_other_nodes_can_be_brought_to_targets() -> None:
 )
 def test_targets_that_are_none(targets: object, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message):
-        inverse_geometry(compile_kinematics(kr240()), targets)  # type: ignore[arg-type]
+        inverse_geometry(compile_kinematics(kr240()), targets)
 
 
 def test_starts_that_do_not_fit_the_targets() -> None:

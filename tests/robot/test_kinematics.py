@@ -249,7 +249,7 @@ def test_values_by_name_and_by_order_are_the_same() -> None:
 )
 def test_values_that_are_none(q: object, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message) as error:
-        actuated_values(ir663(), q)  # type: ignore[arg-type]
+        actuated_values(ir663(), q)
     assert "\n" not in str(error.value)
 
 

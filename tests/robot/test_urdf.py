@@ -44,7 +44,7 @@ def by_scipy(text: str, q: Mapping[str, float]) -> dict[str, Array]:
 
     def pose(link: str) -> Array:
         for name, item in joints.items():
-            if item.find("child").get("link") == link:  # type: ignore[union-attr]
+            if item.find("child").get("link") == link:
                 origin = item.find("origin")
                 turned = Rotation.from_euler("xyz", numbers(origin, "rpy", "0 0 0")).as_matrix()
                 placed = transform(turned, numbers(origin, "xyz", "0 0 0"))
@@ -56,7 +56,7 @@ def by_scipy(text: str, q: Mapping[str, float]) -> dict[str, Array]:
                         moved[:3, 3] = value(name) * axis
                     else:
                         moved[:3, :3] = Rotation.from_rotvec(value(name) * axis).as_matrix()
-                parent: Array = pose(item.find("parent").get("link", ""))  # type: ignore[union-attr]
+                parent: Array = pose(item.find("parent").get("link", ""))
                 return parent @ placed @ moved
         return np.eye(4)
 
@@ -200,7 +200,7 @@ def test_robots_that_never_were_urdf_come_back_whole(name: str) -> None:
     assert differences(robot, parse_urdf(text)) == []
     # and other readers, which pass over the extension, see the same frames at the same joint values
     tree = ET.fromstring(text.encode())
-    tree.remove(tree.find("beamstiff"))  # type: ignore[arg-type]
+    tree.remove(tree.find("beamstiff"))
     kinematics = compile_frames(robot)
     free = dict(
         zip(kinematics.coupling.free, np.linspace(0.2, 0.9, len(kinematics.coupling.free)), strict=True)

@@ -17,7 +17,7 @@ LEVER = 0.450  # m, from the bridge's axis to the ram's
 
 def bends(*directions: Array) -> Array:
     """Return the sum of ``s s^T`` of some displacements (P, 6)."""
-    result: Array = sum(s[:, :, None] * s[:, None, :] for s in directions)  # type: ignore[assignment]
+    result: Array = sum(s[:, :, None] * s[:, None, :] for s in directions)
     return result
 
 

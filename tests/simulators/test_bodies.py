@@ -62,7 +62,7 @@ def test_springs_at_the_middle_of_a_beam_are_the_beam() -> None:
     (beam,) = robot.beams
     s, m = section_properties(robot.sections[beam.section]), robot.materials[beam.material]
     shear = [area or np.inf for area in (s.Ay, s.Az)]
-    K = beam_stiffness(np.float64(np.linalg.norm(tip)), m.E, m.G, s.A, s.Iy, s.Iz, s.J, *shear)[6:, 6:]  # type: ignore[arg-type]
+    K = beam_stiffness(np.float64(np.linalg.norm(tip)), m.E, m.G, s.A, s.Iy, s.Iz, s.J, *shear)[6:, 6:]
     np.testing.assert_allclose(compliance @ K, np.eye(6), atol=1e-9)
 
 

@@ -22,7 +22,7 @@ TRANSLATION = 5e-9  # m/N
 COUPLING = 1e-8  # 1/N: a centre of rotation some decimetres below
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     place = baseline.places.base
 
     def column(*pairs: tuple[int, int]) -> np.ndarray:
@@ -73,7 +73,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
 
 
-def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     return {**load_scales(baseline, baseline.fit.places.base)}
 
 
@@ -81,7 +81,7 @@ EFFECT = Effect(
     name="base-compliance",
     family="structure",
     meaning="The pedestal or the floor under the machine is compliant.",
-    components=lambda baseline: [None],  # noqa: ARG005
+    components=lambda baseline: [None],
     shapes=_shapes,
     separation="turn the first joint by 90 degrees under the same load; put a reflector on the pedestal",
     look_alikes=("bearing-tilt",),

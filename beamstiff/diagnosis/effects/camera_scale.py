@@ -10,7 +10,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.camera import scale_column
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     every, axis = (np.nan_to_num(one) for one in (scale_column(baseline.rows), baseline.rows.direction))
     depth = np.zeros_like(every)
     depth[:, :3] = axis * (axis * every[:, :3]).sum(axis=1, keepdims=True)

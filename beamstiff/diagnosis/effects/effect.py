@@ -79,7 +79,7 @@ def stated_scale(baseline: Baseline, name: str) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def no_normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def no_normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     """Return nothing: the shapes do not depend on the rows that were fitted."""
     return {}
 

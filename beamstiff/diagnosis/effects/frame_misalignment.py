@@ -23,7 +23,7 @@ MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; 
 MOVED = "then moved"
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     found = _of_positions(baseline) if baseline.absolute else _of_displacements(baseline)
     return [replace(one, against=None if one.name.endswith(MOVED) else ()) for one in found]
 
@@ -146,7 +146,7 @@ def _moment(baseline: Baseline) -> float | None:
     return best_of(some.tolist(), left, lambda at: np.where((time > at)[:, None, None], columns, 0.0))
 
 
-def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     at = _moment(baseline)
     return {} if at is None else {"moved_at": at, **asdict(clock_of(baseline))}
 
@@ -155,7 +155,7 @@ EFFECT = Effect(
     name="frame-misalignment",
     family="measurement",
     meaning="The measuring frame is turned, shifted or scaled against the base frame.",
-    components=lambda baseline: [None],  # noqa: ARG005
+    components=lambda baseline: [None],
     shapes=_shapes,
     separation="move the unloaded robot along the base axes",
     look_alikes=("load-error", "geometry-error"),

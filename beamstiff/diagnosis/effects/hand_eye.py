@@ -9,7 +9,7 @@ from beamstiff.diagnosis.effects.external import read_by_camera, tool_axes
 from beamstiff.diagnosis.residual.baseline import Baseline
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axes = tool_axes(baseline) * bool(baseline.rows.camera)  # a tracker's reflector does not see it
     shift, turn = (np.concatenate(parts, 1) for parts in ((axes, 0 * axes), (0 * axes, axes)))
     shifts = tuple(Quantity(f"shift_{axis}", "m", 2e-3) for axis in "xyz")

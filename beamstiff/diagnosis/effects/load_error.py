@@ -32,11 +32,11 @@ def _largest_force(baseline: Baseline) -> float:
     return stated_scale(baseline, "force") or float(force.max(initial=0.0)) or 1.0
 
 
-def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     return {"force": _largest_force(baseline)}
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     wrench, axes = baseline.rows.wrench, tool_axes(baseline)
     largest = _largest_force(baseline)
     base = np.broadcast_to(np.eye(3), axes.shape)

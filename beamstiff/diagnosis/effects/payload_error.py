@@ -18,7 +18,7 @@ PULL = 50.0  # N
 STRETCH = 50.0  # N/m
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axes, response = tool_axes(baseline), tcp_response(baseline)
     gravity = np.array(baseline.nominal.gravity)
     weight = np.zeros((len(baseline.rows), 6, 1))

@@ -42,7 +42,7 @@ def _components(baseline: Baseline) -> list[str | None]:
     return [None] if timed or warmed or baseline.stated is not None else []
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     fitted, stated = baseline.fit.rows, baseline.stated is not None
     time = clock(baseline)
     shared = not baseline.absolute and fitted.shared_unloaded
@@ -185,7 +185,7 @@ def _with_warmth(
     return [*result, *([by_part(parts, own, label, since)] if parts else [])]
 
 
-def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     shared = not baseline.absolute and baseline.fit.rows.shared_unloaded
     cycles = cycle_of(baseline, shared).count
     found: Normalisation = {**asdict(clock_of(baseline)), "temperature": mean_temperature(baseline)}

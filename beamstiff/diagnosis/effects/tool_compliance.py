@@ -28,7 +28,7 @@ LAWS = ("by axis, stiffening", "by axis, softening", "on three")  # shapes that 
 CENTRES = (0.05, 0.1, 0.2)  # m along the tool's axis z, at which it tilts
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     place = baseline.places.flange
 
     def column(*pairs: tuple[int, int]) -> np.ndarray:
@@ -133,7 +133,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: 
     ]
 
 
-def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:  # noqa: ARG001
+def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     return load_scales(baseline, baseline.fit.places.flange) | seat_scales(baseline)
 
 
@@ -141,7 +141,7 @@ EFFECT = Effect(
     name="tool-compliance",
     family="structure",
     meaning="The flange, force sensor or gripper between the last joint and the TCP is compliant.",
-    components=lambda baseline: [None],  # noqa: ARG005
+    components=lambda baseline: [None],
     shapes=_shapes,
     separation="put reflectors on flange and tool; apply a pure moment to the tool",
     look_alikes=("actuator-lever", "tool-offset"),

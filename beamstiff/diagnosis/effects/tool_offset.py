@@ -33,7 +33,7 @@ FAINT = 0.1  # of the noise, which a drive that nothing turns moves at most
 LOADS = tuple(Quantity(f"load_point_{axis}", "m", OFFSET) for axis in "xyz")
 
 
-def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:  # noqa: ARG001
+def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     robot, rows = baseline.nominal, baseline.rows
     axes = tool_axes(baseline)
     loaded = np.where((rows.load_point == robot.tcp)[:, None, None], axes, 0.0)
@@ -207,7 +207,7 @@ EFFECT = Effect(
     name="tool-offset",
     family="measurement",
     meaning="The load acts, or the target sits, elsewhere than at the nominal TCP.",
-    components=lambda baseline: [None],  # noqa: ARG005
+    components=lambda baseline: [None],
     shapes=_shapes,
     separation="apply the same force at two points of the tool; add a second target",
     look_alikes=("tool-compliance", "load-error"),

@@ -134,12 +134,7 @@ def evidence(
     """
     stacks = stacks_of(hypotheses) if stacks is None else stacks
     spread = np.array([one.shape.prior_factor for one in hypotheses])
-    logs = np.stack(
-        [
-            _log_density_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0]
-            for share in shares
-        ]
-    )  # (R, 1 + H, U)
+    logs = _log_densities(white, stacks, spread, scales, shares, white.gap[:, None])[..., 0]  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
     span = np.log(spread)
     amplitude = np.empty(len(hypotheses))
@@ -169,7 +164,7 @@ def evidence(
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
     spread = np.array([one.shape.prior_factor for one in hypotheses])
-    logs = _log_density_given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
+    (logs,) = _log_densities(white, stacks_of(hypotheses), spread, scales, np.zeros(1), gaps)
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
     result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
@@ -187,10 +182,41 @@ def _share_weights(size: Array, shares: Array) -> Array:
     return np.concatenate([1.0 - off.sum(axis=0)[None], off])
 
 
-def _log_density_given_share(
-    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, share: float, gaps: Array
-) -> Array:
-    """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
+@dataclass(frozen=True)
+class Conditioned:
+    """What the gaps say beside a share of the unknown, the fitted parameters integrated out.
+
+    Attributes
+    ----------
+    share : float
+    weight : (n,) array
+        W, of the values.
+    half : (t + m, n) array
+        ``M = W - half^T half``.
+    total : (d,) array
+        ``y^T M y`` of gaps.
+    toward : (n, d) array
+        ``M y``.
+    constant : (S,) array
+        Log density of a gap of nothing, by noise scale.
+    """
+
+    share: float
+    weight: Array
+    half: Array
+    total: Array
+    toward: Array
+    constant: Array
+
+    def projected(self, stack: Stack) -> tuple[Array, Array]:
+        """Return ``A^T M A`` (h, c, c) and ``A^T M y`` (h, c, d)."""
+        shape = (stack.index.size, stack.count)
+        left = (self.half @ stack.columns).reshape(len(self.half), *shape).transpose(1, 0, 2)  # (h, t, c)
+        toward = (stack.columns.T @ self.toward).reshape(*shape, -1)
+        return stack.gram(self.share, self.weight) - left.transpose(0, 2, 1) @ left, toward
+
+
+def _conditioned(white: Whitened, scales: NoisePrior, share: float, gaps: Array) -> Conditioned:
     weight = 1.0 / (1.0 + share**2 * white.unknown)
     n, t = white.tangent.shape
     # nuisance columns are fitted too, with a variance of its own: free columns have none to pay for
@@ -198,53 +224,68 @@ def _log_density_given_share(
     fitted = own.T @ (weight[:, None] * own)
     fitted[np.arange(t, len(fitted)), np.arange(t, len(fitted))] += 1.0
     chol = np.linalg.cholesky(fitted)
-    half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)  # (t + m, n)
+    half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)
     determinant = -0.5 * (-np.log(weight).sum() + 2 * np.log(np.diag(chol)).sum())
-    log_s = np.log(scales.value)
-    share_s = np.exp(scales.log_weight - logsumexp(scales.log_weight))
-    middle = float(np.exp(share_s @ log_s))
     seen = half @ gaps
-    total = (weight[:, None] * gaps**2).sum(axis=0) - (seen**2).sum(axis=0)  # (d,)
-    constant = determinant - (n - t) * log_s + scales.log_weight  # (S,)
+    return Conditioned(
+        share=share,
+        weight=weight,
+        half=half,
+        total=(weight[:, None] * gaps**2).sum(axis=0) - (seen**2).sum(axis=0),
+        toward=weight[:, None] * gaps - half.T @ seen,
+        constant=determinant - (n - t) * np.log(scales.value) + scales.log_weight,
+    )
+
+
+def _log_densities(
+    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, shares: Array, gaps: Array
+) -> Array:
+    """Return log densities (R, 1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
+    given = [_conditioned(white, scales, share, gaps) for share in shares.tolist()]
+    total, constant = (
+        np.stack([getattr(one, name) for one in given])[:, None, None] for name in ("total", "constant")
+    )
+    share_s = np.exp(scales.log_weight - logsumexp(scales.log_weight))
+    middle = float(np.exp(share_s @ np.log(scales.value)))
 
     def averaged(left: Array, loss: Array) -> Array:
-        """Average over s: what is left (..., S, d), complexity (..., S, 1 or d)."""
-        inner = constant[:, None] - loss - 0.5 * left / scales.value[:, None] ** 2
+        """Average over s: what is left (R, ..., S, d), complexity (R, ..., S, 1 or d)."""
+        inner = constant[..., None] - loss - 0.5 * left / scales.value[:, None] ** 2
         return np.asarray(logsumexp(inner, axis=-2))
 
-    result = np.empty((1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
-    nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros((log_s.size, 1)))
-    result[0] = nothing
-    apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
+    result = np.empty((len(given), 1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
+    result[:, :1] = averaged(total[..., None, :], np.zeros((scales.value.size, 1)))
     for stack in stacks:
-        eigenvalues, projected, vectors = _projected(stack, stack.gram(share, weight), half, apart)
+        grams, toward = zip(*(one.projected(stack) for one in given), strict=True)
+        eigenvalues, projected, vectors = _along_eigenvectors(np.stack(grams), np.stack(toward))
         sizes = spread[stack.index, None] ** MAGNITUDES  # (h, U)
-        upper = np.zeros((*sizes.shape, gaps.shape[1]))
+        upper = np.zeros((len(given), *sizes.shape, gaps.shape[1]))
         signed = np.flatnonzero(stack.positive.any(axis=1))
         if signed.size:
-            parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
-            upper[signed] = _log_upper(*parts, sizes[signed] / middle, middle)
+            flat = [
+                some[:, signed].reshape(-1, *some.shape[2:]) for some in (eigenvalues, projected, vectors)
+            ]
+            positive = np.tile(stack.positive[signed], (len(given), 1))
+            relative = np.tile(sizes[signed] / middle, (len(given), 1))
+            above = _log_upper(positive, flat[0], flat[1], flat[2], relative, middle)
+            upper[:, signed] = above.reshape(len(given), signed.size, *above.shape[1:])
         # of many gaps one size at a time, to save memory
         for k in np.split(np.arange(MAGNITUDES.size), 1 if gaps.shape[1] == 1 else MAGNITUDES.size):
             ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, k, S)
-            grown = ratio[..., None] * eigenvalues[:, None, None]  # (h, k, S, c)
+            grown = ratio[..., None] * eigenvalues[:, :, None, None]  # (R, h, k, S, c)
             loss = 0.5 * np.log1p(grown).sum(axis=-1)[..., None]
-            factor = ratio[..., None] / (1 + grown)
-            explained = factor @ projected[:, None] ** 2  # (h, k, S, d)
-            result[1 + stack.index[:, None], k] = averaged(total - explained, loss - upper[:, k, None])
+            explained = (ratio[..., None] / (1 + grown)) @ projected[:, :, None] ** 2  # (R, h, k, S, d)
+            left = total[..., None, :] - explained
+            result[:, 1 + stack.index[:, None], k] = averaged(left, loss - upper[:, :, k, None])
     return result
 
 
-def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues of A^T M A (h, c), A^T M y along the vectors (h, c, d), and these (h, c, c)."""
-    shape = (stack.index.size, stack.count)
-    left = (half @ stack.columns).reshape(len(half), *shape).transpose(1, 0, 2)  # (h, t, c)
-    toward = (stack.columns.T @ apart).reshape(*shape, -1)
-    own = gram - left.transpose(0, 2, 1) @ left
-    if stack.count == 1:
-        return np.maximum(own[:, 0], 0.0), toward, np.ones_like(own)
-    values, vectors = np.linalg.eigh(own)
-    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward, vectors
+def _along_eigenvectors(grams: Array, toward: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues of A^T M A (..., c), A^T M y along the vectors (..., c, d), and these."""
+    if grams.shape[-1] == 1:
+        return np.maximum(grams[..., 0], 0.0), toward, np.ones_like(grams)
+    values, vectors = np.linalg.eigh(grams)
+    return np.maximum(values, 0.0), vectors.swapaxes(-1, -2) @ toward, vectors
 
 
 def _log_upper(

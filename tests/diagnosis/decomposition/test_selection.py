@@ -40,7 +40,7 @@ def choice_of(
         count=count,
         given=load_robot(UR10),
     )
-    return build_choice(model, forms)  # type: ignore[arg-type]
+    return build_choice(model, forms)
 
 
 @pytest.fixture(scope="module")

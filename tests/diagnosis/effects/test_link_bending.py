@@ -105,7 +105,7 @@ def mohr(q: Array, wrench: Array, joint: int, weight: Array) -> Array:
 def test_a_taper_is_mohrs_integral_of_more_flexibility_at_one_end(
     at: int, law: object, campaign: Baseline
 ) -> None:
-    weight = law((np.arange(4000) + 0.5) / 4000)  # type: ignore[operator]
+    weight = law((np.arange(4000) + 0.5) / 4000)
     expected = mohr(campaign.rows.q, campaign.rows.wrench, 1, weight)
     close(shape_of(campaign, "link-bending", "link2", "tapered").columns[..., at], expected, 1e-6)
 

@@ -97,7 +97,8 @@ def effects(cases: list[CrowdedCase]) -> list[CrowdedCase]:
 
 
 def test_who_knows_the_labels_scores_full_marks(cases: list[CrowdedCase]) -> None:
-    records = run_cases(CROWDED, EXAM, COUNT, Examiner(Knows(cases), controls={"guess": unsure_control}))
+    drawn = replace(CROWDED, draw=lambda _, case: cases[case])
+    records = run_cases(drawn, EXAM, COUNT, Examiner(Knows(cases), controls={"guess": unsure_control}))
     mine = score.pairs_of(records, EXAMINED)
     for figure in (
         score.main_exact(mine),

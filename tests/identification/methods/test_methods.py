@@ -192,7 +192,7 @@ def test_errors_inside_nlopt_come_out_as_they_are(method: str) -> None:
     class StopError(Exception):
         pass
 
-    def progress(count: int, cost: float) -> None:  # noqa: ARG001
+    def progress(count: int, cost: float) -> None:
         if count == 5:
             raise StopError
 

@@ -32,7 +32,7 @@ COMMANDS = {
 
 
 def test_every_command_that_writes_a_report_is_tried() -> None:
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(app).commands
     writes = {name for name, one in commands.items() if any("--html" in option.opts for option in one.params)}
     assert writes == set(COMMANDS)
 

@@ -198,7 +198,7 @@ class Iwan(Remembering):
         poses = len(situation.time)
         return np.zeros(poses), np.zeros((poses, SLIDERS))
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent and the sliders after."""
         before, held = memory
         k = self.stiffness * self.sliding / (1.0 - self.sliding) / SLIDERS

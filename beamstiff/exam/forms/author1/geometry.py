@@ -149,7 +149,7 @@ def _draw_curve(request: DrawRequest) -> dict[str, float]:
 def _curve(truth: Truth, reality: Reality) -> Reality:
     p, variable = truth.parameters, str(truth.component)
 
-    def error(campaign: SimulatedCampaign, angle: Array) -> Array:  # noqa: ARG001
+    def error(campaign: SimulatedCampaign, angle: Array) -> Array:
         first = np.sin(p["order"] * angle + p["phase"])
         second = p["second"] * np.cos((p["order"] + 1.0) * angle + 2.0 * p["phase"])
         return np.asarray(p["amplitude"] * (first + second))

@@ -36,7 +36,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with loads misread."""
     p = truth.parameters
 
-    def along(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def along(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         turned = turn(vector(p))
         return np.concatenate([wrench[:, :3] @ turned.T, wrench[:, 3:] @ turned.T], axis=1)
 
@@ -48,11 +48,11 @@ def _load(truth: Truth, reality: Reality) -> Reality:
         more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
         return np.asarray(wrench + np.concatenate(more, axis=1))
 
-    def quadratic(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def quadratic(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
         return np.asarray(wrench * (1.0 + p["gain"] * size / p["reference"]))
 
-    def pulley(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def pulley(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         return wrench * (1.0 - p["gain"] * _growing(campaign, wrench))[:, None]
 
     change = {"direction": along, "sensor": sensor, "quadratic": quadratic, "pulley": pulley}[truth.form]
@@ -93,7 +93,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     """Return the reality read in a wrong frame."""
     p = truth.parameters
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         share = 1.0 if campaign.kind == "displacement" else REGISTERED
         shear = np.eye(3)
         for name, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
@@ -194,7 +194,7 @@ def _outliers(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with bad rows."""
     p = truth.parameters
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         rng = np.random.default_rng(int(p["seed"]))
         count = max(1, round(p["share"] * len(values)))
         rows = rng.choice(len(values), size=count, replace=False)

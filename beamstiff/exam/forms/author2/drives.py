@@ -178,7 +178,7 @@ class MaxwellSlip(Remembering):
         most = k * yields
         return k, most * self.friction / most.sum()
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent and the sliders after."""
         before, held = memory
         k, most = self._sliders()

@@ -38,7 +38,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     """
     p, place = truth.parameters, vector(truth.parameters, "uvw")
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         displaced = campaign.kind == "displacement"
         share = 1.0 if displaced else author1.REGISTERED
         R = turn(share * vector(p))
@@ -77,7 +77,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     def axes_of(campaign: SimulatedCampaign, placed: Placed) -> Array:
         return np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
 
-    def hanger(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def hanger(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
         return np.asarray(wrench * (1.0 + p["tare"] / np.where(size > 0.0, size, np.inf)))
 

@@ -232,7 +232,7 @@ class Teeth(Friction):
     rubbing: float
     slip: float
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent and the friction after."""
         before, held = memory
         slip = self.slip + PRESSED * np.abs(before)
@@ -260,7 +260,7 @@ class Clamped(Remembering):
         # at rest no torque passes: the key's spring and the slider hold one another
         return (np.full(len(situation.time), 0.0), np.full(len(situation.time), self.arrived * self.breaks))
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent and the slip after."""
         slipped, locked = memory
         # the key is relaxed where the slip is locked / key behind its place

@@ -117,7 +117,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
             changed[rows] = np.concatenate(parts, axis=1)
         return changed
 
-    def discs(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:  # noqa: ARG001
+    def discs(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         size = np.linalg.norm(wrench[:, :3], axis=1)
         each = (float(size.max()) or 1.0) / DISCS
         laid = np.clip(size[:, None] / each - np.arange(DISCS), 0.0, 1.0)
@@ -168,7 +168,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     """
     p, machine = truth.parameters, reality.machine
 
-    def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         part = p["start"] + author1.since_start(campaign) / p["period"]
         share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
         moved = p["drift"] * author1.since_rest(campaign, share)[:, None] * vector(p)
@@ -206,7 +206,7 @@ def _outliers(truth: Truth, reality: Reality) -> Reality:
     """
     p = truth.parameters
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         rng = np.random.default_rng(int(p["seed"]))
         order = np.lexsort((campaign.step, campaign.pose))
         length = min(int(p["length"]), max(1, len(values) // 8))  # a few rows, of a short campaign too

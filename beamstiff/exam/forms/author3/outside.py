@@ -60,7 +60,7 @@ def _sticking(truth: Truth, reality: Reality) -> Reality:
     """
     half = np.array([truth.parameters[name] for name in "xyz"])
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         values = values.copy()
         shown: dict[tuple[int, str], Array] = {}
         for row in np.lexsort((np.arange(len(values)), campaign.step, campaign.pose)):

@@ -233,7 +233,7 @@ class WormFriction(Friction):
         left = (start**-n + n * way / self.reach) ** (-1.0 / n)
         return 1.0 - left, left**self.power / self.reach
 
-    def largest(self, strain: Array, state: Array) -> tuple[Array, float]:  # noqa: ARG002
+    def largest(self, strain: Array, state: Array) -> tuple[Array, float]:
         """Return the largest friction, which does not grow."""
         return self.friction * (1.0 + self.skew * np.sign(state)), 0.0
 

@@ -102,7 +102,7 @@ def _approach(truth: Truth, reality: Reality) -> Reality:
     nodes = {node.name: node for node in robot.nodes}
     skeleton = skeleton_of(robot)
 
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         if campaign.kind == "displacement":  # loaded and unloaded state came the same way
             return values
         order = np.argsort(times(campaign), kind="stable")

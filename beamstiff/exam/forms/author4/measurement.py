@@ -77,7 +77,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
     middle = in_the_middle(robot).node(tcp)[0]
 
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         place, absolute = values[:, :3], campaign.kind == "absolute"
         if truth.form == "base-marks":
             vector_, shift = by_marks(np.array([[p[f"{axis}{at}"] for axis in "xyz"] for at in range(3)]))
@@ -142,7 +142,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
         quick, slow = (-np.expm1(-time / p[name])[:, None] for name in ("quick", "slow"))
         return np.asarray(quick * prefixed(p, "quick_") + slow * prefixed(p, "slow_"))
 
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         time = times(campaign)
         zero = np.zeros_like(time)
         if campaign.kind == "displacement" and campaign.shared_unloaded:  # read anew before every pose
@@ -174,7 +174,7 @@ def _revolution(request: DrawRequest) -> dict[str, float]:
 def _bad(truth: Truth, reality: Reality) -> Reality:
     p = truth.parameters
 
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:  # noqa: ARG001
+    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         rng, rows = np.random.default_rng(int(p["seed"])), len(values)
         count = max(1, round(p["share"] * rows))
         off = np.zeros((rows, 3))

@@ -51,7 +51,7 @@ class BeddingIn(Remembering):
         """Return the largest strain so far: none."""
         return (np.zeros(len(situation.time)),)
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:  # noqa: ARG002
+    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         """Return force, tangent, and the largest strain."""
         size = np.abs(strain)
         most = np.maximum(memory[0], size)
