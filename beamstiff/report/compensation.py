@@ -142,8 +142,8 @@ def robots_text(machine: Machine) -> str:
     real = machine.actual.name
     if real == machine.controller.name:  # one robot, in two files
         known = effects_text(machine.actual.effects)
-        real = f"{real} as --actual describes it" + (f", with {known}" if known else "")
-    return f"the controller assumes {machine.controller.name}, the real robot is {real}"
+        real = "that of --actual" + (f", with {known}" if known else "")
+    return f"the controller assumes {machine.controller.name}. The real robot is {real}"
 
 
 def compensation_text(result: Compensated) -> str:

@@ -43,7 +43,9 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
         figure.subplots(len(panels), 2, squeeze=False), panels, strict=True
     ):
         seen = mask[:, part].any(axis=1)
-        along = ((np.linalg.norm(measured.wrench[:, part], axis=1), load), (measured.pose, "pose"))
+        size = np.linalg.norm(measured.wrench[:, part], axis=1)
+        by_load = (size, load) if np.ptp(size[seen]) > 0.0 else _moved_most(measured)
+        along = (by_load, (measured.pose, "pose"))
         for axes, (where, name) in zip(row, along, strict=True):
             for label, (predicted, look) in models.items():
                 gap = np.where(mask, measured.displacement - predicted, 0.0)[seen, part]
@@ -54,6 +56,12 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
             plain(axes)
     figure.axes[0].legend(frameon=False)
     return figure
+
+
+def _moved_most(measured: Measurements) -> tuple[Array, str]:
+    """Return the readings (N,) of the joint that moves through most of what all move, and its name."""
+    k = int(np.argmax(np.ptp(measured.q, axis=0)))
+    return measured.q[:, k], f"{measured.variables[k]}, rad or m"
 
 
 def before_fit(found: Identification, measured: Measurements) -> Array | None:
