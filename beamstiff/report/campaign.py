@@ -89,9 +89,8 @@ def campaign_text(plan: MeasurementPlan) -> str:
         for error, size in needed
     )
     lines.append(
-        f"{counted(enough.knee, unit).capitalize()}{fewer} are enough to determine the values; more only "
-        f"average the noise. {unit.capitalize()}s needed so that the least certain value has a standard error "
-        f"of 5, 2 or 1 %: about {sizes}."
+        f"{counted(enough.knee, unit)}{fewer} are enough to determine the values; more only average the "
+        f"noise. For the least certain value to have a given standard error, {unit}s needed: about {sizes}."
     )
     return "\n".join(lines)
 

@@ -27,6 +27,7 @@ from beamstiff.report.diagnosis_words import (
     percent,
     percents,
     postures,
+    probability,
     second,
     several,
     stiffness_in_words,
@@ -129,7 +130,7 @@ def _written(result: Diagnosis) -> str:
     """Return what loads the proposed states have, and which option writes them."""
     force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
     loaded = bool(np.any(result.baseline.rows.wrench))
-    loads = f", under loads as in the table, at most {force:.3g} N" if force and loaded else ""
+    loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
     return f"{loads} (--next FILE writes them, --region limits where the tool goes)."
 
 
@@ -316,7 +317,7 @@ def headline(result: Diagnosis) -> str:
             return UNDECIDED
         return "A gap whose cause is unknown"
     plural = "" if second(result) is None else "s"
-    if verdict.probability >= LIKELY:
+    if probability(result) >= LIKELY:
         return f"Cause{plural}: {causes(result)}"
     no_cause = (one.probability for one in result.candidates if one.effect in ("none", "unknown"))
     if max(no_cause, default=0.0) > verdict.probability:
@@ -366,7 +367,12 @@ def proposed(result: Diagnosis) -> str:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
     rivals = any(item["separates"] for item in result.next)
     what = "discriminate best between the causes" if rivals else "determine the sizes of the causes best"
-    states = f"the {counted(len(result.next) // len(told), 'state')} that {what}"
+    if not rivals and result.indistinguishable and result.decomposition is not None:
+        what += " (no posture and load here distinguishes look-alikes)"
+    count = len(result.next) // len(told)
+    one = "" if count > 1 else "s"
+    what = what.replace("discriminate ", f"discriminate{one} ").replace("determine ", f"determine{one} ")
+    states = f"the {counted(count, 'state')} that {what}"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
         times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"

@@ -61,10 +61,14 @@ def percent(share: float) -> str:
 
 def sure(result: Diagnosis) -> str:
     """Return how probable the verdict is, in percent: of a cause, that it is there."""
-    found, also = result.decomposition, second(result)
-    named_cause = found is not None and found.verdict is not None
-    first = found.causes[0].probability if found is not None and named_cause else result.verdict.probability
-    return chance(first) + ("" if also is None else f" and {chance(also.probability)}")
+    also = second(result)
+    return chance(probability(result)) + ("" if also is None else f" and {chance(also.probability)}")
+
+
+def probability(result: Diagnosis) -> float:
+    """Return how probable the verdict is: of a cause among several, that it is there."""
+    found = result.decomposition
+    return result.verdict.probability if found is None or not found.verdict else found.verdict.probability
 
 
 def chance(probability: float) -> str:

@@ -41,7 +41,7 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     closes = [int(row[1].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     assert sum(closes) in (99, 100, 101)
-    assert remainder_text(several).startswith("Remainder with all rows fitted: 0.0")
+    assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
     assert CAUSES in [getattr(item, "title", None) for item in diagnosis_tables(result)]
 
 
@@ -143,7 +143,7 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert changed is not None
     assert changed.after == result.rms
     gap, *_ = recalibration_text(changed)
-    assert f"the robot file leaves {rounded(1e3 * changed.before)} mm RMS" in gap
+    assert f"leaves a gap of {rounded(1e3 * changed.before)} mm RMS" in gap
     assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
 
 

@@ -141,7 +141,7 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
     tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
     result = replace(diagnosed("backlash"), next=[tool, head])
     assert proposed(result) == (
-        "1 state to discriminate best between the causes; also read a reflector on n1a (J1), which "
+        "the 1 state that discriminates best between the causes; also read a reflector on n1a (J1), which "
         "discriminates 15 times as well"
     )
 

@@ -88,7 +88,7 @@ def _ways(rows: Measurements, absolute: bool) -> list[tuple[Array, tuple[float, 
     """
     size = np.linalg.norm(rows.wrench[:, :3], axis=1)
     units = rows.wrench[size > 0.0, :3] / size[size > 0.0, None]
-    each, often = np.unique(units.round(2), axis=0, return_counts=True)
+    each, often = (one[::-1] for one in np.unique(units.round(2), axis=0, return_counts=True))
     found: list[Array] = []
     for along in each[np.argsort(-often, kind="stable")]:
         if all(along @ other < LIKE for other in found):
