@@ -97,7 +97,7 @@ def test_wrong_rows_beside_a_cause_are_no_second_one() -> None:
     result = with_second(Candidate("outliers", None, 0.9))
     assert headline(result) == "Cause: backlash at q3"
     assert "Adding it reduces the residual to" in summary(result)
-    assert "Also: outliers (90 %)." in summary(result)
+    assert "Also: outliers (probability 90 %)." in summary(result)
 
 
 def test_what_only_the_unknown_rivals_is_said_in_a_sentence_of_its_own() -> None:
