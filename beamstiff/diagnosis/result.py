@@ -19,6 +19,7 @@ from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
+from beamstiff.diagnosis.runners_up import RunnerUp
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -120,6 +121,8 @@ class Diagnosis(Shown):
     known : tuple of AddedEffect
         Effects that the robot has and that were taken off the readings: neither `baseline` nor `rows` hold
         them.
+    runners_up : tuple of RunnerUp
+        The next best explanation in place of each cause that has no look-alike.
     """
 
     baseline: Baseline
@@ -141,6 +144,7 @@ class Diagnosis(Shown):
     features: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
     known: tuple[AddedEffect, ...] = ()
+    runners_up: tuple[RunnerUp, ...] = ()
 
     @property
     def explainable(self) -> float:
@@ -219,6 +223,16 @@ class Diagnosis(Shown):
                 ),
             },
             **self.explained(),
+            "next_best": [
+                {
+                    "in_place_of": one.cause,
+                    "causes": list(one.keys),
+                    "odds": one.odds,
+                    "rms_mm": 1e3 * one.rms,
+                    "rms_with_mm": 1e3 * one.rms_with,
+                }
+                for one in self.runners_up
+            ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
                 name: {"given": given, "value": stiffness_text(value)}

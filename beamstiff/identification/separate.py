@@ -173,7 +173,7 @@ def _at_the_tool(robot: Robot, table: Measurements, components: Components, seed
         rows = _unmeasured(robot, rows, wrench, q)
         yield "other postures under the same loads", rows
         if not turns:
-            yield "other postures under the same loads, the tool's rotation read too", _rotations(rows)
+            yield "other postures under the same loads, with the tool's rotation read too", _rotations(rows)
     for at in range(6):
         if at >= 3 and robot.tcp not in turning_nodes(robot):
             continue
@@ -183,7 +183,7 @@ def _at_the_tool(robot: Robot, table: Measurements, components: Components, seed
         rows = _unmeasured(robot, subset(table, poses), wrench)
         yield f"{way} at the tool", rows
         if not turns:
-            yield f"{way} at the tool, its rotation read too", _rotations(rows)
+            yield f"{way} at the tool, with its rotation read too", _rotations(rows)
 
 
 def _elsewhere(robot: Robot, table: Measurements, _: Components, __: int) -> Iterator[Candidate]:

@@ -40,10 +40,9 @@ LABELS = (
 )  # a remark is for people: nothing is made of it
 RESERVED = (*QUANTITIES, *LABELS)
 
+ALIASES = {"time": "t", "timestamp": "t"}  # read as these columns, in capitals too
 # what other programs call our columns
 _SYNONYMS = {
-    "time": "t",
-    "timestamp": "t",
     "temp": "temperature",
     "node": "point",
     "comment": "remark",
@@ -131,6 +130,7 @@ def _read_cell(
         if not turns_declared:
             wrong(name, KUKA_HINT)
         name = name.lower()
+    name = ALIASES.get(name.lower(), name)
     if name in LABELS:
         if unit is not None and unit.strip() not in ("-", "1"):
             wrong(name, f"found the unit {shown(unit)}, expected none")

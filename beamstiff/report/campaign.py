@@ -55,7 +55,7 @@ def campaign_verdict(plan: MeasurementPlan) -> Verdict:
     headline = (
         f"{counted(len(campaign.tests), 'test')} at {counted(len(np.unique(campaign.tests.pose)), 'pose')} "
         f"determine {len(well)} of {counted(asked, 'stiffness value')}"
-        + (f", the worst to {percent(worst)}" if well else "")
+        + (f", the least certain to {percent(worst)}" if well else "")
     )
     return Verdict(f"{headline}.", "agrees" if len(well) == asked else "doubtful")
 
@@ -76,7 +76,7 @@ def campaign_text(plan: MeasurementPlan) -> str:
     chosen = counted(count, unit)
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
-        f"Chosen from {counted(plan.candidates, unit)}, read to "
+        f"Chosen from {counted(plan.candidates, unit)}, measured with a noise of "
         f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
         f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
     )
@@ -85,11 +85,12 @@ def campaign_text(plan: MeasurementPlan) -> str:
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
     needed = ((error, enough.tests_for(error)) for error in WANTED)
     sizes = ", ".join(
-        f"{percent(error)} {size if size < MOST_TESTS else f'> {MOST_TESTS}'}" for error, size in needed
+        f"{size if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
+        for error, size in needed
     )
     lines.append(
-        f"How many are enough: {counted(enough.knee, unit)}{fewer}; more of them only average the "
-        f"noise. {unit.capitalize()}s for a worst standard error, about: {sizes}."
+        f"{counted(enough.knee, unit)}{fewer} are enough to determine the values; more only average the "
+        f"noise. For the least certain value to have a given standard error, {unit}s needed: about {sizes}."
     )
     return "\n".join(lines)
 
@@ -117,4 +118,4 @@ def _against(campaign: Plan, drawn: AtRandom, chosen: str) -> str:
     if not np.isfinite(median):
         return f"{head}, most do not determine all parameters."
     gain = campaign.design.value / float(np.median(drawn.values))
-    return f"{head} the median has a worst std of {percent(median)}, and a criterion {gain:.2g} times lower."
+    return f"{head} the median has a worst std of {percent(median)} and a criterion {gain:.2g} times lower."

@@ -126,12 +126,13 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = "Move these targets, or keep them as they are (--unreachable keep)."
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    said = f"Predicted error along the path: {_mm(before.rms_mm)} mm, corrected {_mm(after.rms_mm)} mm"
+    said = f"Predicted error along the path: {told(before.rms_mm)} mm, corrected {told(after.rms_mm)} mm"
     said += " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
 
 
-def _mm(size: float) -> str:
+def told(size: float) -> str:
+    """Return a size in mm or deg with two digits; what no controller resolves is no number of its own."""
     return "0" if size <= NOTHING else rounded(size) if size >= LEAST else f"under {LEAST}"
 
 
@@ -142,8 +143,8 @@ def robots_text(machine: Machine) -> str:
     real = machine.actual.name
     if real == machine.controller.name:  # one robot, in two files
         known = effects_text(machine.actual.effects)
-        real = f"{real} as --actual describes it" + (f", with {known}" if known else "")
-    return f"the controller assumes {machine.controller.name}, the real robot is {real}"
+        real = "that of --actual" + (f", with {known}" if known else "")
+    return f"the controller assumes {machine.controller.name}. The real robot is {real}"
 
 
 def compensation_text(result: Compensated) -> str:
@@ -152,9 +153,9 @@ def compensation_text(result: Compensated) -> str:
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
     targets = counted(int(known.sum()), "target")
     text = (
-        f"Predicted error of the tool at {targets}: RMS {_seen(before.rms_mm)} mm, "
-        f"at most {_seen(before.max_mm)} mm and {_seen(before.max_deg)} deg. With the corrected commands: "
-        f"RMS {_seen(after.rms_mm)} mm, at most {_seen(after.max_mm)} mm and {_seen(after.max_deg)} deg"
+        f"Predicted error of the tool at {targets}: RMS {told(before.rms_mm)} mm, "
+        f"at most {told(before.max_mm)} mm and {told(before.max_deg)} deg. With the corrected commands: "
+        f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
     )
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)

@@ -23,6 +23,7 @@ from beamstiff.report.diagnosis_text import (
 )
 from beamstiff.report.diagnosis_words import (
     causes,
+    chance,
     in_words,
     named,
     one_posture,
@@ -44,6 +45,7 @@ PARTS_OF_GAP = {
     "history": "Loading and unloading",
     "time": "Over time",
 }
+MOST_ODDS = 1e6  # beyond which a number says nothing
 LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
 CAUSES = "Causes, each added to those above it"
 # what parts of a parameter's name mean: where it occurs, how it is written, in words
@@ -54,7 +56,7 @@ NAMES = (
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
     (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "a load along one moves the other"),
 )
-DOUBTFUL = "(!) A size far from realistic ones: doubt the cause, or its name."
+DOUBTFUL = "(!) Larger than realistic, or negative: doubt the cause, or its name."
 POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
@@ -68,7 +70,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.decomposition is not None and result.decomposition.gap_shows:
         if result.decomposition.causes:
             yield causes_table(result.decomposition, CAUSES)
-            yield Text(probability_text(result.decomposition))
+            yield Text("\n".join([probability_text(result.decomposition), *next_best_text(result)]))
         yield Text(f"{remainder_text(result.decomposition)}\n")
     if result.recalibration is not None:
         yield Text("\n".join(recalibration_text(result.recalibration)) + "\n")
@@ -120,7 +122,7 @@ def causes_table(found: Decomposition, title: str) -> Table:
             percent(cause.closes),
             percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
-            f"{cause.probability:.2f}",
+            chance(cause.probability),
             in_words(cause.indistinguishable) if cause.indistinguishable else "-",
         )
     return made
@@ -128,10 +130,27 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = "Probability: that this cause, or one that acts the same way, is there."
+    said = "Probability: that the cause is there. Causes that act in the same way count as one."
     if any(one.indistinguishable for one in found.causes):
         said += " These data cannot distinguish a cause from those in its last column."
     return said
+
+
+def next_best_text(result: Diagnosis) -> list[str]:
+    """Return, in words, what would stand in place of each cause that has no look-alike."""
+    lines = []
+    for one in result.runners_up:
+        place = f"Next best in place of {in_words([one.cause])}: "
+        if not one.keys:
+            lines.append(f"{place}nothing; the gap would be {one.rms / one.rms_with:.2g} times as large.")
+            continue
+        names = " with ".join(in_words([key]) for key in one.keys[:2])
+        odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
+        times = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
+        larger = 100.0 * (one.rms / one.rms_with - 1.0)
+        gap = f"{larger:.0f} % larger" if larger >= 0.5 else "no larger"
+        lines.append(f"{place}{names}, {times}; the gap on held-out data would be {gap}.")
+    return lines
 
 
 def steps(result: Diagnosis) -> dict[str, float]:
@@ -151,9 +170,8 @@ def steps(result: Diagnosis) -> dict[str, float]:
 
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
     """Return the candidates with their probability, and how far the gap closes with each."""
-    probability = (Column("probability", only="console"), Column("probability", only="page"))
     heads = (Column("shape", left=True), "gap after", "closes", "90 %")
-    made = table(title, Column("cause", left=True), *probability, *heads)
+    made = table(title, Column("cause", left=True), "probability", *heads)
     for one in some:
         cells = ["-", "-", "-"]
         if one.shrink is not None and not one_posture(result):
@@ -162,8 +180,7 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
                 percent(one.shrink.shrink),
                 percents(one.shrink.interval),
             ]
-        said = (f"{one.probability:.3f}", f"{100 * one.probability:.1f} %")
-        made.add_row(in_full(one, result), *said, one.shape, *cells)
+        made.add_row(in_full(one, result), chance(one.probability), one.shape, *cells)
     return made
 
 
@@ -238,9 +255,11 @@ def untestable_table(result: Diagnosis, title: str) -> Table:
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     """Return a parameter for people: name, value, standard deviation, realistic sizes, unit."""
     size = 0.0 if abs(item.value) < DUST * item.std else item.value
-    factor, unit = scale_of([size, item.std, *item.realistic], item.unit)
+    factor, unit = scale_of([size, *item.realistic], item.unit)
     low, high = (POWER.sub(_spelled, f"{factor * one:.2g}") for one in item.realistic)
-    return item.name, *worth(factor * size, factor * item.std), f"{low} to {high}", unit
+    value, std = worth(factor * size, factor * item.std)
+    held = size == 0.0 and item.positive  # at its bound: it has no standard deviation
+    return item.name, value, "-" if held else std, f"{low} to {high}", unit
 
 
 def in_full(one: Candidate, result: Diagnosis) -> str:

@@ -14,22 +14,27 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.recalibration import Recalibration
-from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.diagnosis_words import (
     causes,
+    chance,
     closed,
     hardly_checked,
     in_words,
     named,
     one_posture,
+    oversized,
     percent,
     percents,
     postures,
+    probability,
     second,
     several,
     stiffness_in_words,
+    sure,
     tested,
     told,
+    unrealistic,
 )
 from beamstiff.report.tables import counted, scale_of
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
@@ -43,7 +48,7 @@ NAMED = 3  # explanations that are named where nothing is decided; changes of th
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
-SQUARES = "Percentages count squares above noise: 75 % closed halves the gap."
+SQUARES = "Shares are of the squared gap above noise: closing 75 % halves the gap."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -73,6 +78,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = f"{gap}, {perhaps}{share}explained by {_or_alike(causes(result), alike)}"
         else:
             said = f"{gap}, {head[0].lower()}{head[1:]}"
+        if far := [named(one) for one, _ in unrealistic(result)]:
+            said += f"; unrealistic size: {_shortly(far)}"
         if perhaps and "explained" in said:
             said += "; too few postures to check it"
     return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
@@ -103,11 +110,28 @@ def _action(result: Diagnosis, head: str) -> str:
     if of_the_load and (moved := moved_load(result)):
         return moved
     if not to_check:
-        states = f"Measure {proposed(result)} (--next FILE writes them)." if result.next else ""
+        states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
         return states or "Measure other postures and load directions; beamstiff plan chooses them."
-    first = to_check[0]
+    far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
+    first = far[0][0] if far else to_check[0]
     said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
-    return f"{said} The states that --next FILE writes discriminate best." if result.next else said
+    if far:
+        said = f"{_doubt(*far[0])} {said}"
+    return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
+
+
+def _doubt(cause: Candidate, size: Estimate) -> str:
+    """Return, in words, that a size is unrealistic."""
+    is_it = f"{oversized(size):.2g} times the largest realistic size" if size.value > 0 else "negative"
+    return f"Doubt {named(cause)}, or its name: its {size.name} is {is_it}."
+
+
+def _written(result: Diagnosis) -> str:
+    """Return what loads the proposed states have, and which option writes them."""
+    force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
+    loaded = bool(np.any(result.baseline.rows.wrench))
+    loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
+    return f"{loads} (--next FILE writes them, --region limits where the tool goes)."
 
 
 def moved_load(result: Diagnosis) -> str:
@@ -148,8 +172,8 @@ def stiffness_text(result: Diagnosis) -> str:
     variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
     of = f"{name} (of {variable})" if variable != joint else name
     return (
-        f"Fitted stiffness: farthest from the robot file is {of}, {stiffness_in_words(value)} instead of "
-        f"{stiffness_in_words(given)} {unit}."
+        f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
+        f"robot file to {stiffness_in_words(value)} {unit}."
     )
 
 
@@ -172,17 +196,16 @@ def _undetermined(result: Diagnosis) -> set[str]:
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
-    said = f"Remainder with all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)"
+    said = f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)."
     if rest.follows:
-        said += f"; it follows the {' and the '.join(name for name, _ in rest.follows[:2])}"
+        said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
     if found.unclear:
-        share = percent(sum(one.closes for one in found.unclear))
-        said += f". Minor or undecided causes make a part of it ({share} of the gap): "
-        said += in_words([one.key for one in found.unclear])
+        share, names = closed(found.unclear), in_words([one.key for one in found.unclear])
+        said += f"\nMinor or undecided causes close another {share} on held-out data: {names}."
     if found.unmodelled:
         each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unmodelled]
-        said += f". What no effect in the library is: {', '.join(each)}"
-    return f"{said}."
+        said += f"\nOutside the library: {', '.join(each)}."
+    return said
 
 
 def summary(result: Diagnosis) -> str:
@@ -195,10 +218,10 @@ def summary(result: Diagnosis) -> str:
     verdict, head = result.verdict, headline(result)
     if found := several(result):
         return f"{first}\n{_of_several(found)}{_weak(result)}"
-    sure = percent(verdict.probability)
+    certain = sure(result)
     if head == UNDECIDED:
-        likely = ", ".join(
-            f"{NOTHING if one.effect == 'none' else named(one)} ({100 * one.probability:.0f} %)"
+        first_ones = ", ".join(
+            f"{NOTHING if one.effect == 'none' else named(one)} ({chance(one.probability)})"
             for one in result.candidates[:NAMED]
         )
         structure = " The gap is systematic, not noise." if verdict.effect == "unknown" else ""
@@ -208,19 +231,19 @@ def summary(result: Diagnosis) -> str:
             if others and verdict.effect != "unknown"
             else ""
         )
-        return f"{first}\n{head}: {likely}.{structure}{alike}"
+        return f"{first}\n{head}: {first_ones}.{structure}{alike}"
     if head == TOO_FEW:
         return (
             f"{first}\n{head}: they show nothing beyond noise, but so few rows could hardly show an effect."
         )
     if verdict.effect == "none":
         far = " The rows scatter far more than the stated noise." if _factor(result) > OFF else ""
-        return f"{first}\n{head} ({sure}).{far}"
+        return f"{first}\n{head} (probability {certain}).{far}"
     if verdict.effect == "unknown":
         gap = "the gap is systematic"
         if result.decomposition is not None and not result.baseline.claimed:
             gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
-        text = f"{first}\nUnknown ({sure}): {gap}, and "
+        text = f"{first}\nUnknown (probability {certain}): {gap}, and "
         if best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
@@ -230,11 +253,9 @@ def summary(result: Diagnosis) -> str:
         return text
     also = second(result)
     meaning = f" {EFFECTS[verdict.effect].meaning}"
-    if also is not None:
-        sure += f" and {100 * also.probability:.0f} %"
-        if also.effect != verdict.effect:
-            meaning = f"\n{verdict.effect}:{meaning}\n{also.effect}: {EFFECTS[also.effect].meaning}"
-    text = f"{first}\n{head} (probability {sure}).{meaning}"
+    if also is not None and also.effect != verdict.effect:
+        meaning = f"\n{verdict.effect}:{meaning}\n{also.effect}: {EFFECTS[also.effect].meaning}"
+    text = f"{first}\n{head} (probability {certain}).{meaning}"
     if verdict.shrink is not None and one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
@@ -253,9 +274,9 @@ def summary(result: Diagnosis) -> str:
         text += f"\nPossible in place of one of the two: {in_words(others)}."
     if UNKNOWN in result.indistinguishable:
         open_to = sum(one.probability for one in result.candidates if one.key == UNKNOWN)
-        text += f"\nA cause outside the library remains possible ({percent(open_to)})."
+        text += f"\nA cause outside the library remains possible ({chance(open_to)})."
     if result.also is not None and also is None:
-        text += f"\nAlso: {named(result.also)} ({100 * result.also.probability:.0f} %)."
+        text += f"\nAlso: {named(result.also)} (probability {chance(result.also.probability)})."
     if result.outliers:
         text += f"\nOutliers, excluded from the fit: {', '.join(_by_line(result.outliers))}."
     return text
@@ -296,7 +317,7 @@ def headline(result: Diagnosis) -> str:
             return UNDECIDED
         return "A gap whose cause is unknown"
     plural = "" if second(result) is None else "s"
-    if verdict.probability >= LIKELY:
+    if probability(result) >= LIKELY:
         return f"Cause{plural}: {causes(result)}"
     no_cause = (one.probability for one in result.candidates if one.effect in ("none", "unknown"))
     if max(no_cause, default=0.0) > verdict.probability:
@@ -311,7 +332,7 @@ def _of_several(found: Sequence[Cause]) -> str:
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
     them = "all causes" if len(found) > 1 else "it"
     return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, in this order: {each}.\n"
+        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}.\n"
         f"Adding {them} reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
     )
 
@@ -346,7 +367,12 @@ def proposed(result: Diagnosis) -> str:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
     rivals = any(item["separates"] for item in result.next)
     what = "discriminate best between the causes" if rivals else "determine the sizes of the causes best"
-    states = f"{counted(len(result.next) // len(told), 'state')} to {what}"
+    if not rivals and result.indistinguishable and result.decomposition is not None:
+        what += " (no posture and load here distinguishes look-alikes)"
+    count = len(result.next) // len(told)
+    one = "" if count > 1 else "s"
+    what = what.replace("discriminate ", f"discriminate{one} ").replace("determine ", f"determine{one} ")
+    states = f"the {counted(count, 'state')} that {what}"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
         times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"
@@ -366,8 +392,9 @@ def separations(result: Diagnosis) -> list[str]:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
-        f"Geometry: the robot file leaves {rounded(1e3 * changed.before)} mm RMS (measuring frame fitted). "
-        f"Calibration alone leaves {rounded(1e3 * changed.after)} mm on held-out data."
+        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
+        f"(measuring frame fitted). Calibration alone reduces it to "
+        f"{rounded(1e3 * changed.after)} mm on held-out data."
     )
     if not changed.changes:
         return [gap]

@@ -9,11 +9,14 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
-from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.tables import number
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause
+
+
+FAR = 2.0  # times the largest realistic size, from which the verdict says that a size is unrealistic
 
 
 def postures(result: Diagnosis) -> int:
@@ -54,6 +57,46 @@ def stiffness_in_words(value: float) -> str:
 def percent(share: float) -> str:
     """Return a share in whole percent, at most all."""
     return f"{100 * min(share, 1.0):.0f} %"
+
+
+def sure(result: Diagnosis) -> str:
+    """Return how probable the verdict is, in percent: of a cause, that it is there."""
+    also = second(result)
+    return chance(probability(result)) + ("" if also is None else f" and {chance(also.probability)}")
+
+
+def probability(result: Diagnosis) -> float:
+    """Return how probable the verdict is: of a cause among several, that it is there."""
+    found = result.decomposition
+    return result.verdict.probability if found is None or not found.verdict else found.verdict.probability
+
+
+def chance(probability: float) -> str:
+    """Return a probability in percent; what is short of certain is never rounded to it.
+
+    >>> chance(0.811), chance(0.9999), chance(0.0004), chance(0.0)
+    ('81 %', 'over 99 %', 'under 1 %', '0 %')
+    """
+    if 0.0 < probability < 0.005:
+        return "under 1 %"
+    return "over 99 %" if probability > 0.995 else f"{100 * probability:.0f} %"
+
+
+def oversized(one: Estimate) -> float:
+    """Return how many times larger than the largest realistic size a parameter is; 0 where it is not."""
+    return 0.0 if one.plausible else abs(one.value) / one.realistic[1]
+
+
+def unrealistic(result: Diagnosis) -> list[tuple[Candidate, Estimate]]:
+    """Return the causes with a size far from realistic, or wrongly negative, each with the farthest."""
+    found = []
+    for cause in told(result):
+        if cause.key in {one.key for one in several(result)} | {result.verdict.key}:
+            worst = max(cause.estimates, key=oversized, default=None)
+            negative = worst is not None and worst.positive and worst.value < 0.0
+            if worst is not None and (oversized(worst) >= FAR or (negative and not worst.plausible)):
+                found.append((cause, worst))
+    return found
 
 
 def percents(ends: Sequence[float]) -> str:

@@ -49,10 +49,20 @@ def parameters_table(found: Calibration, title: str) -> Table:
             unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
             wide = WITHIN * (item.std or 0.0)
             values = (item.nominal, item.value, item.change, item.std or 0.0)
+            placed = item.parameter.group in ("base", "target") and not any(
+                one.nominal for one in found.parameters if _owner(one) == _owner(item)
+            )
             ends = _cells(unit, [factor * (item.change - wide), factor * (item.change + wide)])
             cells = _cells(unit, [factor * value for value in values])
+            if placed:  # the robot file has no place for it
+                cells[0] = cells[2] = "-"
             result.add_row(item.name, *cells, " to ".join(ends), unit)
     return result
+
+
+def _owner(item: Found) -> str:
+    """Return what a parameter belongs to: a frame, a reflector, the base."""
+    return item.name.rpartition(".")[0]
 
 
 def _cells(unit: str, values: list[float]) -> list[str]:
@@ -128,7 +138,7 @@ def calibration_verdict(found: Calibration, rows: Measurements) -> Verdict:
     if found.claimed:
         said += f", {found.noise:.1f} times the noise"
     if level in ("doubtful", "differs"):
-        action = "More than geometry is missing: beamstiff diagnose, on the same files, finds what."
+        action = "More than geometry is missing. Run beamstiff diagnose on the same files to find what."
     else:
         action = "Test the calibrated robot on fresh poses (--test, or beamstiff verify)."
     return Verdict(said, level, data_of(rows), action)

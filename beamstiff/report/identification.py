@@ -203,7 +203,7 @@ def identification_verdict(found: Identification, measured: Measurements) -> Ver
         level = level_of(ratio)
         said += f"; the fit leaves {ratio:.1f} times the noise"
     if level in ("doubtful", "differs"):
-        action = "The model is incomplete: beamstiff diagnose, on the same files, finds what it lacks."
+        action = "The model is incomplete. Run beamstiff diagnose on the same files to find what it lacks."
     elif known < len(found.parameters):
         action = "Measure what determines the others: beamstiff plan chooses postures and loads."
     elif level == "agrees":

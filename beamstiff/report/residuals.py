@@ -13,6 +13,8 @@ from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
+from beamstiff.report.html.places import joint_columns
+from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 _PARTS = ((slice(0, 3), "position", "mm", "force, N"), (slice(3, 6), "rotation", "mrad", "moment, N m"))
@@ -43,7 +45,10 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
         figure.subplots(len(panels), 2, squeeze=False), panels, strict=True
     ):
         seen = mask[:, part].any(axis=1)
-        along = ((np.linalg.norm(measured.wrench[:, part], axis=1), load), (measured.pose, "pose"))
+        size = np.linalg.norm(measured.wrench[:, part], axis=1)
+        loaded = np.ptp(size[seen]) > 0.0 or not measured.variables
+        by_load = (size, load) if loaded else _moved_most(found.robot, measured)
+        along = (by_load, (measured.pose, "pose"))
         for axes, (where, name) in zip(row, along, strict=True):
             for label, (predicted, look) in models.items():
                 gap = np.where(mask, measured.displacement - predicted, 0.0)[seen, part]
@@ -54,6 +59,13 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
             plain(axes)
     figure.axes[0].legend(frameon=False)
     return figure
+
+
+def _moved_most(robot: Robot, measured: Measurements) -> tuple[Array, str]:
+    """Return the readings (N,) of the joint that moves most, and its name: for rows under one load."""
+    headings, factors = joint_columns(robot, measured.variables)
+    k = int(np.argmax(np.ptp(measured.q, axis=0)))
+    return factors[k] * measured.q[:, k], headings[k]
 
 
 def before_fit(found: Identification, measured: Measurements) -> Array | None:

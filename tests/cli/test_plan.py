@@ -97,7 +97,7 @@ def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
         "of what any choice of 20 tests could have",
         "Of 200 random choices of 20 tests the median has a worst std of",
         "more of them only average the noise",
-        "Tests for a worst standard error, about: 5 %",
+        "For the least certain value to have a given standard error, tests needed: about",
     ):
         assert part in text
 

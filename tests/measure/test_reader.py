@@ -73,6 +73,11 @@ def test_millimetres_are_exact_decimals(arm: Robot) -> None:
     assert parse_measurements("q1,d2 [mm],dx\n0,13,0\n", arm).q[0, 1] == 0.013
 
 
+@pytest.mark.parametrize("head", ["t", "time [s]", "Timestamp", "t [s]"])
+def test_time_has_the_names_that_loggers_give_it(arm: Robot, head: str) -> None:
+    assert parse_measurements(f"q1,d2,dx,{head}\n0,0,0,7\n", arm).time.tolist() == [7.0]
+
+
 def test_declarations_of_reading_and_history(arm: Robot) -> None:
     table = parse_measurements("# unloaded_reading: shared\n# history: continuous\nq1,d2,dx\n0,0,0\n", arm)
     assert table.shared_unloaded

@@ -5,13 +5,16 @@ from dataclasses import replace
 import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause
-from beamstiff.diagnosis.result import Candidate
+from beamstiff.diagnosis.prior import DEFAULT
+from beamstiff.diagnosis.result import Candidate, Estimate
+from beamstiff.diagnosis.runners_up import RunnerUp, runners_up
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
     causes_table,
     diagnosis_figure,
     diagnosis_tables,
+    next_best_text,
     probability_text,
     sizes_table,
     steps,
@@ -25,7 +28,7 @@ from beamstiff.report.diagnosis_text import (
     undecided_text,
     verdict,
 )
-from beamstiff.report.diagnosis_words import hardly_checked, percent
+from beamstiff.report.diagnosis_words import hardly_checked, percent, sure, unrealistic
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.verdict import rounded
@@ -41,8 +44,65 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     closes = [int(row[1].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     assert sum(closes) in (99, 100, 101)
-    assert remainder_text(several).startswith("Remainder with all rows fitted: 0.0")
+    assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
     assert CAUSES in [getattr(item, "title", None) for item in diagnosis_tables(result)]
+
+
+def test_a_cause_without_look_alikes_has_a_next_best() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    alone = {one.key for one in several.causes if not one.indistinguishable}
+    beside = runners_up(several, DEFAULT, 0)
+    assert {one.cause for one in beside} == alone
+    for one in beside:
+        assert one.cause not in one.keys
+        assert one.odds > 20.0  # nearer ones are look-alikes
+        assert one.rms > one.rms_with
+    told = next_best_text(replace(result, runners_up=beside))
+    assert len(told) == len(alone)
+    play = RunnerUp("angle-curve:q3", ("backlash:q3",), 123.0, 1.1e-4, 1e-4)
+    assert next_best_text(replace(result, runners_up=(play, replace(play, keys=())))) == [
+        "Next best in place of angle-curve at q3: backlash at q3, 100 times less likely; the gap on held-out "
+        "data would be 10 % larger.",
+        "Next best in place of angle-curve at q3: nothing; the gap would be 1.1 times as large.",
+    ]
+
+
+def test_a_cause_has_one_probability_in_summary_table_and_page() -> None:
+    result, _ = found("gear")
+    several = result.decomposition
+    assert several is not None
+    assert several.verdict is not None
+    less = replace(several, causes=(replace(several.causes[0], probability=0.89), *several.causes[1:]))
+    told = replace(result, decomposition=less)
+    assert told.verdict.probability != pytest.approx(0.89)
+    assert sure(told) == "89 %"
+    assert "(probability 89 %)" in summary(told)
+    assert causes_table(less, CAUSES).rows[0][4] == "89 %"
+    assert "89 %" in diagnosis_html(told, provenance([], 0, []))
+
+
+def test_an_unrealistic_size_reaches_headline_and_next_action() -> None:
+    result, _ = found("gear")
+    assert unrealistic(result) == []
+    size = Estimate("sine_1", 5e-3, 1e-6, "rad", (1e-5, 1e-3))
+    far = replace(result, verdict=replace(result.verdict, estimates=(size,)))
+    far = replace(
+        far,
+        candidates=tuple(far.verdict if one.key == far.verdict.key else one for one in far.candidates),
+    )
+    first = verdict(far)
+    name = f"{far.verdict.effect} at {far.verdict.component}"
+    assert first.headline.endswith(f"; unrealistic size: {name}")
+    assert first.action.startswith(
+        f"Doubt {name}, or its name: its sine_1 is 5 times the largest realistic size."
+    )
+    page = diagnosis_html(far, provenance([], 0, []))
+    assert "Doubt " in page
+    assert "(--next" not in page  # how to call commands is for the terminal
+    slightly = replace(size, value=1.5e-3)
+    assert not unrealistic(replace(far, verdict=replace(far.verdict, estimates=(slightly,)), candidates=()))
 
 
 def test_the_page_has_them_too() -> None:
@@ -143,7 +203,7 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert changed is not None
     assert changed.after == result.rms
     gap, *_ = recalibration_text(changed)
-    assert f"the robot file leaves {rounded(1e3 * changed.before)} mm RMS" in gap
+    assert f"leaves a gap of {rounded(1e3 * changed.before)} mm RMS" in gap
     assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
 
 

@@ -97,7 +97,7 @@ def test_wrong_rows_beside_a_cause_are_no_second_one() -> None:
     result = with_second(Candidate("outliers", None, 0.9))
     assert headline(result) == "Cause: backlash at q3"
     assert "Adding it reduces the residual to" in summary(result)
-    assert "Also: outliers (90 %)." in summary(result)
+    assert "Also: outliers (probability 90 %)." in summary(result)
 
 
 def test_what_only_the_unknown_rivals_is_said_in_a_sentence_of_its_own() -> None:
@@ -141,7 +141,7 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
     tool, head = ({**item, "point": point, "discrimination": d} for point, d in (("n6b", 2.0), ("n1a", 30.0)))
     result = replace(diagnosed("backlash"), next=[tool, head])
     assert proposed(result) == (
-        "1 state to discriminate best between the causes; also read a reflector on n1a (J1), which "
+        "the 1 state that discriminates best between the causes; also read a reflector on n1a (J1), which "
         "discriminates 15 times as well"
     )
 

@@ -30,12 +30,17 @@ MEASURED = make_measurements(
 
 def fitted(predicted: Any, start: Robot | None = None) -> Any:
     """Return what stands for an identification."""
-    return SimpleNamespace(predicted=np.asarray(predicted), start=start)
+    turning = SimpleNamespace(variables=())
+    return SimpleNamespace(predicted=np.asarray(predicted), start=start, robot=turning)
 
 
 def test_residuals_of_every_measured_value_and_no_other_stand_over_load_and_posture() -> None:
     figure = residual_figure(fitted(np.full((3, 6), 0.5e-3)), MEASURED, "arm")
-    assert [axes.get_xlabel() for axes in figure.axes] == ["force, N", "pose", "moment, N m", "pose"]
+    # no row is loaded: what varies is the posture
+    assert [axes.get_xlabel() for axes in figure.axes] == ["q1, deg", "pose", "q1, deg", "pose"]
+    pushed = replace(MEASURED, wrench=np.outer([1.0, 2.0, 3.0], [1.0, 0, 0, 0, 0, 0]))
+    loaded = residual_figure(fitted(np.full((3, 6), 0.5e-3)), pushed)
+    assert [axes.get_xlabel() for axes in loaded.axes] == ["force, N", "pose", "q1, deg", "pose"]
     shown = [axes.lines[0].get_ydata() for axes in figure.axes]
     np.testing.assert_allclose(shown[0], np.hypot([0.5, 1.5, 2.5], [0.5, 0.5, 0.5]))
     np.testing.assert_allclose(shown[2], [1.5, np.sqrt(0.75), np.sqrt(0.75)])

@@ -5,8 +5,9 @@ import pytest
 
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.recursion import Recursion
+from beamstiff.calibration.result import Found
 from beamstiff.calibration.sensitivity import SensitivityIndices
-from beamstiff.report.geometry import combination_text, recursion_figure, sensitivity_figure
+from beamstiff.report.geometry import combination_text, parameters_table, recursion_figure, sensitivity_figure
 
 UNITS = {"a": "m", "b": "m", "q": "rad"}
 
@@ -41,3 +42,17 @@ def test_the_recursion_is_drawn_in_mm_and_deg(turned: bool) -> None:
     assert figure.axes[0].lines[0].get_ydata() == pytest.approx([1.0, 0.1])
     if turned:
         assert figure.axes[1].lines[1].get_ydata() == pytest.approx(np.degrees([1e-2, 1e-3]))
+
+
+def test_what_the_robot_file_gives_no_place_for_has_no_nominal_value() -> None:
+    class Sought:
+        parameters = (
+            Found(Parameter("base.x", "base", "m", 1.0, 1), 0.0, 2.0, 1e-5),
+            Found(Parameter("far.x", "target", "m", 1.0, 1), 0.05, 0.051, 1e-5),
+            Found(Parameter("far.y", "target", "m", 1.0, 1), 0.0, 0.001, 1e-5),
+            Found(Parameter("q2", "offset", "rad", 1e-3, 1), 0.0, 1e-3, 1e-5),
+        )
+
+    rows = parameters_table(Sought(), "found").rows  # type: ignore[arg-type]
+    assert [row[1] for row in rows] == ["-", "50.0000", "0.0000", "0.0000"]
+    assert [row[3] for row in rows] == ["-", "1.0000", "1.0000", "0.0573"]

@@ -21,10 +21,11 @@ from beamstiff.se3 import Array
 
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
 NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
-AXES = 3  # along which each posture is loaded
+MOST_WAYS, LIKE = 6, 0.94  # directions of loads; cosine from which two directions are one
 # shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
 STEPS: tuple[float, ...] = (0.5, 1.0, 0.5, -0.5, -1.0)
 ABSOLUTE: tuple[float, ...] = (0.0, 0.5, 1.0, -0.5, -1.0)
+ONE_WAY = {STEPS: (0.5, 1.0, 0.5, 1.0, 0.5), ABSOLUTE: (0.0, 0.5, 1.0, 0.5, 0.0)}  # as many rows
 UNLOADED: tuple[float, ...] = (0.0,)
 LOAD = 500.0  # N, where no force was applied so far
 UNREAD = 1e6  # m: noise of a component that an instrument does not read
@@ -36,35 +37,36 @@ def load_cycles(
 ) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
     """Return states at postures within the limits, nothing measured, the cycle and the posture of each.
 
-    A cycle is loaded along one axis of the base frame; `single`: each load is a cycle by itself. Where the
-    table has absolute positions and no loads, it is one unloaded reading, at a posture that was not measured
-    yet where there is one.
+    A cycle is loaded along one direction of the table's forces, up to the largest of them, and the other way
+    only where the table has forces that way; `single`: each load is a cycle by itself. Where the table has
+    absolute positions and no loads, it is one unloaded reading, at a posture that was not measured yet where
+    there is one.
     """
     rows, robot = baseline.rows, baseline.nominal
     loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
     known, new = _postures(baseline, np.random.default_rng(seed))
     if baseline.absolute and not loads:
-        q, axes, shares = new if len(new) else known, 1, UNLOADED
+        q, ways = new if len(new) else known, [(np.zeros(3), UNLOADED)]
     else:
-        q, axes = np.concatenate([known[: POSES // 2], new]), AXES
-        shares = ABSOLUTE if baseline.absolute else STEPS
-        shares = tuple(dict.fromkeys(shares)) if single else shares
+        q, ways = np.concatenate([known[: POSES // 2], new]), _ways(rows, baseline.absolute)
     largest = float(np.linalg.norm(rows.wrench[:, :3], axis=1).max(initial=0.0)) or LOAD
     largest = float(f"{largest:.3g}")
     if baseline.absolute and rows.targets and not rows.by_tracker.any():
         return _seated(baseline, POSES // len(rows.targets) + 1, seed)
-    steps, cycles = len(shares), len(q) * axes
-    direction = np.tile(np.repeat(np.eye(6)[:axes], steps, axis=0), (len(q), 1))
-    cycle = np.arange(cycles * steps) if single else np.repeat(np.arange(cycles), steps)
-    of = np.repeat(np.arange(len(q)), axes * steps)
+    if single:
+        ways = [(along, tuple(dict.fromkeys(shares))) for along, shares in ways]
+    force = np.array([largest * share * along for along, shares in ways for share in shares])
+    steps = np.tile([len(shares) for _, shares in ways], len(q))
+    of = np.repeat(np.arange(len(q)), len(force))
+    cycle = np.arange(len(of)) if single else np.repeat(np.arange(len(steps)), steps)
     proposed = empty_rows(
         rows,
         robot.tcp,
         q[of],
-        direction * (largest * np.tile(shares, cycles))[:, None] + 0.0,  # no -0
+        np.tile(np.hstack([force, np.zeros_like(force)]), (len(q), 1)) + 0.0,  # no -0
         pose=cycle,
-        step=np.zeros(len(of)) if single else np.tile(np.arange(steps), cycles),
-        time=60.0 * np.arange(cycles * steps),
+        step=np.zeros(len(of)) if single else np.concatenate([np.arange(count) for count in steps]),
+        time=60.0 * np.arange(len(of)),
     )
     if not rows.targets or rows.by_tracker.any():
         return proposed, cycle, of
@@ -77,6 +79,29 @@ def load_cycles(
         targets=rows.targets,
     )
     return read, cycle[number], of[number]
+
+
+def _ways(rows: Measurements, absolute: bool) -> list[tuple[Array, tuple[float, ...]]]:
+    """Return the directions (3,) in which the table's forces pull, and the shares of the largest along each.
+
+    Two opposite ones are one, with negative shares; without forces the axes of the base are taken.
+    """
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1)
+    units = rows.wrench[size > 0.0, :3] / size[size > 0.0, None]
+    each, often = (one[::-1] for one in np.unique(units.round(2), axis=0, return_counts=True))
+    found: list[Array] = []
+    for along in each[np.argsort(-often, kind="stable")]:
+        if all(along @ other < LIKE for other in found):
+            found.append(along / np.linalg.norm(along))
+    if not found or len(found) > MOST_WAYS:  # none, or any
+        found = [*np.eye(3), *-np.eye(3)]
+    steps, ways = ABSOLUTE if absolute else STEPS, list[tuple[Array, tuple[float, ...]]]()
+    for at, along in enumerate(found):
+        if any(along @ other < -LIKE for other in found[:at]):
+            continue
+        both = any(along @ other < -LIKE for other in found[at + 1 :])
+        ways.append((along, steps if both else ONE_WAY[steps]))
+    return ways
 
 
 def _read_along(rows: Measurements) -> tuple[NDArray[np.str_], Array]:

@@ -14,6 +14,7 @@ from beamstiff.report.compensation import (
     compensation_table,
     compensation_text,
     compensation_verdict,
+    told,
     uncorrected_table,
 )
 from beamstiff.report.html.charts import along
@@ -79,17 +80,12 @@ def _facts(result: Compensated) -> Iterator[Fact]:
     found, known = result.correction, result.known
     if known.any():
         before, after = size_of(found.before[known]), size_of(result.after[known])
-        yield Fact("Before", f"{short(before.rms_mm)} mm", f"RMS; at most {short(before.max_mm)} mm")
-        rounded = f"RMS; at most {short(after.max_mm)} mm, numbers rounded"
-        yield Fact("After", f"{short(after.rms_mm)} mm", rounded)
+        yield Fact("Before", f"{told(before.rms_mm)} mm", f"RMS; at most {told(before.max_mm)} mm")
+        rounded = f"RMS; at most {told(after.max_mm)} mm, numbers rounded"
+        yield Fact("After", f"{told(after.rms_mm)} mm", rounded)
         moved = 1e3 * np.linalg.norm(found.commands[:, :3, 3] - found.path.poses[:, :3, 3], axis=1)
-        yield Fact("Commands move", f"{short(moved.max())} mm", "at most")
+        yield Fact("Commands move", f"{told(moved.max())} mm", "at most")
     yield Fact("Corrected", f"{int(found.corrected.sum())} of {len(found.path)}", "targets")
-
-
-def short(value: float) -> str:
-    """Return a number of three digits at most."""
-    return f"{value:.3g}"
 
 
 def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:

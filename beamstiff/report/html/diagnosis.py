@@ -21,6 +21,7 @@ from beamstiff.report.diagnosis import (
     in_full,
     likely,
     names_text,
+    next_best_text,
     notable,
     places_table,
     probability_text,
@@ -34,10 +35,10 @@ from beamstiff.report.diagnosis_words import (
     closed,
     in_words,
     one_posture,
-    percent,
     second,
     several,
     stiffness_in_words,
+    sure,
     tested,
 )
 from beamstiff.report.html.charts import bars
@@ -100,14 +101,11 @@ def _predictions(result: Diagnosis) -> tuple[Array, Array | None]:
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
-    also, sure = second(result), percent(result.verdict.probability)
-    if also is not None:
-        sure += f" and {percent(also.probability)}"
-    found = several(result)
+    also, found = second(result), several(result)
     if found:
         yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
     else:
-        yield Fact("How sure", sure, "probability of the verdict")
+        yield Fact("How sure", sure(result), "probability of the verdict")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -148,7 +146,7 @@ def _which(result: Diagnosis) -> Section:
         )
         caption = (
             "What each cause closes when added to those above it, on held-out data, with its 90 % interval. "
-            f"{probability_text(found)}"
+            f"{' '.join([probability_text(found), *next_best_text(result)])}"
         )
         figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
         plural = "s" * (len(found.causes) > 1)

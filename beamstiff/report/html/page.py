@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -17,6 +18,8 @@ from beamstiff.report.html.parts import Fact, Figure, Section, embedded
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView
 from beamstiff.report.verdict import Verdict
+
+OPTIONS = re.compile(r" \([^()]*--[^()]*\)")  # how to call a command: what a page's reader does not type
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,9 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    action = OPTIONS.sub("", page.verdict.action)
+    texts = [OPTIONS.sub("", text) for text in page.summary]
+    page = replace(page, verdict=replace(page.verdict, action=action), summary=texts)
     figures = [one for section in page.sections for one in section.figures]
     drawn = {one.key: _drawn(one) for one in figures}
     if page.view is not None:

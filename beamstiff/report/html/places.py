@@ -33,7 +33,7 @@ WORST = 100  # of them in any case
 MOST_TABLED = 200  # rows of a table, the worst
 # colours distinguish values up to this percentile, where the largest is so many times as large
 USUAL, OUTLYING = 95, 1.5
-LEGEND = 62  # px above a figure, for its buttons and its legend
+LEGEND, BUTTONS = 62, 40  # px above a figure, for its buttons and its legend, and for its buttons alone
 JOINTS = 12  # at most, those that vary
 MARKS = (("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
 SIDES = {(0, 1): "from above", (0, 2): "from the side", (1, 2): "along x"}
@@ -221,7 +221,7 @@ def _joints(sizes: Sizes) -> list[Figure]:
         ]
         layout = plain_layout(
             320,
-            margin=MARGIN | {"t": LEGEND + 18},
+            margin=MARGIN | {"t": LEGEND + 18 if len(traces) > 1 else BUTTONS},
             xaxis=axis(label(headings[k])),
             yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
             showlegend=len(traces) > 1,

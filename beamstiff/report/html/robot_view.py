@@ -36,19 +36,19 @@ CHARACTERS = 16  # characters of a name in a label: a phone's figure is some 40 
 DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
 FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
-AROUND = 0.25  # of the robot's size: room about it
+AROUND = 0.16  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
 UPRIGHT = 1.3  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
 CAMERAS = {
-    "oblique": {"eye": {"x": 1.6, "y": -1.85, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    "front (along x)": {"eye": {"x": 2.4, "y": 0.0, "z": 0.0}},
-    "side (along y)": {"eye": {"x": 0.0, "y": -2.4, "z": 0.0}},
-    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 2.5}},
+    "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
+    "side (along y)": {"eye": {"x": 0.0, "y": -1.9, "z": 0.0}},
+    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 2.0}},
 }
 # of the camera that looks across the deflection: from the axis, above the middle, and how far it is turned so
 # that the axis that points at it is seen too
-DISTANCE, HEIGHT, TURNED = 2.4, 0.6, np.radians(18.0)
+DISTANCE, HEIGHT, TURNED = 1.9, 0.5, np.radians(18.0)
 LOWER = {"x": 0.0, "y": 0.0, "z": -0.12}  # what it looks at: room for the axes' names below
 SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where the camera is chosen
 
