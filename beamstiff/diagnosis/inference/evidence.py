@@ -26,6 +26,7 @@ SHARES = np.array([0.0, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0]) 
 COARSE = np.array([0.0, 0.06, 0.25, 1.0, 4.0])  # the same where many second causes are weighed
 MAGNITUDES = np.linspace(-1.0, 1.0, 9)  # log u over log spread
 EXACT = 0.3  # prior that a shape is exactly right
+AT_ONCE = 500_000  # numbers that are worked on at a time
 SWEEPS = 8  # of the search for a bound
 SURELY = 6.0  # standard deviations above nothing: less than 1e-9 is lost
 AMISS, FACTOR = 0.12, 2.0  # what it is off by otherwise, of its own size; within this factor
@@ -134,12 +135,7 @@ def evidence(
     """
     stacks = stacks_of(hypotheses) if stacks is None else stacks
     spread = np.array([one.shape.prior_factor for one in hypotheses])
-    logs = np.stack(
-        [
-            _log_density_given_share(white, stacks, spread, scales, share, white.gap[:, None])[..., 0]
-            for share in shares
-        ]
-    )  # (R, 1 + H, U)
+    logs = _log_densities(white, stacks, spread, scales, shares, white.gap[:, None])[..., 0]  # (R, 1 + H, U)
     flat = logs[:, 0, 0]
     span = np.log(spread)
     amplitude = np.empty(len(hypotheses))
@@ -169,7 +165,7 @@ def evidence(
 def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
     """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
     spread = np.array([one.shape.prior_factor for one in hypotheses])
-    logs = _log_density_given_share(white, stacks_of(hypotheses), spread, scales, 0.0, gaps)
+    logs = _log_densities(white, stacks_of(hypotheses), spread, scales, np.zeros(1), gaps)[0]
     prior = np.log([one.prior for one in hypotheses])
     some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
     result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
@@ -187,64 +183,87 @@ def _share_weights(size: Array, shares: Array) -> Array:
     return np.concatenate([1.0 - off.sum(axis=0)[None], off])
 
 
-def _log_density_given_share(
-    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, share: float, gaps: Array
+def _log_densities(
+    white: Whitened, stacks: Sequence[Stack], spread: Array, scales: NoisePrior, shares: Array, gaps: Array
 ) -> Array:
-    """Return log densities (1 + H, U, d) of gaps (n, d); the first is that of no effect, for any u."""
-    weight = 1.0 / (1.0 + share**2 * white.unknown)
+    """Return log densities (R, 1 + H, U, d) of gaps (n, d) given the shares of the unknown (R,).
+
+    The first of them is that of no effect, for any u.
+    """
+    weight = 1.0 / (1.0 + shares[:, None] ** 2 * white.unknown)  # (R, n)
     n, t = white.tangent.shape
     # nuisance columns are fitted too, with a variance of its own: free columns have none to pay for
-    own = np.concatenate([white.tangent, share * white.nuisance], axis=1)
-    fitted = own.T @ (weight[:, None] * own)
-    fitted[np.arange(t, len(fitted)), np.arange(t, len(fitted))] += 1.0
+    free = np.broadcast_to(white.tangent, (len(shares), n, t))
+    own = np.concatenate([free, shares[:, None, None] * white.nuisance], axis=2)
+    weighted = weight[..., None] * own
+    fitted = own.swapaxes(1, 2) @ weighted
+    at = np.arange(t, fitted.shape[1])
+    fitted[:, at, at] += 1.0
     chol = np.linalg.cholesky(fitted)
-    half = np.asarray(np.linalg.solve(chol, own.T * weight), dtype=np.float64)  # (t + m, n)
-    determinant = -0.5 * (-np.log(weight).sum() + 2 * np.log(np.diag(chol)).sum())
+    half = np.asarray(np.linalg.solve(chol, weighted.swapaxes(1, 2)))  # (R, t + m, n)
+    sizes_of_fitted = np.log(np.diagonal(chol, axis1=1, axis2=2)).sum(axis=1)
+    determinant = 0.5 * np.log(weight).sum(axis=1) - sizes_of_fitted
     log_s = np.log(scales.value)
     share_s = np.exp(scales.log_weight - logsumexp(scales.log_weight))
     middle = float(np.exp(share_s @ log_s))
     seen = half @ gaps
-    total = (weight[:, None] * gaps**2).sum(axis=0) - (seen**2).sum(axis=0)  # (d,)
-    constant = determinant - (n - t) * log_s + scales.log_weight  # (S,)
+    total = weight @ gaps**2 - (seen**2).sum(axis=1)  # (R, d)
+    constant = determinant[:, None] - (n - t) * log_s + scales.log_weight  # (R, S)
 
-    def averaged(left: Array, loss: Array) -> Array:
-        """Average over s: what is left (..., S, d), complexity (..., S, 1 or d)."""
-        inner = constant[:, None] - loss - 0.5 * left / scales.value[:, None] ** 2
-        return np.asarray(logsumexp(inner, axis=-2))
+    def averaged(some: slice, left: Array, loss: Array) -> Array:
+        """Average over s for some shares: what is left (r, ..., S, d), complexity (r, ..., S, 1 or d)."""
+        start = constant[some].reshape(-1, *[1] * (left.ndim - 3), log_s.size, 1)
+        return np.asarray(logsumexp(start - loss - 0.5 * left / scales.value[:, None] ** 2, axis=-2))
 
-    result = np.empty((1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
-    nothing = averaged(np.broadcast_to(total, (log_s.size, total.size)), np.zeros((log_s.size, 1)))
-    result[0] = nothing
-    apart = weight[:, None] * gaps - half.T @ seen  # (n, d)
+    result = np.empty((len(shares), 1 + spread.size, MAGNITUDES.size, gaps.shape[1]))
+    result[:, 0] = averaged(slice(None), total[:, None, None], np.zeros(1))
+    apart = weight[..., None] * gaps - half.swapaxes(1, 2) @ seen  # (R, n, d)
     for stack in stacks:
-        eigenvalues, projected, vectors = _projected(stack, stack.gram(share, weight), half, apart)
         sizes = spread[stack.index, None] ** MAGNITUDES  # (h, U)
-        upper = np.zeros((*sizes.shape, gaps.shape[1]))
         signed = np.flatnonzero(stack.positive.any(axis=1))
-        if signed.size:
-            parts = (stack.positive[signed], eigenvalues[signed], projected[signed], vectors[signed])
-            upper[signed] = _log_upper(*parts, sizes[signed] / middle, middle)
-        # of many gaps one size at a time, to save memory
-        for k in np.split(np.arange(MAGNITUDES.size), 1 if gaps.shape[1] == 1 else MAGNITUDES.size):
-            ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, k, S)
-            grown = ratio[..., None] * eigenvalues[:, None, None]  # (h, k, S, c)
-            loss = 0.5 * np.log1p(grown).sum(axis=-1)[..., None]
-            factor = ratio[..., None] / (1 + grown)
-            explained = factor @ projected[:, None] ** 2  # (h, k, S, d)
-            result[1 + stack.index[:, None], k] = averaged(total - explained, loss - upper[:, k, None])
+        many = max(AT_ONCE // (sizes.size * log_s.size * max(stack.count, 1)), 1)
+        for start in range(0, len(shares), many):
+            some = slice(start, start + many)
+            gram = np.stack(
+                [stack.gram(share, w) for share, w in zip(shares[some].tolist(), weight[some], strict=True)]
+            )
+            eigenvalues, projected, vectors = _projected(stack, gram, half[some], apart[some])
+            upper = np.zeros((len(gram), *sizes.shape, gaps.shape[1]))  # (r, h, U, d)
+            if signed.size:
+                each = [part[:, signed] for part in (eigenvalues, projected, vectors)]
+                grown = _log_upper(
+                    np.tile(stack.positive[signed], (len(gram), 1)),
+                    *(part.reshape(-1, *part.shape[2:]) for part in each),
+                    np.tile(sizes[signed] / middle, (len(gram), 1)),
+                    middle,
+                )
+                upper[:, signed] = grown.reshape(len(gram), signed.size, *grown.shape[1:])
+            # of many gaps one size at a time, to save memory
+            for k in np.split(np.arange(MAGNITUDES.size), 1 if gaps.shape[1] == 1 else MAGNITUDES.size):
+                ratio = (sizes[:, k, None] / scales.value) ** 2  # (h, k, S)
+                gained = ratio[..., None] * eigenvalues[:, :, None, None]  # (r, h, k, S, c)
+                loss = 0.5 * np.log1p(gained).sum(axis=-1)[..., None]
+                factor = ratio[..., None] / (1 + gained)
+                explained = factor @ projected[:, :, None] ** 2  # (r, h, k, S, d)
+                left = total[some, None, None, None] - explained
+                where = np.ix_(np.arange(len(shares))[some], 1 + stack.index, k)
+                result[where] = averaged(some, left, loss - upper[:, :, k, None])
     return result
 
 
 def _projected(stack: Stack, gram: Array, half: Array, apart: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues of A^T M A (h, c), A^T M y along the vectors (h, c, d), and these (h, c, c)."""
+    """Return what hypotheses have in r shares of the unknown.
+
+    Eigenvalues of A^T M A (r, h, c), A^T M y along the vectors (r, h, c, d), and these (r, h, c, c).
+    """
     shape = (stack.index.size, stack.count)
-    left = (half @ stack.columns).reshape(len(half), *shape).transpose(1, 0, 2)  # (h, t, c)
-    toward = (stack.columns.T @ apart).reshape(*shape, -1)
-    own = gram - left.transpose(0, 2, 1) @ left
+    left = (half @ stack.columns).reshape(*half.shape[:2], *shape).swapaxes(1, 2)  # (r, h, t, c)
+    toward = (stack.columns.T @ apart).reshape(len(half), *shape, -1)
+    own = gram - left.swapaxes(2, 3) @ left
     if stack.count == 1:
-        return np.maximum(own[:, 0], 0.0), toward, np.ones_like(own)
+        return np.maximum(own[..., 0], 0.0), toward, np.ones_like(own)
     values, vectors = np.linalg.eigh(own)
-    return np.maximum(values, 0.0), vectors.transpose(0, 2, 1) @ toward, vectors
+    return np.maximum(values, 0.0), vectors.swapaxes(2, 3) @ toward, vectors
 
 
 def _log_upper(
