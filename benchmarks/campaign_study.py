@@ -23,13 +23,15 @@ from typing import Any
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import SimulatedCampaign
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.designs import planned, reachable
+from beamstiff.exam.effect import between
+from beamstiff.exam.forms import resized
 from beamstiff.exam.names import normal
 from beamstiff.exam.robots import MAIN_AXIS
 from beamstiff.exam.simulate import simulate
-from beamstiff.exam.sizes import linear_fit, whitened_gap
+from beamstiff.exam.sizes import linear_fit, size_for, whitened_gap
 from beamstiff.functions.campaign import CampaignState, campaign
 from beamstiff.functions.plan import plan
 from beamstiff.measure.reader import parse_measurements
@@ -37,10 +39,9 @@ from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 
-BATCH, MOST = 8, 48  # rows
-LOOKS = (8, 16, 24, 32, 48)  # rows after which what a diagnosis says counts: it takes 3 s of a core
+LOOKS = (12, 24, 48, 72)  # rows in all after each batch
 SURE = 0.9
-GAP = 3.0  # over noise
+GAPS = (3.0, 8.0)  # over noise, evenly by ratio
 LIMITS = ((-20, 120), (-150, -10))  # deg, of the first axis of a planar arm, and of the others
 EFFECTS = (  # that displacements of the tool can show
     "link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "actuator-lever", "backlash",
@@ -105,7 +106,7 @@ def planar_arm(rng: np.random.Generator, joints: int) -> Robot:
 
 
 def drawn(options: argparse.Namespace, number: int) -> Case | None:
-    """Return a machine whose effect shows, or that has none; None where it hardly does."""
+    """Return a machine whose effect shows, or that has none; None where it hardly can at any size."""
     rng = np.random.default_rng([options.seed, number, 6])
     joints = int(rng.choice(options.robots))
     arm = {"robot": planar_arm(rng, joints)} if joints < 6 else {"robots": ("random-arm",)}
@@ -116,11 +117,23 @@ def drawn(options: argparse.Namespace, number: int) -> Case | None:
             return None
         if not case.truths:
             return case
-        states = replace(as_read(case, random_rows(case, rng), rng), rotations=False)
+        states = as_read(case, random_rows(case, rng), rng)
         fit = linear_fit(case.robot, case.machine, states)
-        return case if whitened_gap(states, fit.residual(case.truths)) >= GAP else None
     except BeamstiffError:
         return None
+    wanted, seed = between(rng.random(), *GAPS), int(rng.integers(2**31))
+
+    def of_size(size: float) -> tuple[Truth, ...]:
+        return (resized(case.truths[0], case.robot, size, seed),)
+
+    def gap_of(size: float) -> float:
+        try:
+            return whitened_gap(states, fit.residual(of_size(size)))
+        except BeamstiffError:  # so large that the machine buckles under it
+            return float("inf")
+
+    size, gap = size_for(gap_of, wanted)
+    return replace(case, truths=of_size(size)) if GAPS[0] <= gap < 2 * GAPS[1] else None
 
 
 def as_read(case: Case, rows: Measurements, rng: np.random.Generator, number: int = 0) -> SimulatedCampaign:
@@ -131,12 +144,12 @@ def as_read(case: Case, rows: Measurements, rng: np.random.Generator, number: in
 
 def random_rows(case: Case, rng: np.random.Generator) -> Measurements:
     """Return rows at random postures under random forces, nothing measured."""
-    q = reachable(rng, case.robot, MOST)
-    force = rng.normal(size=(MOST, 3))
-    force *= force_of(case) * rng.uniform(0.3, 1.0, (MOST, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    q = reachable(rng, case.robot, LOOKS[-1])
+    force = rng.normal(size=(LOOKS[-1], 3))
+    force *= force_of(case) * rng.uniform(0.3, 1.0, (LOOKS[-1], 1)) / np.linalg.norm(force, axis=1, keepdims=True)
     return make_measurements(
         [variable.name for variable in case.robot.actuated], q, tcp=case.robot.tcp,
-        wrench=np.hstack([force, 0 * force]), displacement=np.full((MOST, 6), np.nan), pose=np.arange(MOST),
+        wrench=np.hstack([force, 0 * force]), displacement=np.full((LOOKS[-1], 6), np.nan), pose=np.arange(LOOKS[-1]),
         source="<random>",
     )  # fmt: skip
 
@@ -152,16 +165,15 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
     batches: list[Measurements] = []
     found, state = Trail(), None
     truth = normal(case.truths[0].label if case.truths else "none")
-    for number in range(MOST // BATCH):
+    for number, upto in enumerate(LOOKS):
         rows = proposed(number, state)
         if rows is None:
             return found
         batches.append(simulate(case.machine, case.truths, as_read(case, rows, rng, number), rng))
         found.read += len(rows)
-        if not looks and found.read not in LOOKS:
-            continue
         promised = state.outlook.settles if state is not None and state.outlook is not None else None
-        state = first[0] if number == 0 and first else campaign(case.robot, batches, rows=BATCH)
+        then = LOOKS[min(number + 1, len(LOOKS) - 1)] - upto or LOOKS[-1]
+        state = first[0] if number == 0 and first else campaign(case.robot, batches, rows=then)
         first[:] = first or [state]
         ahead = state.outlook
         assert ahead is not None
@@ -169,7 +181,7 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
             found.promises.append((round(promised, 4), ahead.probability >= SURE))
         found.said.append((found.read, ahead.leading, round(ahead.probability, 4)))
         right = normal(ahead.leading) == truth
-        if case.truths and right and ahead.probability >= SURE and found.read in LOOKS:
+        if case.truths and right and ahead.probability >= SURE:
             found.rows = found.rows or found.read
         if looks and state.stop:
             found.stopped, found.stopped_at = state.stop, found.read
@@ -182,12 +194,12 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
 
 def strategies(case: Case, seed: int) -> dict[str, Proposed]:
     """Return the ways of choosing rows: from the state before to the rows of a batch."""
-    table = plan(case.robot, tests=MOST, force=force_of(case), seed=seed).to_csv()
+    table = plan(case.robot, tests=LOOKS[-1], force=force_of(case), seed=seed).to_csv()
     fixed = parse_measurements(table, case.robot, require_measured=False)
     at_random = random_rows(case, np.random.default_rng([seed, 8]))
 
     def of(rows: Measurements, number: int) -> Measurements:
-        return subset(rows, np.arange(BATCH * number, BATCH * (number + 1)))
+        return subset(rows, np.arange(([0, *LOOKS])[number], LOOKS[number]))
 
     def loop(_: int, state: CampaignState | None) -> Measurements | None:
         if state is None:
@@ -229,14 +241,14 @@ def report(every: list[dict[str, Any]]) -> None:
             sum(not right and p >= SURE for right, p in said),
         ]
         print(
-            f"{name}: right within {MOST} rows in {np.isfinite(values).sum()} of {len(lines)}; at the end "
+            f"{name}: right within {LOOKS[-1]} rows in {np.isfinite(values).sum()} of {len(lines)}; at the end "
             f"right but less sure in {count[0]}, sure of something else in {count[1]}"
         )
     some = np.isfinite(np.array(list(rows.values()))).any(axis=0)
     if some.any():
         medians = {name: float(np.median(values[some])) for name, values in rows.items()}
         told = ", ".join(f"{name} {value:g}" for name, value in medians.items())
-        print(f"of the {some.sum()} that any way found: median rows {told} (inf: not within {MOST})")
+        print(f"of the {some.sum()} that any way found: median rows {told} (inf: not within {LOOKS[-1]})")
     for name, most in (("plan", 0.7), ("random", 0.5)):
         fewer, more = (op(rows["loop"], rows[name]).sum() for op in (np.less, np.greater))
         print(
