@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.diagnosis.next_measurement.candidates import STEPS
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
@@ -39,7 +40,7 @@ from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 
-LOOKS = (12, 24, 48, 72)  # rows in all after each batch
+LOOKS = (24, 48, 96)  # rows in all after each batch
 SURE = 0.9
 GAPS = (3.0, 8.0)  # over noise, evenly by ratio
 LIMITS = ((-20, 120), (-150, -10))  # deg, of the first axis of a planar arm, and of the others
@@ -56,13 +57,15 @@ Proposed = Callable[[int, CampaignState | None], Measurements | None]
 class Trail:
     """What came of one way of choosing rows."""
 
-    rows: int = 0  # until the verdict was right; 0: not within `MOST`
+    rows: int = 0  # until the verdict was right; 0: not within `LOOKS`
+    among: int = 0  # the same of its share among the causes of the library
     read: int = 0
     stopped: str = ""  # why the loop stopped first, and at how many rows
     stopped_at: int = 0
     false_stop: bool = False
     promises: list[tuple[float, bool]] = field(default_factory=list)  # of settling, and whether it did
-    said: list[tuple[int, str, float]] = field(default_factory=list)  # rows, likeliest, its probability
+    # rows, likeliest, its probability, and that of a cause outside the library
+    said: list[tuple[int, str, float, float]] = field(default_factory=list)
 
 
 def planar_arm(rng: np.random.Generator, joints: int) -> Robot:
@@ -143,14 +146,13 @@ def as_read(case: Case, rows: Measurements, rng: np.random.Generator, number: in
 
 
 def random_rows(case: Case, rng: np.random.Generator) -> Measurements:
-    """Return rows at random postures under random forces, nothing measured."""
-    q = reachable(rng, case.robot, LOOKS[-1])
-    force = rng.normal(size=(LOOKS[-1], 3))
-    force *= force_of(case) * rng.uniform(0.3, 1.0, (LOOKS[-1], 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    """Return rows at random postures, loaded as proposals are: along an axis, in part or in full."""
+    count = LOOKS[-1]
+    share = rng.choice(STEPS, count)[:, None] * force_of(case)
     return make_measurements(
-        [variable.name for variable in case.robot.actuated], q, tcp=case.robot.tcp,
-        wrench=np.hstack([force, 0 * force]), displacement=np.full((LOOKS[-1], 6), np.nan), pose=np.arange(LOOKS[-1]),
-        source="<random>",
+        [variable.name for variable in case.robot.actuated], reachable(rng, case.robot, count),
+        tcp=case.robot.tcp, wrench=share * np.eye(6)[rng.integers(3, size=count)],
+        displacement=np.full((count, 6), np.nan), pose=np.arange(count), source="<random>",
     )  # fmt: skip
 
 
@@ -172,17 +174,22 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
         batches.append(simulate(case.machine, case.truths, as_read(case, rows, rng, number), rng))
         found.read += len(rows)
         promised = state.outlook.settles if state is not None and state.outlook is not None else None
-        then = LOOKS[min(number + 1, len(LOOKS) - 1)] - upto or LOOKS[-1]
+        then = ([*LOOKS[1:], upto + LOOKS[0]])[number] - upto
         state = first[0] if number == 0 and first else campaign(case.robot, batches, rows=then)
         first[:] = first or [state]
         ahead = state.outlook
         assert ahead is not None
         if promised is not None:
-            found.promises.append((round(promised, 4), ahead.probability >= SURE))
-        found.said.append((found.read, ahead.leading, round(ahead.probability, 4)))
+            settled = ahead.probability >= SURE and ahead.leading != "unknown"
+            found.promises.append((round(promised, 4), settled))
+        assert state.diagnosis is not None
+        outside = sum(one.probability for one in state.diagnosis.candidates if one.effect == "unknown")
+        found.said.append((found.read, ahead.leading, round(ahead.probability, 4), round(outside, 4)))
         right = normal(ahead.leading) == truth
         if case.truths and right and ahead.probability >= SURE:
             found.rows = found.rows or found.read
+        if case.truths and right and ahead.probability >= SURE * (1.0 - outside):
+            found.among = found.among or found.read
         if looks and state.stop:
             found.stopped, found.stopped_at = state.stop, found.read
             found.false_stop = state.stop == "decided" and not right
@@ -241,8 +248,8 @@ def report(every: list[dict[str, Any]]) -> None:
             sum(not right and p >= SURE for right, p in said),
         ]
         print(
-            f"{name}: right within {LOOKS[-1]} rows in {np.isfinite(values).sum()} of {len(lines)}; at the end "
-            f"right but less sure in {count[0]}, sure of something else in {count[1]}"
+            f"{name}: right within {LOOKS[-1]} rows in {np.isfinite(values).sum()} of {len(lines)}; at the "
+            f"end right but less sure in {count[0]}, sure of something else in {count[1]}"
         )
     some = np.isfinite(np.array(list(rows.values()))).any(axis=0)
     if some.any():
@@ -278,7 +285,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--campaigns", type=int, default=300, help="0: print what there is")
     parser.add_argument("--seed", type=int, default=20261125)
-    parser.add_argument("--robots", type=int, nargs="+", default=[2, 3, 4], help="joints: 2 to 4, or 6")
+    parser.add_argument("--robots", type=int, nargs="+", default=[2, 2, 3], help="joints: 2 to 4, or 6")
     parser.add_argument("--results", type=Path, help="JSON lines, taken up where they are there")
     options = parser.parse_args()
     lines: list[dict[str, Any]] = []

@@ -70,8 +70,9 @@ def table_of_log(
     """Return a log as a table of measurements.
 
     `points`: nodes of reflectors by source; by default all positions are of one, or of nodes called like
-    their sources. `lag`, s: of the points' clock, instead of finding it; a wrench's is the joints' then. `robot`: whose joints are written,
-    and in whose frames wrenches are given. `shortest`, s: of a window that is kept.
+    their sources. `lag`, s: of the points' clock, instead of finding it; a wrench's is the joints' then.
+    `robot`: whose joints are written, and in whose frames wrenches are given. `shortest`, s: of a window
+    that is kept.
 
     Raises BeamstiffError where joints or positions are missing, clocks cannot be brought together, or the
     machine never stands still.

@@ -20,6 +20,7 @@ from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
+CHOICE, LOADS = 4, 4  # where each is loaded once: postures for each row of a batch, and loads in each
 NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
 AXES = 3  # along which each posture is loaded
 # shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
@@ -42,7 +43,8 @@ def load_cycles(
     """
     rows, robot = baseline.rows, baseline.nominal
     loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
-    known, new = _postures(baseline, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    known, new = _postures(baseline, rng, max(POSES, CHOICE * (rows.batch or 0) if single else 0))
     if baseline.absolute and not loads:
         q, axes, shares = new if len(new) else known, 1, UNLOADED
     else:
@@ -66,6 +68,10 @@ def load_cycles(
         step=np.zeros(len(of)) if single else np.tile(np.arange(steps), cycles),
         time=60.0 * np.arange(cycles * steps),
     )
+    if single and steps * axes > LOADS:  # all loads in a few postures would tell less than these in many
+        chosen = rng.random((len(q), steps * axes)).argsort(axis=1)[:, :LOADS]
+        kept = np.sort(chosen + steps * axes * np.arange(len(q))[:, None], axis=1).ravel()
+        proposed, of, cycle = subset(proposed, kept), of[kept], np.arange(kept.size)
     if not rows.targets or rows.by_tracker.any():
         return proposed, cycle, of
     every, direction = _read_along(rows)  # each state is read by every gauge that the table has
@@ -138,8 +144,8 @@ def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[n
     return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
 
 
-def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return postures (n, A) that were measured, and others where the tool can be measured, as it seems.
+def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    """Return postures (n, A) that were measured, and `count` others where the tool can be measured, it seems.
 
     The others lie in the region that the rows state; otherwise near where the tool was seen: nothing else
     tells of the floor, the pedestal and what the tracker sees.
@@ -151,7 +157,7 @@ def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Arra
     seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
     if rows.region is not None:
         known = known[inside(rows.region, seen)]
-        others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
+        others = candidate_poses(kinematics, count, int(rng.integers(1 << 31)), rows.region)
     else:
         others = random_poses(kinematics, MANY, rng)
     others = rounded_postures(baseline.nominal, others, rows.units)
@@ -162,4 +168,4 @@ def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Arra
     else:
         far = np.linalg.norm(at[:, None] - seen[None], axis=2).min(axis=1)
         others = others[far <= NEAR * kinematics.size]
-    return known[rng.permutation(len(known))], others[:POSES]
+    return known[rng.permutation(len(known))], others[:count]

@@ -90,7 +90,7 @@ class Programme:
 
 @dataclass(frozen=True)
 class Rival:
-    """An explanation: its probability, and its likeliest shape, fitted (the model as it is without one)."""
+    """An explanation: its probability, and the freest of its likely shapes, fitted; without one the model."""
 
     key: str
     probability: float
@@ -279,8 +279,9 @@ def _rival(
     shapes: Sequence[Weighted],
     scale: float,
 ) -> Rival:
-    best = [max(shapes, key=lambda one: one.weight)] if shapes else []
-    return Rival(key, probability, fitted(baseline, used, [[one] for one in best], scale)[0])
+    # what is fitted to few rows by its simplest shape foretells more than it knows, and gives way afterwards
+    freest = [max(shapes, key=lambda one: one.hypothesis.columns.shape[1])] if shapes else []
+    return Rival(key, probability, fitted(baseline, used, [[one] for one in freest], scale)[0])
 
 
 def _with_a_second_reflector(
