@@ -27,8 +27,7 @@ MANY = 10
 # campaigns whose seeds are not reported
 EASES, SPREAD = 0.4, 0.7
 SHOWS = 100.0  # values less fitted ones, of which most causes would show; likewise
-NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
-WEIGHTS = WEIGHTS / WEIGHTS.sum()
+NODES = norm.ppf((np.arange(41) + 0.5) / 41)  # of a normal distribution, equally likely
 NOTHING = ("none", "unknown")  # that names no cause
 NONE_FOR = 4  # times the proposal's rows: so many must have named nothing
 
@@ -137,6 +136,6 @@ def chances(
     settles = turns = 0.0
     # log odds gained where the leading cause is right, or is not
     for share, mean in ((p, 0.5 * square), (1.0 - p, -0.5 * square)):
-        settles += share * float(WEIGHTS @ (1.0 - below(wanted, mean) + below(-wanted, mean)))
+        settles += share * float((1.0 - below(wanted, mean) + below(-wanted, mean)).mean())
         turns += share * float(below(np.zeros(1), mean)[0])
     return settles, turns

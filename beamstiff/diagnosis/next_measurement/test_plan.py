@@ -42,6 +42,7 @@ READINGS = 12  # postures, where a cycle is one reading
 SETTLED = 0.9  # probability among its rivals from which a cause needs no second reflector
 WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
+ALIKE = 1.2  # times what load cycles tell: single loads that tell less than this do not replace them
 REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
 ROUNDING = 1e-12  # of 1: what is left of a variance that the readings determine
 
@@ -131,6 +132,8 @@ def propose_tests(
     if not found:
         return None
     best = max(found, key=lambda one: one.score.sum())
+    if best.score.sum() < ALIKE * found[-1].score.sum():  # a memory shows in cycles whatever its shape is
+        best = found[-1]
     return _with_a_second_reflector(best, baseline, fits, noise)
 
 
