@@ -115,6 +115,21 @@ def noise_of(rows: Measurements, noise: Array) -> Array:
     return result
 
 
+def short_way(q: Array) -> NDArray[np.intp]:
+    """Return an order of states (R, A) in which the joint that has most to move has little, (R,).
+
+    From the first on to the nearest posture that is left; states of one posture stay as they are.
+    """
+    postures, of = np.unique(q, axis=0, return_inverse=True)
+    at = int(of.ravel()[0])
+    rank, done = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures), dtype=np.bool_)
+    for step in range(len(postures)):
+        rank[at], done[at] = step, True
+        away = np.abs(postures - postures[at]).max(axis=1)
+        at = int(np.argmin(np.where(done, np.inf, away)))
+    return np.argsort(rank[of.ravel()], kind="stable")
+
+
 def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:
     """Return states (R, A) under wrenches (R, 6) at the TCP, of the kind of a table, nothing measured."""
     kind = "position" if like.kind == "absolute" else "displacement"

@@ -28,7 +28,13 @@ from scipy.special import logsumexp
 
 from beamstiff.diagnosis.held_out.score import Fitted, Weighted, fitted, shift, stacked
 from beamstiff.diagnosis.inference.evidence import AMISS
-from beamstiff.diagnosis.next_measurement.candidates import empty_rows, load_cycles, noise_of, reflector_nodes
+from beamstiff.diagnosis.next_measurement.candidates import (
+    empty_rows,
+    load_cycles,
+    noise_of,
+    reflector_nodes,
+    short_way,
+)
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.result import Diagnosis, columns_at
 from beamstiff.errors import BeamstiffError
@@ -315,7 +321,7 @@ def _with_a_second_reflector(
 
 
 def as_plain(found: Programme | None) -> list[dict[str, Any]]:
-    """Return a test plan as the report has it."""
+    """Return a test plan as the report has it, in an order in which it is soon driven."""
     if found is None:
         return []
     rows = found.rows
@@ -328,7 +334,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
             "separates": list(found.separates),
             "discrimination": float(found.score[k]),
         }
-        for k in range(len(rows))
+        for k in short_way(rows.q).tolist()
     ]
 
 
