@@ -90,8 +90,8 @@ def outlook(result: Diagnosis) -> Outlook:
     unknown = sum(one.probability for one in result.candidates if one.effect == "unknown")
     outside = float(np.clip(unknown, 1e-9, 1.0 - 1e-9))
     first = max((one.probability for one in result.candidates if one.effect != "unknown"), default=0.0)
-    if leading == "none":  # of few values nothing shows because nothing could
-        first *= 1.0 - float(np.exp(-max(freedom, 1) / SHOWS))
+    # of few values nothing shows because nothing could
+    shows = 1.0 - float(np.exp(-max(freedom, 1) / SHOWS)) if leading == "none" else 1.0
     tempered = "unknown" in result.features and leading != "none"
 
     def divisor(grown: float) -> float:
@@ -104,7 +104,7 @@ def outlook(result: Diagnosis) -> Outlook:
 
     settles, turns = after(1)
     enough = rows >= NONE_FOR * max(len(result.next), 1)
-    return Outlook(leading, probability, separates, settles, turns, after(MANY)[0], enough)
+    return Outlook(leading, probability, separates, shows * settles, turns, after(MANY)[0], enough)
 
 
 def chances(

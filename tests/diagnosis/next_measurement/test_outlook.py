@@ -1,10 +1,13 @@
 """What a proposal is expected to settle. Truth: simulated log odds, and rows whose answers are known."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.special import expit, logit
 
-from beamstiff.diagnosis.next_measurement.outlook import DECIDED, SPREAD, chances
+from beamstiff.diagnosis.next_measurement.outlook import DECIDED, SPREAD, chances, outlook
 from beamstiff.diagnosis.next_measurement.test_plan import Foretold, best_rows
 
 
@@ -49,3 +52,22 @@ def test_rows_are_chosen_where_causes_differ_in_kind() -> None:
 
     assert first(0.0) == 0
     assert first(0.12) == 1
+
+
+@pytest.mark.parametrize(("rows", "least", "most"), [(10, 0.1, 0.4), (100, 0.9, 1.0)])
+def test_that_nothing_shows_is_promised_the_less_the_fewer_rows_there_are(
+    rows: int, least: float, most: float
+) -> None:
+    none = SimpleNamespace(key="none:null", effect="none", probability=0.98)
+    unknown = SimpleNamespace(key="unknown:null", effect="unknown", probability=0.01)
+    found: Any = SimpleNamespace(
+        verdict=none,
+        candidates=(none, unknown),
+        next=({"separates": (), "discrimination": 0.0},) * 10,
+        features={"unknown": 0.5},
+        baseline=SimpleNamespace(
+            rows=range(rows), used=np.ones((rows, 3), dtype=bool), tangent=np.zeros((rows, 6, 2))
+        ),
+    )
+    assert least < outlook(found).settles <= most
+    assert outlook(found).undecidable == (rows >= 40)
