@@ -230,13 +230,11 @@ def _log_densities(
             eigenvalues, projected, vectors = _projected(stack, gram, half[some], apart[some])
             upper = np.zeros((len(gram), *sizes.shape, gaps.shape[1]))  # (r, h, U, d)
             if signed.size:
-                each = [part[:, signed] for part in (eigenvalues, projected, vectors)]
-                grown = _log_upper(
-                    np.tile(stack.positive[signed], (len(gram), 1)),
-                    *(part.reshape(-1, *part.shape[2:]) for part in each),
-                    np.tile(sizes[signed] / middle, (len(gram), 1)),
-                    middle,
+                g, p, v = (
+                    part[:, signed].reshape(-1, *part.shape[2:]) for part in (eigenvalues, projected, vectors)
                 )
+                positive = np.tile(stack.positive[signed], (len(gram), 1))
+                grown = _log_upper(positive, g, p, v, np.tile(sizes[signed] / middle, (len(gram), 1)), middle)
                 upper[:, signed] = grown.reshape(len(gram), signed.size, *grown.shape[1:])
             # of many gaps one size at a time, to save memory
             for k in np.split(np.arange(MAGNITUDES.size), 1 if gaps.shape[1] == 1 else MAGNITUDES.size):
