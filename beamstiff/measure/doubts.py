@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import concatenate, subset
+from beamstiff.measure.swapped_labels import label_doubts
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
@@ -61,6 +62,7 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
         *position_doubts(measurements, robot),
+        *label_doubts(measurements),
     )
 
 

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ BASE_FRAMES = ("", "base", "base_link", "base_footprint", "world", "map")
 SAME = 1e-3  # rad, m: joint values nearer than this are one pose
 POOLED = 10.0  # readings that the common noise counts for beside a window's own
 MOST_LAG = 30.0  # s
+SMOOTH = 0.2  # s
 SAID = 0.5  # s of a window that is cut, from which its reason is said
 
 
@@ -69,8 +70,9 @@ def table_of_log(
     """Return a log as a table of measurements.
 
     `points`: nodes of reflectors by source; by default all positions are of one, or of nodes called like
-    their sources. `lag`, s: of the points' clock, instead of finding it. `robot`: whose joints are written,
-    and in whose frames wrenches are given. `shortest`, s: of a window that is kept.
+    their sources. `lag`, s: of the points' clock, instead of finding it; a wrench's is the joints' then.
+    `robot`: whose joints are written, and in whose frames wrenches are given. `shortest`, s: of a window
+    that is kept.
 
     Raises BeamstiffError where joints or positions are missing, clocks cannot be brought together, or the
     machine never stands still.
@@ -109,7 +111,16 @@ def table_of_log(
         raise BeamstiffError(
             f"{name}: found wrenches in {listed([one.name for one in others])}, expected one (--skip)"
         )
-    moved += others
+    for one in others:
+        try:  # a tool's weight turns with the joints in the frame of the sensor
+            found = None if lag is not None else clock_lag(joints, _smooth(one), MOST_LAG)
+        except LagError:
+            notes.append(f"{one.name}: shows no motion: its clock is taken for that of the joints")
+            found = None
+        if found is not None:
+            lags[one.name] = found
+            notes.append(_of_the_lag(one.name, found))
+        moved.append(one if found is None else one.shifted(found.corrected(one.time)))
     _check_overlap(moved, name)
     windows = still_windows(moved, shortest)
     kept = [window for window in windows if window.kept]
@@ -126,6 +137,15 @@ def table_of_log(
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return LogTable(out.getvalue(), count, tuple(notes), tuple(windows), lags, tuple(moved))
+
+
+def _smooth(wrench: Signal) -> Signal:
+    """Return the means of forces over `SMOOTH` about each reading: load cells are noisy."""
+    half = round(0.5 * SMOOTH / wrench.interval)
+    total = np.cumsum(np.concatenate([np.zeros((1, wrench.values.shape[1])), wrench.values]), axis=0)
+    at = np.arange(len(wrench))
+    low, high = np.maximum(at - half, 0), np.minimum(at + half + 1, len(wrench))
+    return replace(wrench, values=(total[high] - total[low]) / (high - low)[:, None])
 
 
 def plain_name(joint: str) -> str:

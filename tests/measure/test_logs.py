@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.bags import read_bag
 from beamstiff.measure.clock_lag import LagError, clock_lag
+from beamstiff.measure.logs import table_of_log
 from beamstiff.measure.pose_columns import with_rotation_vectors
 from beamstiff.measure.signals import Signal
 from beamstiff.measure.text import split_table
@@ -50,3 +51,26 @@ def test_matrices_are_the_rotation_vectors_of_scipy() -> None:
     np.testing.assert_allclose([float(cell) for cell in table.cells[0][4:]], [0.3, -0.2, 0.9], rtol=1e-12)
     with pytest.raises(BeamstiffError, match="at right angles"):
         with_rotation_vectors(split_table(f"q1,{header}\n0,{','.join(['1'] * 12)}\n", "t"))
+
+
+@pytest.mark.parametrize("lag", [-1.7, 0.8])
+def test_the_clock_of_a_force_sensor_follows_from_the_weight_that_turns_with_it(lag: float) -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 40.0, 0.01)
+    q = np.interp(t, [3, 5, 9, 10, 14, 17, 22, 24, 30, 31.5], [0, 1, 1, 0.3, 0.3, 2, 2, 0.8, 0.8, 1.9])
+    arm = np.stack([np.cos(q), np.sin(q), 0 * q], axis=1) + 1e-5 * rng.normal(size=(len(t), 3))
+    joints = Signal("j", "joints", ("q1",), t, q[:, None])
+    point = Signal("p", "point", ("x", "y", "z"), t + 0.3, arm)
+    weight = 40.0 * np.stack([-np.sin(q), -np.cos(q), 0 * q], axis=1)
+    still = np.tile([0.0, 0.0, -40.0], (len(t), 1))
+    names = ("fx", "fy", "fz", "mx", "my", "mz")
+
+    def made(force: np.ndarray) -> tuple[float | None, str]:
+        values = np.hstack([force + 0.3 * rng.normal(size=force.shape), 0.01 * rng.normal(size=force.shape)])
+        table = table_of_log([joints, point, Signal("w", "wrench", names, t + lag, values)], "log")
+        return table.lags["w"].lag if "w" in table.lags else None, " ".join(table.notes)
+
+    assert made(weight)[0] == pytest.approx(lag, abs=0.01)
+    found, notes = made(still)
+    assert found is None
+    assert "w: shows no motion: its clock is taken for that of the joints" in notes

@@ -20,6 +20,7 @@ from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
 POSES, MANY = 24, 400  # postures to choose from, of so many drawn
+CHOICE, LOADS = 4, 4  # where each is loaded once: postures for each row of a batch, and loads in each
 NEAR = 0.15  # of the machine's size: as far from where the tool was seen it is likely to be seen as well
 MOST_WAYS, LIKE = 6, 0.94  # directions of loads; cosine from which two directions are one
 # shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
@@ -44,7 +45,8 @@ def load_cycles(
     """
     rows, robot = baseline.rows, baseline.nominal
     loads = (np.abs(rows.wrench).max(axis=1) > 0).any()
-    known, new = _postures(baseline, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    known, new = _postures(baseline, rng, max(POSES, CHOICE * (rows.batch or 0) if single else 0))
     if baseline.absolute and not loads:
         q, ways = new if len(new) else known, [(np.zeros(3), UNLOADED)]
     else:
@@ -68,6 +70,10 @@ def load_cycles(
         step=np.zeros(len(of)) if single else np.concatenate([np.arange(count) for count in steps]),
         time=60.0 * np.arange(len(of)),
     )
+    if single and len(force) > LOADS:  # all loads in a few postures would tell less than these in many
+        chosen = rng.random((len(q), len(force))).argsort(axis=1)[:, :LOADS]
+        kept = np.sort(chosen + len(force) * np.arange(len(q))[:, None], axis=1).ravel()
+        proposed, of, cycle = subset(proposed, kept), of[kept], np.arange(kept.size)
     if not rows.targets or rows.by_tracker.any():
         return proposed, cycle, of
     every, direction = _read_along(rows)  # each state is read by every gauge that the table has
@@ -134,6 +140,21 @@ def noise_of(rows: Measurements, noise: Array) -> Array:
     return result
 
 
+def short_way(q: Array) -> NDArray[np.intp]:
+    """Return an order of states (R, A) in which the joint that has most to move has little, (R,).
+
+    From the first on to the nearest posture that is left; states of one posture stay as they are.
+    """
+    postures, of = np.unique(q, axis=0, return_inverse=True)
+    at = int(of.ravel()[0])
+    rank, done = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures), dtype=np.bool_)
+    for step in range(len(postures)):
+        rank[at], done[at] = step, True
+        away = np.abs(postures - postures[at]).max(axis=1)
+        at = int(np.argmin(np.where(done, np.inf, away)))
+    return np.argsort(rank[of.ravel()], kind="stable")
+
+
 def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:
     """Return states (R, A) under wrenches (R, 6) at the TCP, of the kind of a table, nothing measured."""
     kind = "position" if like.kind == "absolute" else "displacement"
@@ -163,8 +184,8 @@ def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[n
     return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
 
 
-def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return postures (n, A) that were measured, and others where the tool can be measured, as it seems.
+def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
+    """Return postures (n, A) that were measured, and `count` others where the tool can be measured, it seems.
 
     The others lie in the region that the rows state; otherwise near where the tool was seen: nothing else
     tells of the floor, the pedestal and what the tracker sees.
@@ -176,7 +197,7 @@ def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Arra
     seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
     if rows.region is not None:
         known = known[inside(rows.region, seen)]
-        others = candidate_poses(kinematics, POSES, int(rng.integers(1 << 31)), rows.region)
+        others = candidate_poses(kinematics, count, int(rng.integers(1 << 31)), rows.region)
     else:
         others = random_poses(kinematics, MANY, rng)
     others = rounded_postures(baseline.nominal, others, rows.units)
@@ -187,4 +208,4 @@ def _postures(baseline: Baseline, rng: np.random.Generator) -> tuple[Array, Arra
     else:
         far = np.linalg.norm(at[:, None] - seen[None], axis=2).min(axis=1)
         others = others[far <= NEAR * kinematics.size]
-    return known[rng.permutation(len(known))], others[:POSES]
+    return known[rng.permutation(len(known))], others[:count]

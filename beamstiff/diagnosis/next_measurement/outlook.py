@@ -12,16 +12,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logit
+from scipy.special import expit, logit
 from scipy.stats import norm
 
-from beamstiff.diagnosis.decision.tempering import TEMPERING
+from beamstiff.diagnosis.decision.tempering import divisor_of
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.se3 import Array
 
 DECIDED = 0.9  # probability of the likeliest cause, from which it is decided
 TURNS = 0.05  # probability that the proposal would turn it, up to which it is
 SETTLES = 0.05  # probability that `MANY` such proposals settle it, below which nothing more can be decided
 MANY = 10
+# log odds of a cause outside the library fall by so much with twice the rows, give or take: of simulated
+# campaigns whose seeds are not reported
+EASES, SPREAD = 0.4, 0.7
+SHOWS = 100.0  # values less fitted ones, of which most causes would show; likewise
+NODES = norm.ppf((np.arange(41) + 0.5) / 41)  # of a normal distribution, equally likely
 NOTHING = ("none", "unknown")  # that names no cause
 NONE_FOR = 4  # times the proposal's rows: so many must have named nothing
 
@@ -79,17 +85,26 @@ def outlook(result: Diagnosis) -> Outlook:
     # where nothing is to be distinguished, information in nats: at most so far apart
     square = (8.0 if separates else 2.0) * told
     rows, evidence = len(result.baseline.rows), max(-result.features.get("unknown", 0.0), 0.0)
+    freedom = int(result.baseline.used.sum()) - result.baseline.tangent.shape[2]
+    # what a cause outside the library does nobody foretells: its share is about what it is, rather less
+    unknown = sum(one.probability for one in result.candidates if one.effect == "unknown")
+    outside = float(np.clip(unknown, 1e-9, 1.0 - 1e-9))
+    first = max((one.probability for one in result.candidates if one.effect != "unknown"), default=0.0)
+    # of few values nothing shows because nothing could
+    shows = 1.0 - float(np.exp(-max(freedom, 1) / SHOWS)) if leading == "none" else 1.0
+    tempered = "unknown" in result.features and leading != "none"
 
-    # a cause outside the library foretells nothing: its share stays, however far the others are told apart
-    outside = sum(one.probability for one in result.candidates if one.effect == "unknown" != leading)
+    def divisor(grown: float) -> float:
+        return divisor_of(grown * evidence, round(grown * freedom)) if tempered else 1.0
 
     def after(times: int) -> tuple[float, float]:
-        then = 1.0 + evidence * (1.0 + times * len(result.next) / rows) / TEMPERING
-        return chances(probability, times * square, 1.0 + evidence / TEMPERING, then, outside)
+        grown = 1.0 + times * len(result.next) / rows
+        eased = expit(logit(outside) - EASES * np.log2(grown))
+        return chances(first / (1.0 - outside), times * square, divisor(1.0), divisor(grown), float(eased))
 
     settles, turns = after(1)
     enough = rows >= NONE_FOR * max(len(result.next), 1)
-    return Outlook(leading, probability, separates, settles, turns, after(MANY)[0], enough)
+    return Outlook(leading, probability, separates, shows * settles, turns, after(MANY)[0], enough)
 
 
 def chances(
@@ -97,9 +112,9 @@ def chances(
 ) -> tuple[float, float]:
     """Return how probable it is that new rows settle which of two causes it is, and that they turn it.
 
-    `probability`: of the leading one now. `square`: expected square of how far apart they foretell the rows.
-    `divided`, `then`: by what log odds are divided now, and with the rows. `outside`: probability that it is
-    neither, which stays.
+    `probability`: of the leading one of them now. `square`: expected square of how far apart they foretell
+    the rows. `divided`, `then`: by what log odds are divided now, and with the rows. `outside`: probability
+    that it will be neither, give or take `SPREAD` of its log odds.
 
     >>> settles, turns = chances(0.6, 25.0)
     >>> round(settles, 2), round(turns, 2)
@@ -107,17 +122,20 @@ def chances(
     >>> chances(0.6, 0.0)
     (0.0, 0.0)
     """
-    p = float(np.clip(probability / max(1.0 - outside, 1e-6), 1e-6, 1.0 - 1e-6))
-    needed = DECIDED / max(1.0 - outside, 1e-6)
+    p = float(np.clip(probability, 1e-6, 1.0 - 1e-6))
     spread = float(np.sqrt(max(square, 0.0)))
-    if spread < 1e-9:
-        return float(p >= needed), 0.0
-    now, wanted = logit(p) * divided, logit(min(needed, 1.0)) * then
+    left = expit(logit(outside) + SPREAD * NODES)
+    needed = np.minimum(DECIDED / (1.0 - left), 1.0)
+    with np.errstate(divide="ignore"):
+        wanted, now = logit(needed) * then, float(logit(p)) * divided
 
-    def below(level: float, mean: float) -> float:
-        return float(norm.cdf((level - now - mean) / spread))
+    def below(level: Array, mean: float) -> Array:
+        off = level - now - mean
+        return np.asarray(norm.cdf(off / spread) if spread > 1e-9 else off > 0.0, dtype=np.float64)
 
-    right, wrong = 0.5 * square, -0.5 * square  # log odds gained where the leading cause is right, or is not
-    settled = [1.0 - below(wanted, mean) + below(-wanted, mean) for mean in (right, wrong)]
-    turned = [below(0.0, mean) for mean in (right, wrong)]
-    return p * settled[0] + (1 - p) * settled[1], p * turned[0] + (1 - p) * turned[1]
+    settles = turns = 0.0
+    # log odds gained where the leading cause is right, or is not
+    for share, mean in ((p, 0.5 * square), (1.0 - p, -0.5 * square)):
+        settles += share * float((1.0 - below(wanted, mean) + below(-wanted, mean)).mean())
+        turns += share * float(below(np.zeros(1), mean)[0])
+    return settles, turns

@@ -1,9 +1,9 @@
-"""Loads that are proposed are loads that were applied: the table's directions, and no reversal it lacks."""
+"""Loads that are proposed are loads that were applied, and states stand in the order of a short way."""
 
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.next_measurement.candidates import ABSOLUTE, ONE_WAY, STEPS, _ways
+from beamstiff.diagnosis.next_measurement.candidates import ABSOLUTE, ONE_WAY, STEPS, _ways, short_way
 from beamstiff.measure.table import Measurements, make_measurements
 
 
@@ -42,3 +42,22 @@ def test_without_forces_or_under_any_the_axes_of_the_base_are_taken(
     ways = _ways(loaded(*forces), absolute=False)
     np.testing.assert_array_equal([along for along, _ in ways], np.eye(3))
     assert {shares for _, shares in ways} == {STEPS}
+
+
+def way(q: np.ndarray) -> float:
+    return float(np.abs(np.diff(q, axis=0)).max(axis=1).sum())
+
+
+def test_postures_along_a_line_are_driven_along_it() -> None:
+    q = np.array([0.0, 3.0, 1.0, 4.0, 2.0])[:, None] * [1.0, -0.5]
+    assert short_way(q).tolist() == [0, 2, 4, 1, 3]
+
+
+def test_the_way_is_shorter_and_states_of_a_posture_stay_together_in_their_order() -> None:
+    postures = np.random.default_rng(4).uniform(-2, 2, (30, 3))
+    q = np.repeat(postures, 2, axis=0)
+    order = short_way(q)
+    assert sorted(order.tolist()) == list(range(60))
+    assert order[0] == 0
+    assert (order[1::2] == order[::2] + 1).all()
+    assert way(q[order]) < 0.6 * way(q)
