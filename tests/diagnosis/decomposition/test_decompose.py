@@ -23,6 +23,7 @@ NOISE = 1e-5  # m, of a laser tracker
 POSES = 90
 STOPS_SHORT, GEAR, SLIP = 4e-4, 3e-4, np.array([6e-4, -4e-4, 3e-4])  # rad, rad, m
 SLIPS_AT = 40
+HALL = np.array([5e-4, 0.0, -8e-4])  # m
 FRAME = np.array([0.3, -0.2, 1.1])  # rad: the tracker stands somewhere
 PLACE = np.array([2.0, -1.0, 0.4])  # m
 
@@ -48,9 +49,13 @@ def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generat
     position = pose[:, :3, 3].copy()
     if "slip" in causes:
         position[SLIPS_AT:] += pose[SLIPS_AT:, :3, :3] @ SLIP
+    time = None
+    if "hall" in causes:  # which a heater warms and lets cool, every quarter of an hour
+        time = 60.0 * np.arange(len(q))
+        position += HALL * (np.abs((time / 900.0) % 1.0 - 0.5))[:, None]
     position = position @ rotation_from_vector(FRAME).T + PLACE
     position = position + NOISE * rng.standard_normal(position.shape)
-    return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE)
+    return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE, time=time)
 
 
 @cache
@@ -155,3 +160,11 @@ def test_a_drive_that_is_rigid_in_truth_keeps_a_place_for_its_play() -> None:
     assert verify(larger, replace(rows, q=q), refit_frame=True).after < 5 * NOISE
     moved = replace(rows, position=rows.position + 1e-3 * rng.standard_normal(rows.position.shape))
     np.testing.assert_array_equal(found.predict_shift(rows), found.predict_shift(moved))  # nothing is fitted
+
+
+def test_a_hall_that_warms_and_cools_is_named_beside_another_cause() -> None:
+    diagnosis, _ = found("gear", "hall")
+    decomposition = diagnosis.decomposition
+    assert decomposition is not None
+    assert [cause.key for cause in decomposition.causes] == ["thermal-drift:null", "angle-curve:q3"]
+    assert sum(cause.closes for cause in decomposition.causes) > 0.9

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
+from beamstiff.diagnosis.decomposition.answer import _kept
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
@@ -167,3 +168,20 @@ def test_the_prior_of_a_cause_counts_once_however_many_forms_it_has() -> None:
     after, _ = with_each(made, fit_step(made, (0,)))
     for number in (1, 2):
         assert after[number] == pytest.approx(fit_step(made, (0, number)).bic, abs=0.05)
+
+
+@pytest.mark.parametrize(("size", "stays"), [(0.95, True), (0.5, False)])
+def test_a_cause_stays_without_which_another_has_a_size_that_no_machine_has(size: float, stays: bool) -> None:
+    """The second helps on no held-out posture; but without it the first takes half of it up, to 1.2 m."""
+    first, second = 1000.0 * np.eye(VALUES)[:, 1:3].T
+    second = 0.5 * first + np.sqrt(0.75) * second
+    choice = choice_of(
+        size * first + 0.5 * second,
+        form(first[:, None], Quantity("moved", "m", 1.0)),
+        replace(form(second[:, None], Quantity("size", "1", 1.0)), component="q3"),
+    )
+    folds = SimpleNamespace(
+        choice=choice, squared_errors=lambda step: np.full(10, 1.0 if 0 in step.chosen else 2.0)
+    )
+    kept = _kept(folds, fit_step(choice, (0, 1)))
+    assert kept.chosen == ((0, 1) if stays else (0,))
