@@ -11,7 +11,7 @@ import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
-from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
@@ -19,7 +19,6 @@ from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
-from beamstiff.diagnosis.runners_up import RunnerUp
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -121,8 +120,6 @@ class Diagnosis(Shown):
     known : tuple of AddedEffect
         Effects that the robot has and that were taken off the readings: neither `baseline` nor `rows` hold
         them.
-    runners_up : tuple of RunnerUp
-        The next best explanation in place of each cause that has no look-alike.
     """
 
     baseline: Baseline
@@ -144,7 +141,12 @@ class Diagnosis(Shown):
     features: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
     known: tuple[AddedEffect, ...] = ()
-    runners_up: tuple[RunnerUp, ...] = ()
+
+    @property
+    def runners_up(self) -> list[RunnerUp]:
+        """The next best explanation in place of each cause that has no look-alike."""
+        causes = self.decomposition.causes if self.decomposition is not None else ()
+        return [one.runner_up for one in causes if one.runner_up is not None]
 
     @property
     def explainable(self) -> float:

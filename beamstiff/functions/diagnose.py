@@ -6,10 +6,8 @@ from numbers import Real
 from typing import Any
 
 from beamstiff.diagnosis.diagnose import diagnose as run
-from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.diagnosis.runners_up import runners_up
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole
@@ -81,9 +79,7 @@ def diagnose(
         if known:  # so that geometry and measuring frame can be left open beside them
             bare, left = without_effects(machine, rows, stations=stations)
         found = run(bare, left, without=excluded, prior=expected, seed=seed, stations=stations)
-        causes, weighed = found.decomposition, Prior(tuple(excluded), expected)
-        beside = () if causes is None else runners_up(causes, weighed, seed)
-        result = replace(found, known=known, runners_up=beside)
+        result = replace(found, known=known)
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from beamstiff.diagnosis.decomposition.causes import Cause
-from beamstiff.diagnosis.prior import DEFAULT
+from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.result import Candidate, Estimate
-from beamstiff.diagnosis.runners_up import RunnerUp, runners_up
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
@@ -53,16 +51,15 @@ def test_a_cause_without_look_alikes_has_a_next_best() -> None:
     several = result.decomposition
     assert several is not None
     alone = {one.key for one in several.causes if not one.indistinguishable}
-    beside = runners_up(several, DEFAULT, 0)
-    assert {one.cause for one in beside} == alone
-    for one in beside:
+    assert {one.cause for one in result.runners_up} == alone
+    for one in result.runners_up:
         assert one.cause not in one.keys
         assert one.odds > 20.0  # nearer ones are look-alikes
         assert one.rms > one.rms_with
-    told = next_best_text(replace(result, runners_up=beside))
-    assert len(told) == len(alone)
+    assert len(next_best_text(result)) == len(alone)
     play = RunnerUp("angle-curve:q3", ("backlash:q3",), 123.0, 1.1e-4, 1e-4)
-    assert next_best_text(replace(result, runners_up=(play, replace(play, keys=())))) == [
+    named = tuple(replace(several.causes[0], runner_up=one) for one in (play, replace(play, keys=()), None))
+    assert next_best_text(replace(result, decomposition=replace(several, causes=named))) == [
         "Next best in place of angle-curve at q3: backlash at q3, 100 times less likely; the gap on held-out "
         "data would be 10 % larger.",
         "Next best in place of angle-curve at q3: nothing; the gap would be 1.1 times as large.",

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import by_form
-from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, runner_up, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled
@@ -72,6 +72,11 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     for numbers, cause in zip(order, every, strict=True):
         parts[_rank(causes[numbers])].append(cause)
     named, unclear, unmodelled = parts
+    alone = {causes[cause].key: cause for cause in order if not causes[cause].indistinguishable}
+    named = [
+        replace(cause, runner_up=runner_up(folds, step, alone[cause.key])) if cause.key in alone else cause
+        for cause in named
+    ]
     rest = _rest(model, [*named, *unclear], noise2, total, folds.rows)
     unexplained = rest.share
     if unclear:

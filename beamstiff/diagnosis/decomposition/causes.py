@@ -22,6 +22,29 @@ HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict
 
 
 @dataclass(frozen=True)
+class RunnerUp:
+    """What explains the rows best where a cause is excluded.
+
+    Attributes
+    ----------
+    cause : str
+        That is excluded, ``effect:component``.
+    keys : tuple of str
+        What is selected in its place, beside the other causes; empty where nothing is.
+    odds : float
+        How many times less likely that is.
+    rms, rms_with : float, m
+        Position gap on held-out data with all causes: with these in its place, and with it.
+    """
+
+    cause: str
+    keys: tuple[str, ...]
+    odds: float
+    rms: float
+    rms_with: float
+
+
+@dataclass(frozen=True)
 class Cause:
     """A cause, and what it closes of the gap after those before it.
 
@@ -47,6 +70,8 @@ class Cause:
     indistinguishable : tuple of str
     rivals : tuple of Form
         The best of each of these.
+    runner_up : RunnerUp or None
+        What would be selected in its place, where it is named and has no look-alike.
     """
 
     forms: tuple[Form, ...]
@@ -60,6 +85,7 @@ class Cause:
     rms_after: float
     indistinguishable: tuple[str, ...]
     rivals: tuple[Form, ...]
+    runner_up: RunnerUp | None = None
 
     @property
     def key(self) -> str:

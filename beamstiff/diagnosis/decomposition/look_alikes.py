@@ -13,12 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.causes import RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.selection import HeldOut, best_first, gain, select
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
+MOST_LOG_ODDS = 690.0  # of which the exponential is finite
 SEARCHES = 3  # for what explains the rows without a cause
 
 
@@ -137,6 +141,19 @@ def instead(
         likest = new[int(np.argmax(like))]
         yield likest, found
         forbidden.add(choice.forms[likest].key)
+
+
+def runner_up(folds: Folds, step: Step, cause: tuple[int, ...]) -> RunnerUp:
+    """Return what is selected in place of a cause of a fit, beside the others."""
+    choice, key = folds.choice, folds.choice.forms[cause[0]].key
+    others = [number for number in step.chosen if number not in cause]
+    other = select(choice, folds.squared_errors, start=others, forbidden={key}, exchange=False)
+    new = (choice.forms[number] for number in other.chosen if number not in others)
+    keys = ("unknown:null" if one.effect == UNMODELLED else one.key for one in new)
+    log_odds = (other.bic - step.bic) / (2.0 * tempering_of(step, fit_step(choice, others)))
+    rms, rms_with = (float(np.sqrt(folds.squared_errors(fit).sum() / folds.rows)) for fit in (other, step))
+    odds = float(np.exp(np.clip(log_odds, 0.0, MOST_LOG_ODDS)))
+    return RunnerUp(key, tuple(dict.fromkeys(keys)), odds, rms, rms_with)
 
 
 def with_usual_name(choice: Choice, step: Step) -> Step:
