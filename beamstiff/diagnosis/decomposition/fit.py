@@ -85,8 +85,8 @@ class Choice:
     drives: int
     count: int
     alike: Mapping[str, tuple[str, ...]]
-    products: dict[int, Array] = field(default_factory=dict)
-    fits: dict[tuple[int, ...], Step] = field(default_factory=dict)
+    products: dict[int, Array] = field(default_factory=dict, init=False)
+    fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
 
     @cached_property
     def pull(self) -> Array:

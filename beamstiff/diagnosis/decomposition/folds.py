@@ -47,7 +47,7 @@ class Folds:
     fold: Integers
     posture: Integers
     position: NDArray[np.bool_]
-    known: dict[tuple[int, ...], Array] = field(default_factory=dict)
+    known: dict[tuple[int, ...], Array] = field(default_factory=dict, init=False)
 
     def squared_errors(self, step: Step) -> Array:
         """Return the sum of squared position errors of each posture, (P,), m^2, in fits without its fold."""

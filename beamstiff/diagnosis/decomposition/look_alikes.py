@@ -16,10 +16,12 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds
-from beamstiff.diagnosis.decomposition.selection import HeldOut, best_first, gain, select
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, HeldOut, best_first, gain, select
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
+from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 
+ONE_DRIVE = "joint-compliance:"
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 MOST_LOG_ODDS = 690.0  # of which the exponential is finite
@@ -157,15 +159,21 @@ def runner_up(folds: Folds, step: Step, cause: tuple[int, ...]) -> RunnerUp:
 
 
 def with_usual_name(choice: Choice, step: Step) -> Step:
-    """Return a fit in which what is one mechanics has its usual name, where that fits as well."""
+    """Return a fit in which what is one mechanics has its usual name, where that fits as well.
+
+    All drives that give way are the one that does, where the others are not worth a cause.
+    """
     for number in step.chosen:
-        keys = {choice.forms[k].key for k in step.chosen}
-        same = choice.alike.get(choice.forms[number].key, ())
-        if not same or same[0] in keys:
+        key, keys = choice.forms[number].key, {choice.forms[k].key for k in step.chosen}
+        usual, worse = choice.alike.get(key, ())[:1], -2.0 * TEMPERING * np.log(PLAUSIBLE)
+        if key == ALL_DRIVES:
+            drives = (one for one in choice.of_cause if one.startswith(ONE_DRIVE) and one != key)
+            usual, worse = tuple(drives), ENOUGH
+        if keys & set(usual):
             continue
         others = tuple(k for k in step.chosen if k != number)
-        usual = [at for at, form in enumerate(choice.forms) if form.key == same[0]]
-        named = min((fit_step(choice, (*others, at)) for at in usual), key=lambda fit: fit.bic, default=None)
-        if named and named.bic <= step.bic - 2.0 * TEMPERING * np.log(PLAUSIBLE):
+        forms = [at for one in usual if one in choice.of_cause for at in choice.of_cause[one].tolist()]
+        named = min((fit_step(choice, (*others, at)) for at in forms), key=lambda fit: fit.bic, default=None)
+        if named and named.bic <= step.bic + worse:
             return with_usual_name(choice, named)
     return step

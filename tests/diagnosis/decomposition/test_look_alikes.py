@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
-from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, tempering_of
+from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, tempering_of, with_usual_name
 from beamstiff.diagnosis.effects import Quantity
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
 from beamstiff.se3 import Array
@@ -91,3 +91,17 @@ def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier()
     judged = rival_of(choice, mine, (0,), held_out)
     assert judged.indistinguishable == ("angle-curve:q2",)
     assert judged.probability == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("other", "named"), [(0.0, "joint-compliance:q2"), (2.0, "joint-compliance:null")])
+def test_all_drives_are_the_one_that_gives_way_where_the_others_do_not(other: float, named: str) -> None:
+    rng = np.random.default_rng(5)
+    columns = rng.standard_normal((VALUES, 2))
+    sizes = [Quantity(f"compliance_{name}", "1", 1.0, positive=True) for name in ("q2", "q3")]
+    choice = choice_of(
+        columns @ [5.0, other] + rng.standard_normal(VALUES),
+        replace(form(columns, *sizes), component=None),
+        *(replace(form(columns[:, [at]], sizes[at]), component=f"q{at + 2}") for at in range(2)),
+    )
+    step = with_usual_name(choice, fit_step(choice, (0,)))
+    assert [choice.forms[number].key for number in step.chosen] == [named]
