@@ -104,7 +104,10 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == TOO_FEW:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if head == NOTHING.capitalize():
-        return "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured."
+        return (
+            "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured. "
+            "It has corrected zeros, lengths and drive stiffness: these are not named as causes."
+        )
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):

@@ -1,4 +1,4 @@
-"""`thermal-drift`: the reading drifts with time or temperature, loaded or not."""
+"""`thermal-drift`: measured positions drift with time or temperature, loaded or not."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def _turned(baseline: Baseline, label: str, warmth: Array) -> Shape:
 EFFECT = Effect(
     name="thermal-drift",
     family="measurement",
-    meaning="The reading drifts with time or temperature, whatever the load.",
+    meaning="Measured positions drift with time or temperature, whatever the load.",
     components=_components,
     shapes=_shapes,
     separation="measure the reference pose again from time to time",

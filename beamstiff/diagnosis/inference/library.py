@@ -197,7 +197,7 @@ def nowhere(effect: str, baseline: Baseline) -> str:
             return "time and temperature are the same in all rows: measure for longer"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
-        return "every joint has a stiffness about its axis already"
+        return "every joint has a stiffness about its axis: a soft drive shows in the fitted stiffness"
     if effect == "joint-coupling":
         return "fewer than two joints have a stiffness about their axes: add it to the robot file"
     if effect in OF_DRIVES and not drives(baseline):

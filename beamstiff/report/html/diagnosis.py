@@ -105,7 +105,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     if found:
         yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
     else:
-        yield Fact("How sure", sure(result), "probability of the verdict")
+        yield Fact("How sure", sure(result), "probability of the cause")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
