@@ -134,7 +134,7 @@ def _written(result: Diagnosis) -> str:
     force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
     loaded = bool(np.any(result.baseline.rows.wrench))
     loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
-    return f"{loads} (--next FILE writes them, --region limits where the tool goes)."
+    return f"{loads} (--next FILE writes them)."
 
 
 def moved_load(result: Diagnosis) -> str:

@@ -87,7 +87,7 @@ def test_a_length_without_limits_leaves_the_diagnosis_with_a_note(succeed: Run, 
 def test_a_posture_that_buckles_leaves_the_diagnosis_with_a_note(succeed: Run, folder: Path) -> None:
     q = np.repeat([[0.0], [0.3], [-0.3], [0.6], [-0.6], [0.9]], 3, axis=0)
     ways = np.stack([np.cos(q[:, 0]), np.sin(q[:, 0]), 0.0 * q[:, 0]], axis=1)
-    force = 2000.0 * ways * np.tile([0.4, 0.7, 1.0], 6)[:, None]
+    force = 2000.0 * ways * np.tile([-0.05, 0.7, 1.0], 6)[:, None]
     result = succeed("diagnose", *with_play(folder, SLACK, q, force), "--json", "out.json")
     found = json.loads((folder / "out.json").read_text())
     assert found["next"] == []

@@ -96,7 +96,7 @@ def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
         f"Criterion {criterion.upper()} (",
         "of what any choice of 20 tests could have",
         "Of 200 random choices of 20 tests the median has a worst std of",
-        "more of them only average the noise",
+        "more only average the noise",
         "For the least certain value to have a given standard error, tests needed: about",
     ):
         assert part in text

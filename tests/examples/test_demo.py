@@ -32,7 +32,7 @@ def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to
     [verdict] = [at for at, line in enumerate(lines) if line.startswith("Gap of 0.22 mm on 12 postures")]
     assert lines[verdict + 1].startswith("Data: ir663_compliance_xx.csv, 12 rows")
     assert lines[verdict + 2].startswith("Next: To check tool-compliance: put reflectors")
-    assert len(lines) - verdict <= 4
+    assert len(lines) - verdict <= 6
 
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:
@@ -99,7 +99,7 @@ def test_whole_models_leave_what_others_found(demo: tuple[str, Path]) -> None:
 
 def test_what_to_measure_next_is_said(demo: tuple[str, Path]) -> None:
     text, _ = demo
-    assert re.search(r"- load along [xz] at q2 = -?\d+ deg, q8 = \d+ deg: 450, 900, 450, -450, -900 N", text)
+    assert re.search(r"- load along x at q2 = -?\d+ deg, q8 = \d+ deg: -450, -900, -450, -900, -450 N", text)
     assert "- To check tool-compliance: " in text
 
 
