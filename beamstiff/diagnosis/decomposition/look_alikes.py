@@ -161,7 +161,7 @@ def runner_up(folds: Folds, step: Step, cause: tuple[int, ...]) -> RunnerUp:
 def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where that fits as well.
 
-    All drives that give way are the one that does, where the others are not worth a cause.
+    All drives that are compliant are the one that is, where the others are not worth a cause.
     """
     for number in step.chosen:
         key, keys = choice.forms[number].key, {choice.forms[k].key for k in step.chosen}
