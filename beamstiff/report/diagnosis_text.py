@@ -369,12 +369,11 @@ def proposed(result: Diagnosis) -> str:
     for item in result.next:
         told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
     rivals = any(item["separates"] for item in result.next)
-    what = "discriminate best between the causes" if rivals else "determine the sizes of the causes best"
+    count = len(result.next) // len(told)
+    verb = ("discriminate" if rivals else "determine") + ("" if count > 1 else "s")
+    what = f"{verb} best between the causes" if rivals else f"{verb} the sizes of the causes best"
     if not rivals and result.indistinguishable and result.decomposition is not None:
         what += " (no posture and load here distinguishes look-alikes)"
-    count = len(result.next) // len(told)
-    one = "" if count > 1 else "s"
-    what = what.replace("discriminate ", f"discriminate{one} ").replace("determine ", f"determine{one} ")
     states = f"the {counted(count, 'state')} that {what}"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():

@@ -90,8 +90,9 @@ def oversized(one: Estimate) -> float:
 def unrealistic(result: Diagnosis) -> list[tuple[Candidate, Estimate]]:
     """Return the causes with a size far from realistic, or wrongly negative, each with the farthest."""
     found = []
+    keys = {result.verdict.key, *(one.key for one in several(result))}
     for cause in told(result):
-        if cause.key in {one.key for one in several(result)} | {result.verdict.key}:
+        if cause.key in keys:
             worst = max(cause.estimates, key=oversized, default=None)
             negative = worst is not None and worst.positive and worst.value < 0.0
             if worst is not None and (oversized(worst) >= FAR or (negative and not worst.plausible)):

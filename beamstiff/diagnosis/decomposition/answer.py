@@ -72,9 +72,8 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     for numbers, cause in zip(order, every, strict=True):
         parts[_rank(causes[numbers])].append(cause)
     named, unclear, unmodelled = parts
-    alone = {causes[cause].key: cause for cause in order if not causes[cause].indistinguishable}
     named = [
-        replace(cause, runner_up=runner_up(folds, step, alone[cause.key])) if cause.key in alone else cause
+        cause if cause.indistinguishable else replace(cause, runner_up=runner_up(folds, step, cause.key))
         for cause in named
     ]
     rest = _rest(model, [*named, *unclear], noise2, total, folds.rows)
@@ -232,8 +231,11 @@ def _kept(folds: Folds, step: Step) -> Step:
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
         sure = [rival_of(choice, step, cause).present for cause in causes]
-        weak = [at for at in range(len(causes)) if sure[at] < PRESENT or gains[at] <= 0.0]
-        weak = [at for at in weak if np.isfinite(fits[at].bic)]
+        weak = [
+            at
+            for at, fit in enumerate(fits)
+            if (sure[at] < PRESENT or gains[at] <= 0.0) and np.isfinite(fit.bic)
+        ]
         if not weak:
             break
         step = fits[min(weak, key=lambda at: (gains[at] > 0.0, sure[at]))]

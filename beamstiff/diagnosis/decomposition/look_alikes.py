@@ -19,9 +19,8 @@ from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, HeldOut, best_first, gain, select
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
-from beamstiff.diagnosis.prior import RELATIVE, TEMPERING
+from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
 
-ONE_DRIVE = "joint-compliance:"
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 MOST_LOG_ODDS = 690.0  # of which the exponential is finite
@@ -145,13 +144,13 @@ def instead(
         forbidden.add(choice.forms[likest].key)
 
 
-def runner_up(folds: Folds, step: Step, cause: tuple[int, ...]) -> RunnerUp:
+def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
     """Return what is selected in place of a cause of a fit, beside the others."""
-    choice, key = folds.choice, folds.choice.forms[cause[0]].key
-    others = [number for number in step.chosen if number not in cause]
+    choice = folds.choice
+    others = [number for number in step.chosen if choice.forms[number].key != key]
     other = select(choice, folds.squared_errors, start=others, forbidden={key}, exchange=False)
     new = (choice.forms[number] for number in other.chosen if number not in others)
-    keys = ("unknown:null" if one.effect == UNMODELLED else one.key for one in new)
+    keys = (key_of(UNMODELLED, None) if one.effect == UNMODELLED else one.key for one in new)
     log_odds = (other.bic - step.bic) / (2.0 * tempering_of(step, fit_step(choice, others)))
     rms, rms_with = (float(np.sqrt(folds.squared_errors(fit).sum() / folds.rows)) for fit in (other, step))
     odds = float(np.exp(np.clip(log_odds, 0.0, MOST_LOG_ODDS)))
@@ -164,11 +163,11 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
     All drives that are compliant are the one that is, where the others are not worth a cause.
     """
     for number in step.chosen:
-        key, keys = choice.forms[number].key, {choice.forms[k].key for k in step.chosen}
-        usual, worse = choice.alike.get(key, ())[:1], -2.0 * TEMPERING * np.log(PLAUSIBLE)
-        if key == ALL_DRIVES:
-            drives = (one for one in choice.of_cause if one.startswith(ONE_DRIVE) and one != key)
-            usual, worse = tuple(drives), ENOUGH
+        own, keys = choice.forms[number], {choice.forms[k].key for k in step.chosen}
+        usual, worse = choice.alike.get(own.key, ())[:1], -2.0 * TEMPERING * np.log(PLAUSIBLE)
+        if own.key == ALL_DRIVES:
+            drives = (form.key for form in choice.forms if form.effect == own.effect and form.key != own.key)
+            usual, worse = tuple(dict.fromkeys(drives)), ENOUGH
         if keys & set(usual):
             continue
         others = tuple(k for k in step.chosen if k != number)

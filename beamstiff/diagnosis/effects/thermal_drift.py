@@ -97,28 +97,18 @@ def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
         about = [turning(baseline, found[:, 0, side]) for side in range(2)]
         turns = [item for name in ("sine", "cosine") for item in named(f"turn_{name}", "rad", TURN)]
         for label, harmonics in (("one wave", HARMONICS[:1]), ("cycle", HARMONICS)):
-            drifts: list[Array] = []
-            names: list[Quantity] = []
-            for at, harmonic in enumerate(harmonics):
-                for side, name in enumerate(("sine", "cosine")):
-                    drifts.append(along(found[:, at, side]))
-                    names += named(f"drift_{name}_{harmonic}", "m", DRIFT / harmonic**2)
-            for name, course in begun.items():
-                drifts.append(along(course))
-                names += named(f"drift_{name}", "m", DRIFT)
-            for name, columns, quantities in (
-                (label, drifts, names),
-                (f"{label}, turning", [*drifts, *about], [*names, *turns]),
-            ):
-                result.append(
-                    Shape(
-                        f"{name}{since}",
-                        np.concatenate(columns, -1),
-                        tuple(quantities),
-                        weight=0.5 / cycle.choices,
-                        data_selected=True,
-                    )
-                )
+            courses = [
+                (f"drift_{name}_{harmonic}", found[:, at, side], DRIFT / harmonic**2)
+                for at, harmonic in enumerate(harmonics)
+                for side, name in enumerate(("sine", "cosine"))
+            ]
+            courses += [(f"drift_{name}", course, DRIFT) for name, course in begun.items()]
+            drifts = [along(course) for _, course, _ in courses]
+            names = [item for name, _, size in courses for item in named(name, "m", size)]
+            for ending, more, quantities in (("", [], []), (", turning", about, turns)):
+                name, columns = f"{label}{ending}{since}", np.concatenate([*drifts, *more], -1)
+                own = (*names, *quantities)
+                result.append(Shape(name, columns, own, weight=0.5 / cycle.choices, data_selected=True))
     return result
 
 

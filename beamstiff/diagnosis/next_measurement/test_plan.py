@@ -186,12 +186,15 @@ def best_rows(
     free = np.ones(len(of), dtype=np.bool_)
     while len(chosen) < min(most, len(of)):
         before = logsumexp([one.bound for one in told])
-        after = logsumexp([one.bound - one.adds().cumsum(axis=1) for one in told], axis=0)  # (G, g)
+        adds = [one.adds() for one in told]
+        after = logsumexp(
+            [one.bound - each.cumsum(axis=1) for one, each in zip(told, adds, strict=True)], axis=0
+        )  # (G, g)
         best = int(np.argmin(np.where(free, after[:, -1], np.inf)))
         chosen.append(best)
         score.append(-np.diff(after[best], prepend=before))
-        for one in told:
-            one.take(best)
+        for one, each in zip(told, adds, strict=True):
+            one.take(best, float(each[best].sum()))
         free &= posture[of[:, 0]] != posture[of[best, 0]]
         if not free.any():
             free[:] = True
@@ -252,9 +255,9 @@ class _Told:
         every = off**2 / 8.0 + sizes[0] - 0.5 * (sizes[1] + sizes[2])
         return np.asarray(every.reshape(len(off), -1, 3).sum(axis=2))
 
-    def take(self, group: int) -> None:
-        """Go on from what a group tells."""
-        self.bound -= float(self.adds()[group].sum())
+    def take(self, group: int, added: float) -> None:
+        """Go on from what a group tells, that adds so much to B."""
+        self.bound -= added
         off = self.apart[group] - self.both.matrix[group] @ self.known
         self.known = self.known + self.both.take(group, self.read) @ off
         for one in self.single:
