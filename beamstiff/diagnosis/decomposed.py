@@ -139,7 +139,7 @@ def cause_candidate(cause: Cause) -> Candidate:
     """Return a cause by itself: how sure it is, and its sizes."""
     form = cause.forms[0]
     estimates = estimates_of_cause(cause)
-    return Candidate(form.effect, form.component, cause.probability, form.shape.name, estimates)
+    return Candidate(form.effect, form.component, cause.probability, cause.shape, estimates)
 
 
 def _nothing(found: Decomposition) -> str:
@@ -174,7 +174,7 @@ def _candidates(found: Decomposition) -> tuple[Candidate, ...]:
                 effect=effect,
                 component=None if component == "null" else component,
                 probability=entries[key],
-                shape=cause.forms[0].shape.name if cause else "",
+                shape=cause.shape if cause else "",
                 estimates=estimates_of_cause(cause) if cause else (),
                 shrink=_shrink(found, cause) if cause else None,
             )

@@ -9,13 +9,13 @@ from scipy.special import expit
 
 from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, forms_in
+from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import by_form
 from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, runner_up, with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, resampled
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, causes_of, gain, resampled
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.prior import TEMPERING
@@ -101,7 +101,7 @@ def unsteady(folds: Folds, step: Step, seed: int) -> set[str]:
 
     They close much on the average of few postures, and little or less than nothing on most of them.
     """
-    order, errors = ordered(folds, _causes_of(folds.choice, step))
+    order, errors = ordered(folds, causes_of(folds.choice, step))
     noise2, total = _noise2(folds.model), float(errors[0].sum())
     told = zip(order, closed(errors, noise2), errors[:-1], errors[1:], strict=True)
     return {
@@ -125,7 +125,7 @@ def _without_cancelling(
     what it does the others do too. The one that is missed least goes, and so on.
     """
     while True:
-        order, errors = ordered(folds, _causes_of(folds.choice, step))
+        order, errors = ordered(folds, causes_of(folds.choice, step))
         explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
         shown = [own / explainable for own in _shown(folds, order)]
         shares = closed(errors, noise2)
@@ -226,7 +226,7 @@ def _kept(folds: Folds, step: Step) -> Step:
     """
     choice = folds.choice
     while step.chosen:
-        causes = _causes_of(choice, step)
+        causes = causes_of(choice, step)
         errors = folds.squared_errors(step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
@@ -246,7 +246,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
     """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
     choice = folds.choice
     for _ in range(ROUNDS):
-        causes = _causes_of(choice, step)
+        causes = causes_of(choice, step)
         replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)
@@ -264,11 +264,3 @@ def _largest(errors: Sequence[Array]) -> float:
         return 1.0
     first, second = errors[0] - errors[1], errors[1] - errors[2]
     return float((resampled(first - second) > 0.0).mean())
-
-
-def _causes_of(choice: Choice, step: Step) -> list[Numbers]:
-    """Return the forms of a fit by cause: those of one effect at one component belong together."""
-    found: dict[str, list[int]] = {}
-    for number in step.chosen:
-        found.setdefault(choice.forms[number].key, []).append(number)
-    return [tuple(numbers) for numbers in found.values()]

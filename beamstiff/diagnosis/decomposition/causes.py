@@ -51,7 +51,7 @@ class Cause:
     Attributes
     ----------
     forms : tuple of Form
-        One; of a target that slipped several times, one for each row.
+        One or two; of a curve one for each order, of a target that slipped one for each row.
     theta : tuple of (c,) array
         Parameters of each form, in realistic sizes.
     std : tuple of (c,) array
@@ -91,6 +91,11 @@ class Cause:
     def key(self) -> str:
         """``effect:component``."""
         return self.forms[0].key
+
+    @property
+    def shape(self) -> str:
+        """Its forms, in words."""
+        return " and ".join(form.shape.name for form in self.forms)
 
     @property
     def moved(self) -> Array:

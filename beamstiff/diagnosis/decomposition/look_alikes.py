@@ -16,7 +16,15 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, HeldOut, best_first, gain, select
+from beamstiff.diagnosis.decomposition.selection import (
+    ENOUGH,
+    HeldOut,
+    best_first,
+    causes_of,
+    gain,
+    select,
+    with_further_forms,
+)
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
@@ -82,7 +90,7 @@ def rival_of(
             break
         if key in form:
             continue
-        other = fit_step(choice, (*others, number))
+        other = with_further_forms(choice, fit_step(choice, (*others, number)), key, len(cause))
         if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
             best[key], form[key] = min(other.bic, best.get(key, np.inf)), number
     tempering = tempering_of(step, without)
@@ -158,21 +166,26 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
 
 
 def with_usual_name(choice: Choice, step: Step) -> Step:
-    """Return a fit in which what is one mechanics has its usual name, where that fits as well.
+    """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
     All drives that are compliant are the one that is, where the others are not worth a cause.
     """
-    for number in step.chosen:
-        own, keys = choice.forms[number], {choice.forms[k].key for k in step.chosen}
-        usual, worse = choice.alike.get(own.key, ())[:1], -2.0 * TEMPERING * np.log(PLAUSIBLE)
+    for cause in causes_of(choice, step):
+        own, keys = choice.forms[cause[0]], {choice.forms[k].key for k in step.chosen}
+        others = tuple(k for k in step.chosen if k not in cause)
+        worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
+        usual = choice.alike.get(own.key, ())[:1]
         if own.key == ALL_DRIVES:
             drives = (form.key for form in choice.forms if form.effect == own.effect and form.key != own.key)
             usual, worse = tuple(dict.fromkeys(drives)), ENOUGH
         if keys & set(usual):
             continue
-        others = tuple(k for k in step.chosen if k != number)
         forms = [at for one in usual if one in choice.of_cause for at in choice.of_cause[one].tolist()]
-        named = min((fit_step(choice, (*others, at)) for at in forms), key=lambda fit: fit.bic, default=None)
+        fits = (
+            with_further_forms(choice, fit_step(choice, (*others, at)), choice.forms[at].key, len(cause))
+            for at in forms
+        )
+        named = min(fits, key=lambda fit: fit.bic, default=None)
         if named and named.bic <= step.bic + worse:
             return with_usual_name(choice, named)
     return step

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,10 +12,11 @@ from beamstiff.diagnosis.effects import Quantity
 
 def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, float]]:
     """Yield name, quantity, value, standard deviation (SI) and the factor of its sizes of each parameter."""
+    told = Counter(item.name for form in cause.forms for item in form.shape.parameters)
     for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
         factor = form.shape.realistic or form.shape.prior_factor
         for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):
-            name = f"{item.name}_{at + 1}" if len(cause.rows) > 1 else item.name
+            name = f"{item.name}_{at + 1}" if told[item.name] > 1 else item.name
             yield name, item, value * item.size, error * item.size, factor
 
 
@@ -55,6 +57,6 @@ def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:
         "closes_interval": list(cause.closes_interval),
         "rms_after_mm": 1e3 * cause.rms_after,
         "parameters": parameters,
-        "shape": form.shape.name,
+        "shape": cause.shape,
         "indistinguishable": list(cause.indistinguishable),
     }

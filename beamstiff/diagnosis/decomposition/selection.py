@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import islice
 
@@ -20,6 +21,7 @@ MOST = 100  # forms
 ROUNDS = 20  # of revising a fit
 TRIED = 30  # forms, best first, of which one has to help on held-out postures
 DOUBT = 0.2  # of postures drawn anew, in which a cause may make held-out postures worse
+FORMS = 2  # of a cause: no machine's law is quite a form; a second corrects it, a third would the second
 SHOWS = 0.5  # parameters that the data determine, below which a form does not show
 
 
@@ -61,8 +63,8 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tu
     of_form, of_cause = choice.log_priors
     log_prior = of_form + of_cause
     for form in forms:  # a cause counts once
-        there = choice.of_cause[form.key]
-        log_prior[there] = of_form[there]
+        same = choice.of_cause[form.key]
+        log_prior[same] = of_form[same]
     inside: Array = np.zeros((0, len(choice.precision)))
     pull = choice.pull
     if len(step.theta):
@@ -71,8 +73,9 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tu
         products = np.concatenate(parts)
         inside = np.asarray(solve_triangular(step.triangle, products, trans="T"))
         pull = pull - step.theta @ products
-    taken = {form.key for form in forms if form.effect not in REPEATED}
-    taken |= {key for form in forms for key in choice.alike.get(form.key, ())} | set(forbidden)
+    there = Counter(form.key for form in forms if form.effect not in REPEATED)
+    taken = {key for key, number in there.items() if number >= FORMS} | set(forbidden)
+    taken |= {key for form in forms for key in choice.alike.get(form.key, ()) if key != form.key}
     for numbers, at, own in choice.groups:
         gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
@@ -179,14 +182,14 @@ def _rises(choice: Choice, step: Step) -> list[float]:
 
 
 def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
-    """Return the best fit with another form, or two, in the place of one; None where none is better."""
+    """Return the best fit with another form, or two, in the place of one or of a cause; None: no better."""
     best = step
-    for number in step.chosen:
-        if choice.forms[number].effect in REPEATED:
+    for numbers in dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step)):
+        if choice.forms[numbers[0]].effect in REPEATED:
             continue
-        other = without = fit_step(choice, [k for k in step.chosen if k != number])
+        other = without = fit_step(choice, [k for k in step.chosen if k not in numbers])
         for _ in range(2):
-            others = (one for one in best_first(choice, other) if one[1] != number)
+            others = (one for one in best_first(choice, other) if one[1] not in numbers)
             value, new = next(others, (np.inf, -1))
             if value >= other.bic - ENOUGH:
                 break
@@ -195,3 +198,22 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
                 best = other
                 break
     return None if best is step else best
+
+
+def with_further_forms(choice: Choice, step: Step, key: str, most: int) -> Step:
+    """Return a fit in which a cause has as many forms as the criterion asks for, `most` of them."""
+    while sum(choice.forms[number].key == key for number in step.chosen) < most:
+        others = (number for _, number in best_first(choice, step) if choice.forms[number].key == key)
+        larger = fit_step(choice, (*step.chosen, *islice(others, 1)))
+        if larger.bic > step.bic - ENOUGH:
+            break
+        step = larger
+    return step
+
+
+def causes_of(choice: Choice, step: Step) -> list[tuple[int, ...]]:
+    """Return the forms of a fit by cause: those of one effect at one component belong together."""
+    found: dict[str, list[int]] = {}
+    for number in step.chosen:
+        found.setdefault(choice.forms[number].key, []).append(number)
+    return [tuple(numbers) for numbers in found.values()]

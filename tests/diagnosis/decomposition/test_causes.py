@@ -1,9 +1,12 @@
 """Which causes are named, and which of them is the verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
+from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.effects import Quantity
 from tests.diagnosis.decomposition.test_selection import VALUES, form
 
@@ -35,3 +38,15 @@ def test_what_the_form_of_another_may_leave_is_not_named() -> None:
 
 def test_of_two_that_cancel_one_another_neither_is_named() -> None:
     assert not cause(1.0, 1.0, 0.3, shown=MINOR - 0.001).named
+
+
+def test_parameters_of_two_forms_of_a_cause_are_all_told() -> None:
+    one = cause(0.9, PRESENT, 0.5)
+    both = replace(
+        one, forms=(*one.forms, *one.forms), theta=(np.ones(1), np.zeros(1)), std=(np.ones(1),) * 2
+    )
+    assert [(name, value) for name, _, value, _, _ in parameters_of(both)] == [
+        ("size_1", 1.0),
+        ("size_2", 0.0),
+    ]
+    assert [name for name, *_ in parameters_of(one)] == ["size"]

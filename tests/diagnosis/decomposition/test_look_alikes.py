@@ -105,3 +105,26 @@ def test_all_drives_are_the_one_that_gives_way_where_the_others_do_not(other: fl
     )
     step = with_usual_name(choice, fit_step(choice, (0,)))
     assert [choice.forms[number].key for number in step.chosen] == [named]
+
+
+@pytest.mark.parametrize(("away", "named"), [(0.01, "base-compliance:null"), (0.5, "bearing-tilt:q1")])
+def test_one_mechanics_has_its_usual_name_unless_the_rows_distinguish(away: float, named: str) -> None:
+    """A bearing on the ground in two forms against the base, whose two forms are nearly the same."""
+    rng = np.random.default_rng(6)
+    columns = rng.standard_normal((VALUES, 2))
+    base = columns + away * rng.standard_normal((VALUES, 2))
+    size = Quantity("size", "1", 1.0)
+    places = (("bearing-tilt", "q1", columns), ("base-compliance", None, base))
+    forms = [
+        replace(form(both[:, [at]], size), effect=effect, component=component)
+        for effect, component, both in places
+        for at in range(2)
+    ]
+    group = ("base-compliance:null", "bearing-tilt:q1")
+    choice = replace(
+        choice_of(columns @ [40.0, 20.0] + rng.standard_normal(VALUES), *forms),
+        alike=dict.fromkeys(group, group),
+    )
+    step = with_usual_name(choice, fit_step(choice, (0, 1)))
+    assert {choice.forms[number].key for number in step.chosen} == {named}
+    assert len(step.chosen) == 2

@@ -13,12 +13,19 @@ from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
-from beamstiff.diagnosis.decomposition.selection import best_first, select, with_each
+from beamstiff.diagnosis.decomposition.selection import (
+    best_first,
+    causes_of,
+    select,
+    with_each,
+    with_further_forms,
+)
 from beamstiff.diagnosis.effects import Quantity, Shape
 from beamstiff.diagnosis.prior import TEMPERING
 from tests.diagnosis.decomposition.test_decompose import UR10, read
 
 VALUES = 60
+SIZE = Quantity("size", "1", 1.0)
 
 
 def form(columns: np.ndarray, *parameters: Quantity) -> Form:
@@ -185,3 +192,22 @@ def test_a_cause_stays_without_which_another_has_a_size_that_no_machine_has(size
     )
     kept = _kept(folds, fit_step(choice, (0, 1)))
     assert kept.chosen == ((0, 1) if stays else (0,))
+
+
+@pytest.mark.parametrize(("shares", "chosen"), [((1.0,), 1), ((1.0, 0.5), 2), ((1.0, 0.5, 0.4), 2)])
+def test_a_law_between_two_forms_is_one_cause_of_both_and_never_of_three(
+    shares: tuple[float, ...], chosen: int
+) -> None:
+    """What a third form would explain is left: another cause does not come in for it unless it is there."""
+    rng = np.random.default_rng(4)
+    columns, other = rng.standard_normal((3, VALUES, 1)), rng.standard_normal((VALUES, 1))
+    law = sum(20.0 * share * column[:, 0] for share, column in zip(shares, columns, strict=False))
+    forms = [replace(form(one, SIZE), effect="bearing-tilt") for one in columns]
+    made = choice_of(
+        law + rng.standard_normal(VALUES), *forms, replace(form(other, SIZE), effect="link-bending")
+    )
+    step = select(made, lambda step: step.left**2)
+    assert len(step.chosen) == chosen
+    assert causes_of(made, step) == [step.chosen]
+    assert with_further_forms(made, fit_step(made, (0,)), "bearing-tilt:q2", 2).chosen[:1] == (0,)
+    assert len(with_further_forms(made, fit_step(made, (0,)), "bearing-tilt:q2", 2).chosen) == chosen
