@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.causes import RunnerUp
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
@@ -168,24 +169,37 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
 def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
-    All drives that are compliant are the one that is, where the others are not worth a cause.
+    All drives that are compliant are the one that is, where the others move little and are causes beside it.
     """
+    keys = {choice.forms[number].key for number in step.chosen}
     for cause in causes_of(choice, step):
-        own, keys = choice.forms[cause[0]], {choice.forms[k].key for k in step.chosen}
+        own = choice.forms[cause[0]]
         others = tuple(k for k in step.chosen if k not in cause)
+        usual = [key for key in choice.alike.get(own.key, ())[:1] if key not in keys]
+        alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
+        fits = [with_further_forms(choice, fit, key, len(cause)) for key, fit in alone]
         worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
-        usual = choice.alike.get(own.key, ())[:1]
         if own.key == ALL_DRIVES:
-            drives = (form.key for form in choice.forms if form.effect == own.effect and form.key != own.key)
-            usual, worse = tuple(dict.fromkeys(drives)), ENOUGH
-        if keys & set(usual):
-            continue
-        forms = [at for one in usual if one in choice.of_cause for at in choice.of_cause[one].tolist()]
-        fits = (
-            with_further_forms(choice, fit_step(choice, (*others, at)), choice.forms[at].key, len(cause))
-            for at in forms
-        )
+            fits = [_one_drive(choice, others)]
+            # that every drive is compliant is likelier beforehand: this says nothing of what the others move
+            worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
         named = min(fits, key=lambda fit: fit.bic, default=None)
-        if named and named.bic <= step.bic + worse:
+        if named and len(named.chosen) > len(others) and named.bic <= step.bic + worse:
             return with_usual_name(choice, named)
     return step
+
+
+def _one_drive(choice: Choice, others: tuple[int, ...]) -> Step:
+    """Return a fit with the drives that are worth a cause each, or none if the first does not move most."""
+    effect = ALL_DRIVES.partition(":")[0]
+    drives = [k for k, form in enumerate(choice.forms) if form.effect == effect and form.key != ALL_DRIVES]
+    step = without = fit_step(choice, others)
+    while True:
+        best = (number for _, number in best_first(choice, step) if number in drives)
+        larger = fit_step(choice, (*step.chosen, *islice(best, 1)))
+        if larger.bic > step.bic - ENOUGH:
+            break
+        step = larger
+    first, *rest = [step.moved[number] for number in step.chosen[len(others) :]] or [np.zeros(choice.count)]
+    away = np.sum([np.zeros_like(first), *rest], axis=0)
+    return step if away @ away <= MINOR * float(first @ first) else without

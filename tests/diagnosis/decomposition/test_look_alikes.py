@@ -93,18 +93,31 @@ def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier()
     assert judged.probability == pytest.approx(0.5, abs=1e-6)
 
 
-@pytest.mark.parametrize(("other", "named"), [(0.0, "joint-compliance:q2"), (2.0, "joint-compliance:null")])
-def test_all_drives_are_the_one_that_gives_way_where_the_others_do_not(other: float, named: str) -> None:
+@pytest.mark.parametrize(
+    ("compliances", "named"),
+    [
+        ((5.0, 0.0, 0.0, 0.0), ["q2"]),
+        ((20.0, 0.0, 2.0, 0.0), ["q2", "q4"]),
+        ((5.0, 0.0, 2.0, 0.0), [None]),
+        ((5.0, 3.0, 2.0, 2.0), [None]),
+        ((0.1, 0.0, 0.0, 0.0), [None]),
+    ],
+)
+def test_all_drives_are_the_one_that_gives_way_where_the_others_move_little(
+    compliances: tuple[float, ...], named: list[str | None]
+) -> None:
+    """Where none is worth a cause by itself, nothing is dropped."""
     rng = np.random.default_rng(5)
-    columns = rng.standard_normal((VALUES, 2))
-    sizes = [Quantity(f"compliance_{name}", "1", 1.0, positive=True) for name in ("q2", "q3")]
+    columns = rng.standard_normal((VALUES, 4))
+    places = [f"q{at + 2}" for at in range(4)]
+    sizes = [Quantity(f"compliance_{name}", "1", 1.0, positive=True) for name in places]
     choice = choice_of(
-        columns @ [5.0, other] + rng.standard_normal(VALUES),
+        columns @ compliances + rng.standard_normal(VALUES),
         replace(form(columns, *sizes), component=None),
-        *(replace(form(columns[:, [at]], sizes[at]), component=f"q{at + 2}") for at in range(2)),
+        *(replace(form(columns[:, [at]], sizes[at]), component=places[at]) for at in range(4)),
     )
     step = with_usual_name(choice, fit_step(choice, (0,)))
-    assert [choice.forms[number].key for number in step.chosen] == [named]
+    assert [choice.forms[number].component for number in step.chosen] == named
 
 
 @pytest.mark.parametrize(("away", "named"), [(0.01, "base-compliance:null"), (0.5, "bearing-tilt:q1")])
