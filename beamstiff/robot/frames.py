@@ -46,7 +46,7 @@ class LoopEnds:
 
 
 class Motion(NamedTuple):
-    """A motion that a frame makes from its parent: ``constant + values[:, used] @ coefficients``, rad or m."""
+    """A motion that a frame makes from its parent: ``constant + values[:, used] @ coefficients``, rad, m."""
 
     number: int  # in `MOTIONS`
     kind: Literal["turn", "shift"]
