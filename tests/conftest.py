@@ -45,9 +45,21 @@ def shared_path() -> Callable[[str], Path]:
 def cluster() -> Iterator[Any]:
     """Give a local cluster of dask: a scheduler and two workers, each a process."""
     distributed = pytest.importorskip("distributed", reason="dask.distributed is missing (extra `cluster`)")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=60
-    ) as local:
+    import dask
+
+    # it idles while other tests run: watching itself, as it does by default, takes a tenth of a processor
+    seldom = {
+        "distributed.worker.profile.enabled": False,
+        "distributed.worker.memory.monitor-interval": "1s",
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "10s",
+    }
+    with (
+        dask.config.set(seldom),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=60
+        ) as local,
+    ):
         yield local
 
 

@@ -128,7 +128,8 @@ def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
 
 def _told(statement: Statement, problem: Problem, found: Estimate, method: str, folds: int) -> Calibration:
     theta, seen = found.theta, statement.observability
-    gap, placed = problem.gap(theta), problem.placed(theta)
+    placed = problem.placed(theta)
+    gap = problem.gap_from(placed, theta)
     residual = problem.residuals(theta)
     freedom = residual.size - len(statement.identified)
     chi2 = float(residual @ residual)

@@ -111,23 +111,31 @@ class Geometry:
 
         `theta` (t,). `moved` (N, 6): elastic displacement ``[d, r]`` of the points, in the base frame.
         """
-        kinematics = self.changed(theta)
-        posture, position, rotation = self.in_base(kinematics, theta, moved)
+        posture, position, rotation = self.in_base(theta, moved)
         turn, shift = (part[self.station] for part in self.bases(theta))
         seen = (turn @ position[:, :, None])[:, :, 0] + shift
         return Placed(posture, seen, turn @ rotation @ self.target(theta))
 
-    def in_base(
-        self, kinematics: Kinematics, theta: Array, moved: Array | None
-    ) -> tuple[Posture, Array, Array]:
+    def postures(self, theta: Array) -> Posture:
+        """Return postures (P), loops closed; those asked last are kept, as residuals precede derivatives."""
+        if theta.tobytes() not in self._last:
+            q, kinematics = self.poses.copy(), self.changed(theta)
+            for number, column in self.offset_columns:
+                q[:, column] += theta[number]
+            values, closed, reasons = close_loops(kinematics, q, strict=False)
+            if not closed.all():
+                self._refuse(closed, reasons)
+            self._last.clear()
+            self._last[theta.tobytes()] = posture_at(kinematics, values)
+        return self._last[theta.tobytes()]
+
+    @cached_property
+    def _last(self) -> dict[bytes, Posture]:
+        return {}
+
+    def in_base(self, theta: Array, moved: Array | None) -> tuple[Posture, Array, Array]:
         """Return postures (P), positions (N, 3) and rotations of the TCP (N, 3, 3), in the base frame."""
-        q = self.poses.copy()
-        for number, column in self.offset_columns:
-            q[:, column] += theta[number]
-        values, closed, reasons = close_loops(kinematics, q, strict=False)
-        if not closed.all():
-            self._refuse(closed, reasons)
-        posture = posture_at(kinematics, values)
+        kinematics, posture = self.kinematics, self.postures(theta)
         seen = [kinematics.node_index[name] for name in self.rows.point.tolist()]
         position = posture.node_positions[self.pose, seen]
         rotation = pose_of(kinematics, posture, self.robot.tcp)[self.pose, :3, :3]
@@ -150,20 +158,19 @@ class Geometry:
         Arguments as of `placed`. Columns (N, 6, t): ``[v; w]`` of the points, in the measuring frame, m and
         rad per unit of each parameter.
         """
-        kinematics = self.changed(theta)
-        posture, position, rotation = self.in_base(kinematics, theta, moved)
+        posture, position, rotation = self.in_base(theta, moved)
         turn, shift = (part[self.station] for part in self.bases(theta))
         target_vector = self._vector(theta, "target", TURNS)
         turned = turn @ rotation
         arm = (turn @ position[:, :, None])[:, :, 0]
         placed = Placed(posture, arm + shift, turned @ rotation_from_vector(target_vector))
         result = np.zeros((len(self.rows), 6, len(self.parameters)))
-        self._in_chain(kinematics, posture, result)
+        self._in_chain(self.changed(theta), posture, result)
         for axis, name in enumerate(AXES):
             for point in dict.fromkeys(self.rows.point.tolist()):
                 if (number := self._at.get(f"{point}.{name}")) is not None:
                     own = self.rows.point == point
-                    frame = kinematics.node_frame[kinematics.node_index[point]]
+                    frame = self.kinematics.node_frame[self.kinematics.node_index[point]]
                     result[own, :3, number] = posture.transforms[self.pose[own], frame, :3, axis]
         result[:, :3] = turn @ result[:, :3]
         result[:, 3:] = turn @ result[:, 3:]

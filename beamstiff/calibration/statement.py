@@ -164,7 +164,7 @@ def opening_parameters(geometry: Geometry) -> dict[str, str]:
     kinematics = geometry.kinematics
     if not kinematics.loops or not geometry.frame_columns:
         return {}
-    posture, _, _ = geometry.in_base(kinematics, np.zeros(len(geometry.parameters)), None)
+    posture = geometry.postures(np.zeros(len(geometry.parameters)))
     wide = widened(kinematics, [(frame, motion) for _, frame, motion in geometry.frame_columns])
     system = loop_system(wide)
     joined = kinematics.coupling

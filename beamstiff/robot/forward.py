@@ -96,24 +96,20 @@ def body_of(transforms: Array) -> Body:
 
 
 def _walk(kinematics: Kinematics, frame: int, values: Array, above: Body) -> tuple[Body, list[Screw]]:
-    """Go through the seven motions of a frame, starting at its parent."""
+    """Go through the motions of a frame, starting at its parent."""
     axes, point = list(above.axes), above.origin
     driven: list[Screw] = []
-    for motion, (_, kind, axis) in enumerate(MOTIONS):
-        constant, coefficients = kinematics.constants[frame, motion], kinematics.coefficients[frame, motion]
+    for number, kind, axis, constant, used, coefficients in kinematics.motions[frame]:
         amount: Array | np.float64 = constant
-        if coefficients.any():
-            used = np.flatnonzero(coefficients)
-            amount = values[:, used] @ coefficients[used] + constant
-            driven.append(Screw(frame, motion, axes[axis], point))
-        elif constant == 0.0:
-            continue
+        if used.size:
+            amount = values[:, used] @ coefficients + constant
+            driven.append(Screw(frame, number, axes[axis], point))
         if kind == "shift":
             point = point + amount * axes[axis]
         else:
             j, k = (axis + 1) % 3, (axis + 2) % 3
             c, s = np.cos(amount), np.sin(amount)
-            if values.dtype == object and not coefficients.any():  # a right angle has no cosine to write down
+            if values.dtype == object and not used.size:  # a right angle has no cosine to write down
                 c, s = (value * (abs(value) > ROUNDING) for value in (c, s))
             axes[j], axes[k] = c * axes[j] + s * axes[k], c * axes[k] - s * axes[j]
     return Body(np.array(axes), point), driven

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import networkx as nx
 import numpy as np
@@ -44,6 +45,17 @@ class LoopEnds:
     at_b: Array
 
 
+class Motion(NamedTuple):
+    """A motion that a frame makes from its parent: ``constant + values[:, used] @ coefficients``, rad, m."""
+
+    number: int  # in `MOTIONS`
+    kind: Literal["turn", "shift"]
+    axis: int
+    constant: np.float64
+    used: NDArray[np.intp]  # variables
+    coefficients: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Kinematics:
     """The geometry of a robot, compiled once; V variables, A actuated, Q passive, F frames, N nodes."""
@@ -67,6 +79,18 @@ class Kinematics:
     # not close and the poses have to tell
     assembly: Assembly | None = None
     closest: tuple[Closest, ...] = ()  # that assembly where it comes nearest to the guess, and a rival
+
+    @cached_property
+    def motions(self) -> tuple[tuple[Motion, ...], ...]:
+        """The motions that each frame makes; most of its seven are none."""
+        return tuple(
+            tuple(
+                Motion(number, kind, axis, constants[number], used, coefficients[number, used])
+                for number, (_, kind, axis) in enumerate(MOTIONS)
+                if (used := np.flatnonzero(coefficients[number])).size or constants[number] != 0.0
+            )
+            for constants, coefficients in zip(self.constants, self.coefficients, strict=True)
+        )
 
 
 def same_geometry(one: Kinematics, other: Kinematics) -> bool:

@@ -10,14 +10,13 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
-def demo_text(folder: Path, *options: str) -> str:
+def demo_text(folder: Path) -> str:
     """Return what the demo prints, 80 columns wide; it draws into a folder, named as by default."""
     printed = subprocess.run(
         [
             sys.executable,
             str(REPOSITORY / "examples" / "demo.py"),
             str(folder / "ir663_identification.png"),
-            *options,
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,  # of which there is none
@@ -25,6 +24,11 @@ def demo_text(folder: Path, *options: str) -> str:
         check=True,
         env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},
     ).stdout
+    return as_shown(printed, folder)
+
+
+def as_shown(printed: str, folder: Path) -> str:
+    """Return what was printed as it is where the figures are drawn to where they are by default."""
     shown = printed.replace(f"{folder}{os.sep}", "examples/output/")
     return "".join(f"{line.rstrip()}\n" for line in shown.splitlines())
 

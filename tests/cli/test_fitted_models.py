@@ -8,6 +8,7 @@ import pytest
 
 from beamstiff import Robot, load_robot, write_measurements
 from beamstiff.compensation.follow import solve
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -60,7 +61,8 @@ def test_every_command_follows_the_model_that_identify_wrote(succeed: Run, told:
     )
     assert softer > 1.02 * stiffer
     if kind == "grid":
-        assert told("diagnose", "model.yaml", "fresh.csv")["gap"]["rms_mm"] < 0.5 * springs
+        few = ",".join(name for name in EFFECTS if name != "backlash")  # whatever the causes, the gap is one
+        assert told("diagnose", "model.yaml", "fresh.csv", "--without", few)["gap"]["rms_mm"] < 0.5 * springs
     corrected = succeed("compensate", "ir663", "path.csv", "--actual", "model.yaml", "--out", "out.csv")
     assert f"by the robot's model ({kind.replace('-', ' ')}), fitted to data.csv" in corrected.stderr
 

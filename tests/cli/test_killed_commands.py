@@ -23,9 +23,11 @@ MINE = [name for name in OTHERS if name != LEDGER and ".parts/" not in name and 
 @pytest.mark.parametrize("name", sorted(set(COMMANDS) - {"doctor"}))
 def test_a_killed_command_leaves_the_users_files_and_no_half_of_its_own(name: str, tmp_path: Path) -> None:
     command, draw = Command(name, tuple(typed(name))), random.Random(name)
-    whole = tmp_path / "whole"
-    whole.mkdir()
-    lay_out(whole)
+    whole, first = tmp_path / "whole", tmp_path / "first"
+    for one in (whole, first):
+        one.mkdir()
+        lay_out(one)
+    assert run(name, first).exit_code == 0  # what takes long is remembered by the copies of this process
     assert ended(start(command, whole, count_to=tmp_path / "count")) == 0, (tmp_path / "stderr").read_text()
     operations = int((tmp_path / "count").read_text())
     for again in (False, True):  # with nothing there, and over what the command wrote before

@@ -12,7 +12,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SIBLING = "geometric_calibration"  # which another example imports, with the shared data that it was told
 
 
-def run_script(name: str, *arguments: Path, **environment: str) -> str:
+def run_script(name: str, *arguments: Path | str, **environment: str) -> str:
     """Return what an example prints; nothing on stderr, and it ends well."""
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patched, redirect_stdout(out), redirect_stderr(err):

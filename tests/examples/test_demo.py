@@ -1,28 +1,49 @@
 """The demo says what it should, honestly, and draws its figure."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from tests.cli.demo_text import demo_text
+from tests.cli.demo_text import as_shown
+from tests.examples.scripts import run_script
 from tests.printed import prints
+from tests.remembered import remembered
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SCREEN = 40  # lines
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """Return what the demo prints with all its details, on one line, and its figure."""
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, Path]:
+    """Return what the demo prints, without and with all its details, and its figure."""
     folder = tmp_path_factory.mktemp("demo") / "new"
-    return " ".join(demo_text(folder, "--details").split()), folder / "ir663_identification.png"
+    figure = folder / "ir663_identification.png"
+    with pytest.MonkeyPatch.context() as patched:
+        module = import_module("beamstiff.diagnosis.diagnose")
+        patched.setattr(module, "diagnose", remembered(module.diagnose))
+        texts = [
+            as_shown(run_script("demo", figure, *options, COLUMNS="80", NO_COLOR="1"), folder)
+            for options in ([], ["--details"])
+        ]
+    return texts[0], texts[1], figure
 
 
-def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to_do(tmp_path: Path) -> None:
-    printed = demo_text(tmp_path)
+@pytest.fixture
+def printed(runs: tuple[str, str, Path]) -> str:
+    return runs[0]
+
+
+@pytest.fixture
+def text(runs: tuple[str, str, Path]) -> str:
+    """Return what the demo prints with all its details, on one line."""
+    return " ".join(runs[1].split())
+
+
+def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to_do(printed: str) -> None:
     page = (REPOSITORY / "docs" / "demo.md").read_text(encoding="utf-8")
     shown = re.search(r"<!-- demo -->\n```\w*\n(.*?)```", page, re.DOTALL)
     assert shown is not None
@@ -35,17 +56,13 @@ def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to
     assert len(lines) - verdict <= 6
 
 
-def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(demo: tuple[str, Path]) -> None:
-    text, _ = demo
+def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(text: str) -> None:
     assert re.search(r"J12\.torsional q2 1\.72e\+06 \S+ \S+ [0-9.]+ % N\*m/rad", text)
     assert re.search(r"J18\.torsional q8 1\.56e\+06 > \S+ - - N\*m/rad", text)
     assert "No upper bound from these data for J18.torsional:" in text
 
 
-def test_the_gap_stands_beside_the_papers_and_is_that_of_an_independent_prototype(
-    demo: tuple[str, Path],
-) -> None:
-    text, _ = demo
+def test_the_gap_stands_beside_the_papers_and_is_that_of_an_independent_prototype(text: str) -> None:
     # notes on the data: axis 2 with a spring along the coupler leaves 0.114 mm RMS on these 12 values, two
     # constant drive springs 0.26 mm; axis 8 adds nothing to the first
     fitted = re.search(r"identified here (0\.\d+) the 12 published values, fitted", text)
@@ -62,8 +79,7 @@ def numbers(text: str, row: str, count: int) -> list[float]:
     return [float(value) for value in found.groups()]
 
 
-def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(demo: tuple[str, Path]) -> None:
-    text, _ = demo
+def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(text: str) -> None:
     assert "no confident verdict can come of them" in text
     assert "Undecided: unknown (" in text
     assert "Indistinguishable from tool-compliance with these data: " in text
@@ -74,8 +90,7 @@ def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(demo: tuple[str, Path])
     assert "actuator-lever at q2" in table
 
 
-def test_causes_refitted_leave_what_whole_models_with_them_leave(demo: tuple[str, Path]) -> None:
-    text, _ = demo
+def test_causes_refitted_leave_what_whole_models_with_them_leave(text: str) -> None:
     # a compliance between flange and tool, alike in all directions, is one along x for loads along x
     _, fitted, tested = numbers(text, "tool-compliance", 3)
     whole = numbers(text, "and a constant one along x", 2)
@@ -86,8 +101,7 @@ def test_causes_refitted_leave_what_whole_models_with_them_leave(demo: tuple[str
     )
 
 
-def test_whole_models_leave_what_others_found(demo: tuple[str, Path]) -> None:
-    text, _ = demo
+def test_whole_models_leave_what_others_found(text: str) -> None:
     for row, within in (
         ("and a third along the coupler", 0.003),
         ("and both of these", 0.003),
@@ -97,14 +111,13 @@ def test_whole_models_leave_what_others_found(demo: tuple[str, Path]) -> None:
         assert fitted == pytest.approx(theirs, abs=within)
 
 
-def test_what_to_measure_next_is_said(demo: tuple[str, Path]) -> None:
-    text, _ = demo
+def test_what_to_measure_next_is_said(text: str) -> None:
     assert re.search(r"- load along x at q2 = -?\d+ deg, q8 = \d+ deg: -450, -900, -450, -900, -450 N", text)
     assert "- To check tool-compliance: " in text
 
 
-def test_the_figure_is_drawn(demo: tuple[str, Path]) -> None:
-    text, figure = demo
+def test_the_figure_is_drawn(text: str, runs: tuple[str, str, Path]) -> None:
+    figure = runs[2]
     assert f"examples/output/{figure.name}" in text
     pixels = imread(figure)
     assert pixels.shape[0] > 600

@@ -11,11 +11,10 @@ from rich.console import Console
 import beamstiff
 from beamstiff import BeamstiffError, Robot, calibrate, identify, load_robot, read_measurements
 from beamstiff.calibration.corrected import corrected
-from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from tests.diagnosis.planted import diagnosed
 
 DATA = Path(__file__).resolve().parents[2] / "examples" / "data" / "ir663_compliance_xx.csv"
 
@@ -88,9 +87,8 @@ def test_names_from_files_run_nothing_and_are_no_markup() -> None:
     assert odd.plot()._repr_png_().startswith(b"\x89PNG")
 
 
-def test_a_diagnosis_shows_itself_too(robot: Robot, measured: Measurements) -> None:
-    few = ("backlash", "bearing-tilt", "tool-compliance")
-    result = diagnose(robot, measured, without=[name for name in EFFECTS if name not in few])
+def test_a_diagnosis_shows_itself_too() -> None:
+    result = diagnosed("backlash")
     assert len(result.plot().axes) == len(beamstiff.plot(result).axes) == 4
     assert "Which effect" in result._repr_html_()
     assert "Which effect" in printed(result)

@@ -8,6 +8,7 @@ import ast
 import os
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,7 @@ def sentences(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, " ".join(joined.split())
 
 
+@cache
 def table() -> list[tuple[str, int, str]]:
     """Return every sentence with its file and line."""
     return [

@@ -31,6 +31,11 @@ LOOK = (
     "return [getComputedStyle(document.body).backgroundColor,"
     " document.querySelector('.plot').layout.font.color]"
 )
+FOLLOWED = (
+    "const ink = getComputedStyle(document.documentElement).getPropertyValue('--ink').trim();"
+    "return [...document.querySelectorAll('.plot')].every((one) => one.layout.font.color === ink"
+    f" && one._fullLayout.width < {NARROW})"
+)
 CHANGE = (
     "const control = document.getElementById(arguments[0]); control[arguments[1]] = arguments[2];"
     "control.dispatchEvent(new Event('input')); control.dispatchEvent(new Event('change'));"
@@ -44,17 +49,19 @@ def open_page(browser: Any, page: Path, width: int, theme: str) -> None:
     set_width(browser, width)
     use_theme(browser, theme)
     browser.get(page.as_uri())
-    until = time.monotonic() + 60
-    while not browser.execute_script("return document.documentElement.dataset.drawn"):
-        assert time.monotonic() < until, "the figures are not drawn after a minute"
-        time.sleep(0.05)
+    wait_until(browser, "return document.documentElement.dataset.drawn", "the figures are not drawn")
     # what is behind a heading is drawn when it is opened
     browser.execute_script("document.querySelectorAll('details.part').forEach((one) => { one.open = true; })")
     drawn = (
         "return [...document.querySelectorAll('.plot')].every((plot) => plot._fullData && plot._fullLayout)"
     )
-    while not browser.execute_script(drawn):
-        assert time.monotonic() < until, "the figures behind headings are not drawn"
+    wait_until(browser, drawn, "the figures behind headings are not drawn")
+
+
+def wait_until(browser: Any, condition: str, fault: str) -> None:
+    until = time.monotonic() + 60
+    while not browser.execute_script(condition):
+        assert time.monotonic() < until, fault
         time.sleep(0.05)
 
 
@@ -66,6 +73,13 @@ def set_width(browser: Any, width: int) -> None:
 def use_theme(browser: Any, theme: str) -> None:
     media = {"features": [{"name": "prefers-color-scheme", "value": theme}]}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+
+
+def turn_narrow_and_dark(browser: Any) -> None:
+    """Change width and theme of the opened page, as people do, until its figures have followed."""
+    set_width(browser, NARROW)
+    use_theme(browser, "dark")
+    wait_until(browser, FOLLOWED, "the figures do not follow the window")
 
 
 def serious_faults(browser: Any, axe: str) -> list[Any]:
@@ -119,6 +133,7 @@ def test_a_page_opens_without_fault_wide_and_light_narrow_and_dark(
     open_page(browser, page, WIDE, "light")
     assert errors_and_requests(browser) == ([], [])
     assert figures_at_fault(browser) == []
+    assert overprinted(browser) == []
     assert browser.execute_script("return document.documentElement.scrollWidth") <= WIDE
     assert serious_faults(browser, axe) == []
     names_are_shown_and_run_nothing(browser)
@@ -147,8 +162,9 @@ TOUCH = 2.0  # px that boxes may share: they are larger than what is drawn in th
 
 def overprinted(browser: Any) -> list[tuple[str, str, str]]:
     """Return the texts of figures whose boxes overlap: the figure, and both texts."""
-    found = []
-    for figure, texts in browser.execute_script(BOXES):
+    found, figures = [], browser.execute_script(BOXES)
+    assert sum(len(texts) for _, texts in figures) > 20, "there is what could overlap"
+    for figure, texts in figures:
         for (one, *a), (other, *b) in itertools.combinations(texts, 2):
             wide = min(a[2], b[2]) - max(a[0], b[0])
             high = min(a[3], b[3]) - max(a[1], b[1])
@@ -158,16 +174,16 @@ def overprinted(browser: Any) -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize("kind", QUICK)
-def test_no_label_overprints_another(
+def test_no_label_overprints_another_in_other_widths(
     kind: str, browser: Any, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     page = written(request.getfixturevalue(f"{kind}_page"), tmp_path)
-    for width in (390, 768, 1280, 1920):
-        open_page(browser, page, width, "light")
-        assert (
-            sum(len(texts) for _, texts in browser.execute_script(BOXES)) > 20
-        )  # there is what could overlap
+    for width, theme in ((NARROW, "dark"), (768, "light"), (1920, "light")):
+        open_page(browser, page, width, theme)
         assert overprinted(browser) == [], width
+        assert errors_and_requests(browser) == ([], [])
+        assert figures_at_fault(browser) == []
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
 def test_overlapping_labels_are_found(opened: Any) -> None:
@@ -177,21 +193,6 @@ def test_overlapping_labels_are_found(opened: Any) -> None:
         "Plotly.relayout(plot, {annotations: [note('one'), note('two')]}).then(() => done())"
     )
     assert any({"one", "two"} == {a, b} for _, a, b in overprinted(opened))
-
-
-def turn_narrow_and_dark(browser: Any) -> None:
-    """Change width and theme of the opened page, as people do, until its figures have followed."""
-    set_width(browser, NARROW)
-    use_theme(browser, "dark")
-    followed = (
-        "const ink = getComputedStyle(document.documentElement).getPropertyValue('--ink').trim();"
-        "return [...document.querySelectorAll('.plot')].every((one) => one.layout.font.color === ink"
-        f" && one._fullLayout.width < {NARROW})"
-    )
-    until = time.monotonic() + 30
-    while not browser.execute_script(followed):
-        assert time.monotonic() < until, "the figures do not follow the window"
-        time.sleep(0.05)
 
 
 def names_are_shown_and_run_nothing(browser: Any) -> None:
@@ -302,10 +303,3 @@ def test_the_page_prints_light_with_its_tables_open(opened: Any) -> None:
     assert opened.execute_script(scheme) == "dark"
     use_theme(opened, "light")
     assert len(opened.execute_cdp_cmd("Page.printToPDF", {})["data"]) > 10_000
-
-
-def test_a_page_opens_narrow_and_dark_too(browser: Any, identification_page: str, tmp_path: Path) -> None:
-    open_page(browser, written(identification_page, tmp_path), NARROW, "dark")
-    assert errors_and_requests(browser) == ([], [])
-    assert figures_at_fault(browser) == []
-    assert browser.execute_script("return document.documentElement.scrollWidth") <= NARROW
