@@ -12,6 +12,7 @@ import numpy as np
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
 from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
@@ -28,6 +29,7 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
 FORMAT = "beamstiff-diagnosis/1"
+UNTOUCHED = 0.01  # of the noise: a joint that moves less at twice its compliance no load touches
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,36 @@ class Diagnosis(Shown):
             names = model.baseline.fitted if model.problem is None else given.identify
         return {name: (given.parameter(name), found.parameter(name)) for name in names}
 
+    @property
+    def open_tangent(self) -> Array:
+        """Columns (n, t) of all that is open, noises per unit; the compliances of `fitted_stiffness` last."""
+        found, baseline = self.decomposition, self.baseline
+        if found is not None:
+            return found.model.tangent
+        columns: Array = baseline.tangent[baseline.used] / baseline.sigma[baseline.used][:, None]
+        return columns
+
+    @property
+    def undetermined(self) -> set[str]:
+        """Fitted stiffness values whose compliance is known to no better than half of it."""
+        columns, fitted = self.open_tangent, self.fitted_stiffness
+        if not fitted or columns.shape[1] < len(fitted):
+            return set()
+        std = np.linalg.norm(inverse_of(columns), axis=1)[-len(fitted) :]
+        return {
+            name for (name, (_, value)), one in zip(fitted.items(), std, strict=True) if one * value > 0.5
+        }
+
+    @property
+    def untouched(self) -> tuple[str, ...]:
+        """Fitted stiffness values that no load of the rows touches: they hold what the robot file says."""
+        fitted, moved = self.fitted_stiffness, np.abs(self.open_tangent).max(axis=0, initial=0.0)
+        return tuple(
+            name
+            for (name, ends), one in zip(fitted.items(), moved[moved.size - len(fitted) :], strict=True)
+            if one < UNTOUCHED * min(ends) and max(ends) < np.inf
+        )
+
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
@@ -237,7 +269,11 @@ class Diagnosis(Shown):
             ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
-                name: {"given": given, "value": stiffness_text(value)}
+                name: {
+                    "given": given,
+                    "value": stiffness_text(value),
+                    "touched": name not in self.untouched,
+                }
                 for name, (given, value) in self.fitted_stiffness.items()
             },
             "next": [dict(item) for item in self.next],

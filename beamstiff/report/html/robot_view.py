@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,8 @@ SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where 
 class Shown:
     """A posture to show: its name, actuated values (A,), load (6,) and its node, shares of the parts.
 
-    Without shares the parts are coloured by their share of the strain energy.
+    Without shares the parts are coloured by their share of the strain energy. `marks`: of places that are no
+    part of the robot, the node where each is drawn.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Shown:
     wrench: Array
     load_point: str
     shares: Mapping[str, float] | None = None
+    marks: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,9 @@ class _View:
         joints = joint_lines(self.robot, one.q, self.positions, self.moved, self.size)
         tool, base = index[self.robot.tcp], index[self.robot.fixed[0]]
         own = [name for name in shares if name in index and name not in (*links.names, *joints.names)]
-        ends = np.array([base, tool, *(index[name] for name in own)])
+        marks = {name: node for name, node in one.marks.items() if name in shares}
+        ends = np.array([base, tool, *(index[name] for name in (*own, *marks.values()))])
+        own += marks
         load = index[one.load_point]
         arrows = force_and_moment(one.wrench, self.positions[load], 0.2 * self.size)
         told = {name: f"{label(name)}: {100 * value:.1f} %" for name, value in shares.items()}
@@ -208,7 +212,7 @@ class _View:
                 ),
                 self._ellipsoid(compliance, tool),
             ],
-            "labels": self._labels(shares, links, joints, index),
+            "labels": self._labels(shares, links, joints, index, marks),
             "camera": across(self.moved[tool, :3], self.positions[tool] - self.positions[base]),
             "ranges": self._ranges(),
             "largest": max(shares.values(), default=0.0),
@@ -221,7 +225,12 @@ class _View:
         return {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
 
     def _labels(
-        self, shares: Mapping[str, float], links: Lines, joints: Lines, index: Mapping[str, int]
+        self,
+        shares: Mapping[str, float],
+        links: Lines,
+        joints: Lines,
+        index: Mapping[str, int],
+        marks: Mapping[str, str],
     ) -> list[dict[str, Any]]:
         """Return where the parts with the largest shares are named."""
         ends = {
@@ -230,6 +239,7 @@ class _View:
                 *((name, name) for name in index),
                 ("base", self.robot.fixed[0]),
                 *((name, self.robot.tcp) for name in TOOL),
+                *marks.items(),
             )
         }
         places = {**ends, **links.middles(), **joints.middles()}
