@@ -23,17 +23,12 @@ def drift_tables(result: Diagnosis) -> Iterator[Table]:
     parts = np.array_split(np.argsort(along, kind="stable"), min(PARTS, len(rows)))
     for shape, moved in _drifts(result):
         means = np.array([1e3 * moved[part, :3].mean(axis=0) for part in parts])
-        if absolute := result.baseline.absolute:  # which begins nowhere: the base frame takes up its mean
+        if absolute := result.baseline.absolute:  # the base frame takes up what all rows have
             means -= means[0]
-        against = ", against the first line" if absolute else ""
-        what = "positions" if absolute else "displacements"
+        what = "positions, against the first" if absolute else "displacements"
         how = re.sub(r"(within|lagging by) ([\d.]+)", r"\1 \2 of the campaign", shape)
-        made = table(
-            f"Course of {DRIFT} ({how}): what it adds to the {what}, mm along the base frame's axes, mean "
-            f"of the rows{against}",
-            *("from", "to", "x", "y", "z"),
-            left=0,
-        )
+        title = f"Course of {DRIFT} ({how}): mean of what it adds to the {what}, mm, axes of the base frame"
+        made = table(title, "from", "to", "x", "y", "z")
         for part, mean in zip(parts, means, strict=True):
             ends = (f"{number(float(along[at]))} {unit}" for at in (part[0], part[-1]))
             made.add_row(*ends, *(f"{value + 0.0:.3f}" for value in mean.tolist()))

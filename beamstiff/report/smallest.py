@@ -10,7 +10,7 @@ from beamstiff.errors import listed
 from beamstiff.report.tables import Column, Table, scale_of, table
 
 HIDDEN = 3  # places that a row names
-TITLE = "Smallest sizes that these data would have shown, in nine of ten campaigns like this one"
+TITLE = "Smallest sizes that most campaigns like this one would have shown"
 
 
 def smallest_table(result: Diagnosis) -> Table:

@@ -37,9 +37,7 @@ def misread(levers: Array) -> Candidate:
 
 def of(cause: Candidate) -> Diagnosis:
     """Return a diagnosis with a cause as its verdict."""
-    return replace(
-        diagnosed("backlash"), verdict=cause, candidates=(cause,), indistinguishable=(), also=None
-    )
+    return replace(diagnosed("backlash"), verdict=cause, candidates=(cause,), indistinguishable=(), also=None)
 
 
 def test_a_load_that_acts_elsewhere_is_told_with_its_place() -> None:
@@ -142,7 +140,7 @@ def test_no_cause_is_told_with_the_smallest_size_that_would_have_shown(
     assert ur10.NOISE < slip.size < 10.0 * ur10.NOISE
     assert TITLE in [getattr(part, "title", None) for part in diagnosis_tables(result)]
     assert TITLE in diagnosis_html(result, provenance([], 0, []))
-    assert [row for row in smallest_table(result).rows if row[0] == "target-slip"][0][2].endswith(" mm")
+    assert next(row for row in smallest_table(result).rows if row[0] == "target-slip")[2].endswith(" mm")
     shown = []
     for times in (1.2, 0.3):
         monkeypatch.setattr(ur10, "SLIP", np.array([times * slip.size, 0.0, 0.0]))
@@ -173,9 +171,7 @@ def test_residuals_over_the_load_are_those_of_loads_along_the_axis() -> None:
 def test_what_the_readings_miss_is_marked_at_the_reflector() -> None:
     robot = kr240()
     node = robot.nodes[3].name
-    shown = Shown(
-        "here", np.zeros(6) + 0.2, np.zeros(6), robot.tcp, {"readings": 0.8}, {"readings": node}
-    )
+    shown = Shown("here", np.zeros(6) + 0.2, np.zeros(6), robot.tcp, {"readings": 0.8}, {"readings": node})
     made = robot_view(robot, [shown], "share")
     assert made is not None
     marks: dict[str, Any] = made.views[0]["traces"][3]
@@ -189,5 +185,3 @@ def test_what_the_readings_miss_is_marked_at_the_reflector() -> None:
 def test_the_page_of_a_drift_marks_where_it_was_read() -> None:
     page = diagnosis_html(warming(), provenance([], 0, []))
     assert '"text": "readings' in page or '"text":"readings' in page
-
-
