@@ -178,33 +178,34 @@ class Diagnosis(Shown):
         return {name: (given.parameter(name), found.parameter(name)) for name in names}
 
     @property
-    def open_tangent(self) -> Array:
-        """Columns (n, t) of all that is open, noises per unit; the compliances of `fitted_stiffness` last."""
+    def open_compliances(self) -> tuple[Array, dict[str, int]]:
+        """Columns (n, t) of all that is open, noises per unit, and where each compliance stands there."""
         found, baseline = self.decomposition, self.baseline
-        if found is not None:
-            return found.model.tangent
-        columns: Array = baseline.tangent[baseline.used] / baseline.sigma[baseline.used][:, None]
-        return columns
+        if found is None:
+            columns = baseline.tangent[baseline.used] / baseline.sigma[baseline.used][:, None]
+            return columns, {name: at for at, name in enumerate(baseline.fitted)}
+        model = found.model
+        problem = model.problem
+        names = baseline.fitted if problem is None else [*problem.values(problem.expected)]
+        fitted = self.fitted_stiffness  # a calibration leaves out what it does not feel
+        return model.tangent, {name: at for at, name in enumerate(names) if name in fitted}
 
     @property
     def undetermined(self) -> set[str]:
         """Fitted stiffness values whose compliance is known to no better than half of it."""
-        columns, fitted = self.open_tangent, self.fitted_stiffness
-        if not fitted or columns.shape[1] < len(fitted):
-            return set()
-        std = np.linalg.norm(inverse_of(columns), axis=1)[-len(fitted) :]
-        return {
-            name for (name, (_, value)), one in zip(fitted.items(), std, strict=True) if one * value > 0.5
-        }
+        columns, at = self.open_compliances
+        std, fitted = np.linalg.norm(inverse_of(columns), axis=1), self.fitted_stiffness
+        return {name for name, column in at.items() if std[column] * fitted[name][1] > 0.5}
 
     @property
     def untouched(self) -> tuple[str, ...]:
         """Fitted stiffness values that no load of the rows touches: they hold what the robot file says."""
-        fitted, moved = self.fitted_stiffness, np.abs(self.open_tangent).max(axis=0, initial=0.0)
+        columns, at = self.open_compliances
+        moved = np.abs(columns).max(axis=0, initial=0.0)
         return tuple(
             name
-            for (name, ends), one in zip(fitted.items(), moved[moved.size - len(fitted) :], strict=True)
-            if one < UNTOUCHED * min(ends) and max(ends) < np.inf
+            for name, ends in self.fitted_stiffness.items()
+            if max(ends) < np.inf and (name not in at or moved[at[name]] < UNTOUCHED * min(ends))
         )
 
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:

@@ -90,12 +90,24 @@ def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
     assert diagnosed("backlash").untouched == ()
 
 
+def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
+    robot, rng = load_robot(ur10.UR10), np.random.default_rng(1)
+    names = tuple(f"J{k}.torsional" for k in range(1, 7))
+    robot = robot.with_parameters(dict.fromkeys(names, 1e5))
+    robot = robot.model_copy(update={"identify": names, "masses": ()})
+    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (60, 6)), (), rng)
+    wrench = rng.choice([-100.0, 100.0], (60, 6)) * [1, 1, 1, 0, 0, 0]
+    on_the_last_axis = next(joint for joint in robot.joints if joint.name == "J6").nodes[1]
+    loaded = replace(rows, wrench=wrench, load_point=np.full(60, on_the_last_axis))
+    assert diagnose(robot, loaded).untouched == ("J6.torsional",)
+
+
 @cache
 def warming() -> Diagnosis:
     """Return the diagnosis of a machine whose readings creep away, in the base frame by DRIFT."""
     robot, rng = load_robot(ur10.UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
     rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (ur10.POSES, 6)), (), rng)
-    time = 60.0 * np.arange(len(rows))
+    time: Array = 60.0 * np.arange(len(rows), dtype=np.float64)
     moved = course(time)[:, None] * DRIFT @ rotation_from_vector(ur10.FRAME).T
     return diagnose(robot, replace(rows, time=time, position=rows.position + moved))
 

@@ -40,6 +40,7 @@ AROUND = 0.16  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
 UPRIGHT = 1.3  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
+APART = 8 * "\u00a0"  # moves the title of the upright axis away from its ticks
 CAMERAS = {
     "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
     "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
@@ -362,6 +363,7 @@ def space(camera: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     scene: dict[str, Any] = {
         f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
+    scene["zaxis"]["title"]["text"] += APART
     for one in scene.values():
         del one["automargin"], one["ticklabelstandoff"], one["title"]["standoff"]  # axes in space have none
     scene |= {"aspectmode": "manual", "camera": camera, "dragmode": "turntable"}
