@@ -96,8 +96,7 @@ def _or_alike(name: str, alike: Sequence[str]) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    more = f" or {len(alike) - 1} more" if len(alike) > 1 else ""
-    return f"{name} (or {in_words(alike[:1])}{more})"
+    return f"{name} (or {_shortly([in_words([one]) for one in alike])})"
 
 
 def _action(result: Diagnosis, head: str) -> str:
