@@ -14,6 +14,11 @@ from beamstiff.cli.output import QUIET, Outputs, say, working
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
+REFITTED = (
+    "Here the measuring frame is fitted to these rows, without and with the effects, so what moves all rows "
+    "alike (part of a drift) counts in neither error; diagnose counts it, on held-out postures in the frame "
+    "of the fitted ones."
+)
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 
 
@@ -97,6 +102,8 @@ def verify(
     said = []
     if found.causes and found.promised is not None and found.other_frame is None:
         said = [f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."]
+    if found.causes and refit_frame:
+        said.append(REFITTED)
     said += [SQUARES] if found.causes else []
     outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
     if limit is not None and found.after > limit:

@@ -1,8 +1,8 @@
 """How likely each cause is before the data, after what real robots showed.
 
 `EXPECTED` is how often a place of a machine (a joint, a link, the tool) has an effect above its noise: set by
-hand after what measurements of some nine robots showed (`docs/diagnosis.md`): drives and gears come first,
-the direction of approach and the target next; links, bearings, base and couplings seldom.
+hand after what measurements of some nine robots showed (`docs/diagnosis_method.md`): drives and gears come
+first, the direction of approach and the target next; links, bearings, base and couplings seldom.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import numpy as np
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
 from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
@@ -28,6 +29,7 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 
 FORMAT = "beamstiff-diagnosis/1"
+UNTOUCHED = 0.01  # of the noise: a joint that moves less at twice its compliance no load touches
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,37 @@ class Diagnosis(Shown):
             names = model.baseline.fitted if model.problem is None else given.identify
         return {name: (given.parameter(name), found.parameter(name)) for name in names}
 
+    @property
+    def open_compliances(self) -> tuple[Array, dict[str, int]]:
+        """Columns (n, t) of all that is open, noises per unit, and where each compliance stands there."""
+        found, baseline = self.decomposition, self.baseline
+        if found is None:
+            columns = baseline.tangent[baseline.used] / baseline.sigma[baseline.used][:, None]
+            return columns, {name: at for at, name in enumerate(baseline.fitted)}
+        model = found.model
+        problem = model.problem
+        names = baseline.fitted if problem is None else [*problem.values(problem.expected)]
+        fitted = self.fitted_stiffness  # a calibration leaves out what it does not feel
+        return model.tangent, {name: at for at, name in enumerate(names) if name in fitted}
+
+    @property
+    def undetermined(self) -> set[str]:
+        """Fitted stiffness values whose compliance is known to no better than half of it."""
+        columns, at = self.open_compliances
+        std, fitted = np.linalg.norm(inverse_of(columns), axis=1), self.fitted_stiffness
+        return {name for name, column in at.items() if std[column] * fitted[name][1] > 0.5}
+
+    @property
+    def untouched(self) -> tuple[str, ...]:
+        """Fitted stiffness values that no load of the rows touches: they hold what the robot file says."""
+        columns, at = self.open_compliances
+        moved = np.abs(columns).max(axis=0, initial=0.0)
+        return tuple(
+            name
+            for name, ends in self.fitted_stiffness.items()
+            if max(ends) < np.inf and (name not in at or moved[at[name]] < UNTOUCHED * min(ends))
+        )
+
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 
@@ -237,7 +270,11 @@ class Diagnosis(Shown):
             ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
-                name: {"given": given, "value": stiffness_text(value)}
+                name: {
+                    "given": given,
+                    "value": stiffness_text(value),
+                    "touched": name not in self.untouched,
+                }
                 for name, (given, value) in self.fitted_stiffness.items()
             },
             "next": [dict(item) for item in self.next],

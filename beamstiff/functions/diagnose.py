@@ -44,7 +44,7 @@ def diagnose(
         Effects, or ``effect:component``, that are no candidates.
     prior : mapping of str to float, optional
         How many of a cause are expected at a component before the data, above 0 and at most 1, by effect or
-        ``effect:component``; what is not named keeps the default (`docs/diagnosis.md`).
+        ``effect:component``; what is not named keeps the default (`docs/diagnosis_method.md`).
     region : three pairs, m, optional
         Least and largest x, y, z of the TCP in what is proposed to measure next.
     batch : int, optional

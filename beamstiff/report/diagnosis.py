@@ -31,6 +31,8 @@ from beamstiff.report.diagnosis_words import (
     percents,
     told,
 )
+from beamstiff.report.drift import drift_tables
+from beamstiff.report.smallest import smallest_table
 from beamstiff.report.tables import Column, Table, add_rows, scale_of, table, worth
 
 if TYPE_CHECKING:
@@ -52,7 +54,8 @@ CAUSES = "Causes, each added to those above it"
 NAMES = (
     (r"_[xyz]_by_[xyz]", "a_by_b", "how much a grows per unit of b"),
     (r"_by_[xyz][xyz]\b", "a_by_bc", "how much a grows per unit of the product b c"),
-    (r"_tool_", "tool", "along the axes of the tool"),
+    (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
+    (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
     (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "a load along one moves the other"),
 )
@@ -80,6 +83,10 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if sizes.rows:
         yield sizes
         yield Text("".join(f"{line}\n" for line in names_text(result)))
+    for course in drift_tables(result):
+        yield from (course, "")
+    if result.verdict.effect == "none":
+        yield from (smallest_table(result), "")
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
         title = "Where: share of the explainable gap that each place could account for"
         yield from (places_table(places, title), "")

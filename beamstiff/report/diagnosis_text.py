@@ -9,18 +9,19 @@ import numpy as np
 
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.causes import HALF
-from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.recalibration import Recalibration
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import (
     causes,
     chance,
     closed,
     hardly_checked,
     in_words,
+    load_lever,
     named,
     one_posture,
     oversized,
@@ -95,8 +96,7 @@ def _or_alike(name: str, alike: Sequence[str]) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    more = f" or {len(alike) - 1} more" if len(alike) > 1 else ""
-    return f"{name} (or {in_words(alike[:1])}{more})"
+    return f"{name} (or {_shortly([in_words([one]) for one in alike])})"
 
 
 def _action(result: Diagnosis, head: str) -> str:
@@ -112,6 +112,8 @@ def _action(result: Diagnosis, head: str) -> str:
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):
         return moved
+    if moved := next((said for one in to_check if (said := _elsewhere(one))), ""):
+        return moved
     if not to_check:
         states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
         return states or "Measure other postures and load directions; beamstiff plan chooses them."
@@ -123,9 +125,23 @@ def _action(result: Diagnosis, head: str) -> str:
     return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
 
 
+def _elsewhere(cause: Candidate) -> str:
+    """Return, in words, where a load acts whose error is that of a wrong place; empty for another error."""
+    lever = load_lever(cause)
+    if lever is None:
+        return ""
+    place = ", ".join(f"{1e3 * one:+.0f}" for one in lever)
+    return (
+        "Check where the load acts. This error is that of a load which acts elsewhere than the robot file "
+        f"says, by about ({place}) mm along the tool's axes. Correct the link in --tcp or the column "
+        "load_point, and diagnose again."
+    )
+
+
 def _doubt(cause: Candidate, size: Estimate) -> str:
     """Return, in words, that a size is unrealistic."""
-    is_it = f"{oversized(size):.2g} times the largest realistic size" if size.value > 0 else "negative"
+    negative = size.positive and size.value < 0
+    is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
     return f"Doubt {named(cause)}, or its name: its {size.name} is {is_it}."
 
 
@@ -157,7 +173,13 @@ def moved_load(result: Diagnosis) -> str:
 
 
 def stiffness_text(result: Diagnosis) -> str:
-    """Return, in words, which fitted stiffness is farthest from the file's; empty where none was fitted."""
+    """Return, in words, which fitted stiffness is farthest from the file's, and which no load touches."""
+    untouched = listed(result.untouched)
+    unknown = f"Stiffness not touched by these loads, as in the robot file: {untouched}." if untouched else ""
+    return "\n".join(filter(None, [_largest_change(result), unknown]))
+
+
+def _largest_change(result: Diagnosis) -> str:
     fitted = result.fitted_stiffness
     if result.decomposition is None and result.fits:  # of the fit with the causes, as --apply writes it
         found = extended(result)
@@ -165,7 +187,7 @@ def stiffness_text(result: Diagnosis) -> str:
     finite = {
         name: (given, value)
         for name, (given, value) in fitted.items()
-        if 0.0 < given < np.inf and name not in _undetermined(result)
+        if 0.0 < given < np.inf and name not in result.undetermined
     }
     if not finite:
         return ""
@@ -178,22 +200,6 @@ def stiffness_text(result: Diagnosis) -> str:
         f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
         f"robot file to {stiffness_in_words(value)} {unit}."
     )
-
-
-def _undetermined(result: Diagnosis) -> set[str]:
-    """Return fitted stiffness values whose compliance is known to no better than half of it."""
-    found, baseline = result.decomposition, result.baseline
-    if found is None:
-        names, sigma = baseline.fitted, baseline.sigma[baseline.used][:, None]
-        columns = baseline.tangent[baseline.used] / sigma
-    else:
-        names = found.model.given.identify if found.model.problem is not None else baseline.fitted
-        columns = found.model.tangent
-    if not names or columns.shape[1] < len(names):
-        return set()
-    std = np.linalg.norm(inverse_of(columns), axis=1)[-len(names) :]
-    fitted = result.fitted_stiffness
-    return {name for name, one in zip(names, std.tolist(), strict=True) if one * fitted[name][1] > 0.5}
 
 
 def remainder_text(found: Decomposition) -> str:

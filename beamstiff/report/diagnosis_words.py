@@ -11,11 +11,13 @@ from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.tables import number
+from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause
 
 
+LEVER = 0.9  # share of the squares of nine levers that is a force's from another place; by chance a third
 FAR = 2.0  # times the largest realistic size, from which the verdict says that a size is unrealistic
 
 
@@ -85,6 +87,23 @@ def chance(probability: float) -> str:
 def oversized(one: Estimate) -> float:
     """Return how many times larger than the largest realistic size a parameter is; 0 where it is not."""
     return 0.0 if one.plausible else abs(one.value) / one.realistic[1]
+
+
+def load_lever(one: Candidate) -> Array | None:
+    """Return where the load acts from where the file says, (3,), m, tool axes; None where it is no lever.
+
+    A cell that reads forces as moments has any nine levers; those of a misplaced force ``r x F`` are
+    antisymmetric.
+    """
+    names = [f"moment_tool_{a}_by_{b}" for a in "xyz" for b in "xyz"]
+    found = {item.name: item.value for item in one.estimates}
+    if not set(names) <= set(found):
+        return None
+    lever = np.array([found[name] for name in names]).reshape(3, 3)
+    turning = 0.5 * (lever - lever.T)
+    if not (turning**2).sum() >= LEVER * (lever**2).sum() > 0.0:
+        return None
+    return np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
 
 
 def unrealistic(result: Diagnosis) -> list[tuple[Candidate, Estimate]]:

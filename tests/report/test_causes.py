@@ -155,7 +155,7 @@ def test_what_cannot_be_distinguished_stands_in_the_headline_and_beside_the_prob
     assert "cannot distinguish" not in probability_text(replace(several, causes=_with(several.causes, ())))
     alike = replace(several, causes=_with(several.causes, ("backlash:q2", "hardening:q2")))
     assert "cannot distinguish" in probability_text(alike)
-    assert "(or backlash at q2 or 1 more)" in verdict(replace(result, decomposition=alike)).headline
+    assert "(or backlash at q2, hardening at q2)" in verdict(replace(result, decomposition=alike)).headline
 
 
 def test_few_postures_weaken_the_headline() -> None:

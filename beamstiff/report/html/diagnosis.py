@@ -40,7 +40,9 @@ from beamstiff.report.diagnosis_words import (
     stiffness_in_words,
     sure,
     tested,
+    told,
 )
+from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.charts import bars
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
@@ -48,11 +50,13 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
+from beamstiff.report.smallest import smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
+DRIVES = "drives"  # the place of what all drives have
 NOTHING_LEFT = 1e-5  # mm: no reading is as good
 
 
@@ -122,18 +126,24 @@ def _view(result: Diagnosis) -> RobotView | None:
     baseline, shown = result.baseline, []
     rows = baseline.rows
     shares = {item["component"]: float(item["share"]) for item in result.where.get("components", [])}
+    if DRIVES in shares:  # all of them
+        shares |= {one.name: shares[DRIVES] for one in baseline.robot.actuated}
+    # what the readings miss is drawn at the reflector, or where the frame is that they are read in
+    of_the_frame = "frame-misalignment" in {one.effect for one in told(result)}
     for worst in result.where.get("poses", []):
         own = np.flatnonzero(rows.pose == worst["pose"])
         at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
         gap = rounded(worst["rms_mm"]) if worst["rms_mm"] > NOTHING_LEFT else "0"
         name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
-        shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares))
+        marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
+        shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
     return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
 
 
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, "How large: its parameters")
-    tables, legend = [large] if large.rows else [], " ".join(names_text(result))
+    legend = " ".join(names_text(result))
+    tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
         traces, layout = bars(
             [in_words([one.key]) for one in found.causes],
@@ -238,17 +248,25 @@ def _how_far(result: Diagnosis) -> Section:
 
 
 def _others(result: Diagnosis) -> Iterator[Section]:
+    known = dict.fromkeys(result.undetermined, "not determined: known to no better than half")
+    known |= dict.fromkeys(result.untouched, "not touched by these loads")
     fitted = [
-        [name, stiffness_in_words(given), stiffness_in_words(value)]
+        [
+            name,
+            stiffness_in_words(given),
+            "-" if name in result.untouched else stiffness_in_words(value),
+            known.get(name, "determined"),
+        ]
         for name, (given, value) in result.fitted_stiffness.items()
     ]
     if fitted:
         text = (
             "Fitted to the same rows before or beside the causes; beamstiff identify gives their intervals."
         )
-        table = Table("Stiffness values, SI", ("parameter", "as given", "fitted"), fitted)
+        table = Table("Stiffness values, SI", ("parameter", "as given", "fitted", "by these data"), fitted)
         yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
-    hidden = [untestable_table(result, "Not testable")] if result.untestable else []
+    hidden = [smallest_table(result)] if result.verdict.effect == "none" else []
+    hidden += [untestable_table(result, "Not testable")] if result.untestable else []
     yield Section("untestable", "What these data cannot show", tables=hidden, open=False)
     limits = list(result.notes)
     limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,7 @@ AROUND = 0.16  # of the robot's size: room about it
 LONGEST = 1.55  # of the figure's own lengths: its longest side
 UPRIGHT = 1.3  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
+APART = 8 * "\u00a0"  # moves the title of the upright axis away from its ticks
 CAMERAS = {
     "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
     "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
@@ -57,7 +58,8 @@ SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where 
 class Shown:
     """A posture to show: its name, actuated values (A,), load (6,) and its node, shares of the parts.
 
-    Without shares the parts are coloured by their share of the strain energy.
+    Without shares the parts are coloured by their share of the strain energy. `marks`: of places that are no
+    part of the robot, the node where each is drawn.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Shown:
     wrench: Array
     load_point: str
     shares: Mapping[str, float] | None = None
+    marks: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,9 @@ class _View:
         joints = joint_lines(self.robot, one.q, self.positions, self.moved, self.size)
         tool, base = index[self.robot.tcp], index[self.robot.fixed[0]]
         own = [name for name in shares if name in index and name not in (*links.names, *joints.names)]
-        ends = np.array([base, tool, *(index[name] for name in own)])
+        marks = {name: node for name, node in one.marks.items() if name in shares}
+        ends = np.array([base, tool, *(index[name] for name in (*own, *marks.values()))])
+        own += marks
         load = index[one.load_point]
         arrows = force_and_moment(one.wrench, self.positions[load], 0.2 * self.size)
         told = {name: f"{label(name)}: {100 * value:.1f} %" for name, value in shares.items()}
@@ -208,7 +213,7 @@ class _View:
                 ),
                 self._ellipsoid(compliance, tool),
             ],
-            "labels": self._labels(shares, links, joints, index),
+            "labels": self._labels(shares, links, joints, index, marks),
             "camera": across(self.moved[tool, :3], self.positions[tool] - self.positions[base]),
             "ranges": self._ranges(),
             "largest": max(shares.values(), default=0.0),
@@ -221,7 +226,12 @@ class _View:
         return {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
 
     def _labels(
-        self, shares: Mapping[str, float], links: Lines, joints: Lines, index: Mapping[str, int]
+        self,
+        shares: Mapping[str, float],
+        links: Lines,
+        joints: Lines,
+        index: Mapping[str, int],
+        marks: Mapping[str, str],
     ) -> list[dict[str, Any]]:
         """Return where the parts with the largest shares are named."""
         ends = {
@@ -230,6 +240,7 @@ class _View:
                 *((name, name) for name in index),
                 ("base", self.robot.fixed[0]),
                 *((name, self.robot.tcp) for name in TOOL),
+                *marks.items(),
             )
         }
         places = {**ends, **links.middles(), **joints.middles()}
@@ -352,6 +363,7 @@ def space(camera: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     scene: dict[str, Any] = {
         f"{name}axis": axis(f"{name}, m", showbackground=False, nticks=6) for name in "xyz"
     }
+    scene["zaxis"]["title"]["text"] += APART
     for one in scene.values():
         del one["automargin"], one["ticklabelstandoff"], one["title"]["standoff"]  # axes in space have none
     scene |= {"aspectmode": "manual", "camera": camera, "dragmode": "turntable"}

@@ -28,11 +28,14 @@ from beamstiff.report.html.places import (
     MARKS,
     RowFigures,
     Sizes,
+    line_of,
     over_places,
     rows_table,
 )
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+
+ALONG = 0.02  # share of a force from which it acts along an axis as well
 
 
 @dataclass(frozen=True)
@@ -141,15 +144,21 @@ def _over_load(
         np.where(used, 1e3 * (compared.measured - predicted)[chosen][:, :3], np.nan)
         for predicted in predictions
     ]
+    # rows without a load along an axis say nothing of it: they would stand on top of one another at 0
+    loaded = np.abs(force) > ALONG * np.linalg.norm(force, axis=1, keepdims=True)
+    lines = [label(line_of(compared.rows, at)) for at in chosen.tolist()]
     most = 1.08 * max(float(np.nanmax(np.abs(gap))) for gap in gaps) or 0.05  # one scale for both
     for gap, name, key in zip(gaps, names, ("before", "after"), strict=False):
         traces = []
         for k, (symbol, colour) in enumerate(MARKS):
-            if used[:, k].any():
+            own = used[:, k] & loaded[:, k]
+            if own.any():
                 hover = f"%{{text}}: %{{y}} mm under %{{x}} N along {'xyz'[k]}"
-                x, y = numbers(force[:, k], 4), numbers(gap[:, k], 4)
+                x, y = numbers(force[own, k], 4), numbers(gap[own, k], 4)
                 trace = scatter(x, y, "xyz"[k], hover, (symbol, colour, 6), opacity=0.75)
-                traces.append(trace | {"text": shared("rows")})
+                traces.append(trace | {"text": [lines[at] for at in np.flatnonzero(own).tolist()]})
+        if not traces:
+            return
         layout = plain_layout(
             340,
             margin=MARGIN | {"t": LEGEND},

@@ -1,0 +1,199 @@
+"""What readers of a diagnosis asked, and what it says of it."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.smallest import smallest_sizes
+from beamstiff.report.diagnosis import diagnosis_tables, names_text
+from beamstiff.report.diagnosis_text import stiffness_text, verdict
+from beamstiff.report.diagnosis_words import load_lever
+from beamstiff.report.drift import drift_tables
+from beamstiff.report.html.diagnosis import diagnosis_html
+from beamstiff.report.html.provenance import provenance
+from beamstiff.report.html.robot_view import Shown, robot_view
+from beamstiff.report.html.rows import Compared, row_figures
+from beamstiff.report.smallest import TITLE, smallest_table
+from beamstiff.robot.reader import load_robot
+from beamstiff.se3 import Array, rotation_from_vector
+from tests.diagnosis.decomposition import test_decompose as ur10
+from tests.diagnosis.machines import elbow, kr240, rows_of
+from tests.diagnosis.planted import campaign, diagnosed, plan
+
+PLACE = np.array([0.07, 0.0, -0.1])  # m: where the load acts from where the file says
+
+
+def misread(levers: Array) -> Candidate:
+    """Return the error of a load whose moments grow with its force by levers (3, 3), m."""
+    names = [f"moment_tool_{a}_by_{b}" for a in "xyz" for b in "xyz"]
+    sizes = [Estimate(n, v, 3e-3, "m", (2.5e-3, 0.04)) for n, v in zip(names, levers.ravel(), strict=True)]
+    return Candidate("load-error", None, 0.97, "cross-talk of the cell into moments", tuple(sizes))
+
+
+def of(cause: Candidate) -> Diagnosis:
+    """Return a diagnosis with a cause as its verdict."""
+    return replace(diagnosed("backlash"), verdict=cause, candidates=(cause,), indistinguishable=(), also=None)
+
+
+def test_a_load_that_acts_elsewhere_is_told_with_its_place() -> None:
+    levers = np.cross(PLACE, np.eye(3)).T  # moment of a force that acts there: p x F
+    np.testing.assert_allclose(levers @ [1.0, 2.0, 3.0], np.cross(PLACE, [1.0, 2.0, 3.0]))
+    cause = misread(levers + 4e-3 * np.random.default_rng(0).standard_normal((3, 3)))
+    found = load_lever(cause)
+    assert found is not None
+    np.testing.assert_allclose(found, PLACE, atol=8e-3)
+    action = verdict(of(cause)).action
+    assert action.startswith("Check where the load acts.")
+    assert "--tcp" in action
+    assert f"by about ({1e3 * found[0]:+.0f}, {1e3 * found[1]:+.0f}, " in action
+
+
+def test_another_error_of_a_load_is_no_place_but_may_look_like_one() -> None:
+    cause = misread(0.1 * np.random.default_rng(0).standard_normal((3, 3)))
+    assert load_lever(cause) is None
+    action = verdict(of(cause)).action
+    assert "a load that acts elsewhere looks like this" in action
+
+
+def test_a_size_that_may_have_either_sign_is_not_doubted_for_being_negative() -> None:
+    cause = misread(np.diag([-0.3, 0.01, 0.01]))
+    action = verdict(of(cause)).action
+    assert "its moment_tool_x_by_x is 7.5 times the largest realistic size" in action
+
+
+@cache
+def only_from_above() -> Diagnosis:
+    """Return the diagnosis of loads along z alone, which turn nothing about the first axis."""
+    what = plan()
+    wrench = np.zeros_like(what.wrench)
+    wrench[:, 2] = np.abs(what.wrench[:, 2])
+    return diagnose(kr240(), campaign(replace(what, wrench=wrench)))
+
+
+def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
+    result = only_from_above()
+    ends = kr240().identify[0], kr240().identify[-1]  # about the vertical, and through the TCP
+    assert result.untouched == ends
+    told = stiffness_text(result)
+    assert f"Stiffness not touched by these loads, as in the robot file: {', '.join(ends)}." in told
+    fitted = result.to_dict()["fitted"]
+    assert [name for name, one in fitted.items() if not one["touched"]] == [*ends]
+    for name in ends:
+        assert fitted[name]["given"] == pytest.approx(fitted[name]["value"])
+    page = diagnosis_html(result, provenance([], 0, []))
+    assert page.count("not touched by these loads") == 2
+    assert diagnosed("backlash").untouched == ()
+
+
+def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
+    robot, rng = load_robot(ur10.UR10), np.random.default_rng(1)
+    names = tuple(f"J{k}.torsional" for k in range(1, 7))
+    robot = robot.with_parameters(dict.fromkeys(names, 1e5))
+    robot = robot.model_copy(update={"identify": names, "masses": ()})
+    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (60, 6)), (), rng)
+    wrench = rng.choice([-100.0, 100.0], (60, 6)) * [1, 1, 1, 0, 0, 0]
+    on_the_last_axis = next(joint for joint in robot.joints if joint.name == "J6").nodes[1]
+    loaded = replace(rows, wrench=wrench, load_point=np.full(60, on_the_last_axis))
+    assert diagnose(robot, loaded).untouched == ("J6.torsional",)
+
+
+@cache
+def warming() -> Diagnosis:
+    """Return the diagnosis of a machine whose readings creep away, in the base frame by DRIFT."""
+    robot, rng = load_robot(ur10.UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (ur10.POSES, 6)), (), rng)
+    time: Array = 60.0 * np.arange(len(rows), dtype=np.float64)
+    moved = course(time)[:, None] * DRIFT @ rotation_from_vector(ur10.FRAME).T
+    return diagnose(robot, replace(rows, time=time, position=rows.position + moved))
+
+
+DRIFT = np.array([4e-4, 0.0, -6e-4])  # m
+
+
+def course(time: Array) -> Array:
+    return 1.0 - np.exp(-time / (0.3 * 60.0 * (ur10.POSES - 1)))
+
+
+def test_a_drift_is_told_over_time_and_in_its_frame() -> None:
+    result = warming()
+    assert result.verdict.effect == "thermal-drift"
+    (told,) = drift_tables(result)
+    assert "base frame" in told.title
+    assert "of the campaign" in told.title
+    time = result.baseline.rows.time
+    means = [course(part).mean() for part in np.array_split(time, len(told.rows))]
+    expected = 1e3 * (np.array(means) - means[0])[:, None] * DRIFT
+    found = np.array([[float(cell) for cell in row[2:]] for row in told.rows])
+    np.testing.assert_allclose(found, expected, atol=0.02)
+    assert told.rows[0][0] == "0 s"
+    assert "drift, turn: along and about the axes of the base frame" in " ".join(names_text(result))
+    assert told.title in [getattr(part, "title", None) for part in diagnosis_tables(result)]
+    assert told.title.replace("'", "&#39;") in diagnosis_html(result, provenance([], 0, []))
+
+
+def test_what_drifts_while_displacements_are_read_is_told_too() -> None:
+    (told,) = drift_tables(diagnosed("thermal_drift"))
+    assert "displacements" in told.title
+    assert list(drift_tables(diagnosed("backlash"))) == []
+
+
+def test_no_cause_is_told_with_the_smallest_size_that_would_have_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result, robot = ur10.found()
+    assert result.verdict.effect == "none"
+    sizes = {one.key: one for one in smallest_sizes(result)}
+    slip = sizes["target-slip:null"]
+    assert ur10.NOISE < slip.size < 10.0 * ur10.NOISE
+    assert TITLE in [getattr(part, "title", None) for part in diagnosis_tables(result)]
+    assert TITLE in diagnosis_html(result, provenance([], 0, []))
+    assert next(row for row in smallest_table(result).rows if row[0] == "target-slip")[2].endswith(" mm")
+    shown = []
+    for times in (1.2, 0.3):
+        monkeypatch.setattr(ur10, "SLIP", np.array([times * slip.size, 0.0, 0.0]))
+        rng = np.random.default_rng(1)
+        rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (ur10.POSES, 6)), ("slip",), rng)
+        shown.append(diagnose(robot, rows).verdict.effect != "none")
+    assert shown == [True, False]
+
+
+def test_residuals_over_the_load_are_those_of_loads_along_the_axis() -> None:
+    robot = elbow()
+    wrench = np.zeros((12, 6))
+    wrench[range(12), np.tile([0, 1, 2], 4)] = np.repeat([-200.0, -100.0, 100.0, 200.0], 3)
+    wrench[:2] = 0.0
+    rows = rows_of(robot, np.zeros((12, 2)), wrench)
+    gap = np.random.default_rng(0).standard_normal((12, 6))
+    made = row_figures(Compared(robot, rows, gap, np.zeros((12, 6)), np.ones((12, 6), dtype=bool)))
+    figures = {one.key: one for section in made.sections for one in section.figures}
+    traces = figures["residual-load-before"].traces
+    assert [len(one["x"]) for one in traces] == [3, 3, 4]
+    for k, trace in enumerate(traces):
+        own = np.flatnonzero(wrench[:, k])
+        np.testing.assert_allclose(trace["x"], wrench[own, k])
+        np.testing.assert_allclose(trace["y"], 1e3 * gap[own, k], rtol=1e-3)
+        assert len(trace["text"]) == own.size
+
+
+def test_what_the_readings_miss_is_marked_at_the_reflector() -> None:
+    robot = kr240()
+    node = robot.nodes[3].name
+    shown = Shown("here", np.zeros(6) + 0.2, np.zeros(6), robot.tcp, {"readings": 0.8}, {"readings": node})
+    made = robot_view(robot, [shown], "share")
+    assert made is not None
+    marks: dict[str, Any] = made.views[0]["traces"][3]
+    assert marks["shares"] == [0.0, 0.0, 0.8]
+    assert marks["hovertext"][2] == "readings: 80.0 %"
+    (label,) = made.views[0]["labels"]
+    assert label["text"] == "readings 80 %"
+    assert label["at"] == [marks[axis][2] for axis in "xyz"]
+
+
+def test_the_page_of_a_drift_marks_where_it_was_read() -> None:
+    page = diagnosis_html(warming(), provenance([], 0, []))
+    assert '"text": "readings' in page or '"text":"readings' in page
