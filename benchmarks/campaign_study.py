@@ -16,14 +16,17 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from beamstiff.diagnosis.next_measurement.candidates import STEPS
+from beamstiff.diagnosis.next_measurement.outlook import NOTHING
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
@@ -43,6 +46,7 @@ from beamstiff.robot.description import Robot
 
 LOOKS = (24, 48, 96)  # rows in all after each batch
 SURE = 0.9
+BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 1.01)  # of stated probabilities
 GAPS = (3.0, 8.0)  # over noise, evenly by ratio
 SHARES = {"single": 6, "outside": 2, "null": 1}  # of every nine machines; the exam has 42, 19 and 30
 LIMITS = ((-20, 120), (-150, -10))  # deg, of the first axis of a planar arm, and of the others
@@ -170,11 +174,7 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
     rng = np.random.default_rng([seed, 7])
     batches: list[Measurements] = []
     found, state = Trail(), None
-    truth = normal(
-        {"single": case.truths[0].label if case.truths else "", "null": "none"}.get(
-            case.label.kind, "unknown"
-        )
-    )
+    truth = normal(case.truths[0].label) if case.label.kind == "single" else ""  # else no cause is right
     for number, upto in enumerate(LOOKS):
         rows = proposed(number, state)
         if rows is None:
@@ -198,7 +198,6 @@ def trail(case: Case, proposed: Proposed, seed: int, first: list[CampaignState],
         outside = sum(one.probability for one in state.diagnosis.candidates if one.effect == "unknown")
         found.said.append((found.read, ahead.leading, round(ahead.probability, 4), round(outside, 4)))
         right = normal(ahead.leading) == truth
-        right &= case.label.kind == "single"
         if right and ahead.probability >= SURE:
             found.rows = found.rows or found.read
         if right and ahead.probability >= SURE * (1.0 - outside):
@@ -260,9 +259,12 @@ def report(every: list[dict[str, Any]]) -> None:
     for name in ["all robots", *joints]:
         some = [one for one in every if name in ("all robots", one["robot"])]
         lines = [one for one in some if "plan" in one]
-        print(f"{name}: {len(lines)} campaigns with an effect, {len(some) - len(lines)} without")
+        beside = Counter(one["kind"] for one in some)
+        print(f"{name}: {len(lines)} campaigns with an effect of the library, {dict(beside)} in all")
         print(f"  named, with a probability of {SURE:g}: {_rows_until('rows', lines)}")
         print(f"  so likely among the causes of the library: {_rows_until('among', lines)}")
+        for share, of in ((1.0, "a cause"), (0.0, "one among those of the library")):
+            print(f"  verdicts that name {of}, right of all by what they said: {_reliability(some, share)}")
         stops = [one for one in some if one["loop"]["stopped"]]
         decided = [one for one in stops if one["loop"]["stopped"] == "decided"]
         false = sum(one["loop"]["false_stop"] for one in decided)
@@ -296,6 +298,30 @@ def _rows_until(what: str, lines: list[dict[str, Any]]) -> str:
         fewer, more = (op(rows["loop"], rows[name]).sum() for op in (np.less, np.greater))
         told.append(f"the loop needs fewer than {name} in {fewer}, more in {more}")
     return "; ".join(told)
+
+
+def _reliability(every: list[dict[str, Any]], whole: float) -> str:
+    """Return how many verdicts that name a cause are right, by their probability.
+
+    `whole`: 1 of the whole probability, 0 of its share among the causes of the library; machines with an
+    effect of the library only count for the latter.
+    """
+    said, right = [], []
+    for one in every:
+        if one["kind"] != "single" and not whole:
+            continue
+        for name in (way for way in WAYS if way in one):
+            for at, (_, leading, probability, outside) in enumerate(one[name]["said"]):
+                if leading in NOTHING or (at == 0 and name != WAYS[0]):  # that all share
+                    continue
+                said.append(probability / (1.0 if whole else max(1.0 - outside, 1e-9)))
+                right.append(one["kind"] == "single" and normal(leading) == normal(one["truth"]))
+    p, ok = np.array(said), np.array(right, dtype=bool)
+    bins = [(p >= low) & (p < high) for low, high in pairwise(BINS)]
+    told = zip(pairwise(BINS), bins, strict=True)
+    return ", ".join(
+        f"{low:g} to {min(high, 1):g}: {ok[one].sum()} of {one.sum()}" for (low, high), one in told
+    )
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """`campaign`: what the batches of a campaign say, what to measure next, and whether to stop."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,8 @@ def campaign(
 
     Before the first batch, a plan for the stiffness is proposed. Then the states that tell the likeliest
     causes apart best, or bound the parameters of the only one. It is time to stop where the likeliest cause
-    has a probability of 0.9 and the proposal would turn it with 0.05 at most; or where ten such proposals are
-    not expected to settle it, or nothing but noise shows.
+    has a probability of 0.9, was the likeliest without the last batch, too, and the proposal would turn it
+    with 0.05 at most; or where ten such proposals are not expected to settle it, or nothing but noise shows.
 
     Parameters
     ----------
@@ -126,6 +126,10 @@ def campaign(
         )
     tables = as_tables(list(batches), machine)
     found = diagnose(machine, tables, region=region or ANYWHERE, batch=rows, directions=directions, seed=seed)
+    ahead = outlook(found)
+    if ahead.decided:  # by rows that it was not found with?
+        before = outlook(diagnose(machine, tables[:-1], batch=1, seed=seed)).leading if tables[:-1] else ""
+        ahead = replace(ahead, stands=before == ahead.leading)
     count = sum(len(table) for table in tables)
     table = proposed_csv(found) if found.next else ""
-    return CampaignState(count, found, outlook(found), len(found.next), table)
+    return CampaignState(count, found, ahead, len(found.next), table)

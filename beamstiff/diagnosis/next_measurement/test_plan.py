@@ -50,6 +50,7 @@ WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
 ALIKE = 1.2  # times what load cycles tell: single loads that tell less than this do not replace them
 REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+FARTHEST = 1.0  # m: standard deviation of what a parameter may move the tool by
 ROUNDING = 1e-12  # of 1: what is left of a variance that the readings determine
 
 
@@ -211,7 +212,14 @@ class _Open:
     """Parameters that are open, and what groups of rows read of them, (G, 3 g, p)."""
 
     def __init__(self, matrix: Array, covariance: Array) -> None:
-        self.matrix, self.covariance = matrix, covariance
+        # in units in which they are independent and of variance 1, and none moves the tool beyond `FARTHEST`:
+        # of one that is all but unknown the variances would cancel to less than their rounding
+        size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        size = np.where(size > 0.0, size, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+        moved = matrix @ (size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        self.matrix = moved / np.maximum(np.abs(moved).max(axis=(0, 1), initial=0.0) / FARTHEST, 1.0)
+        self.covariance = np.eye(len(size))
 
     def root(self, read: Array) -> Array:
         """Return Cholesky's factor of the covariance of each group, (G, 3 g, 3 g)."""

@@ -253,6 +253,7 @@ def test_where_nothing_shows_it_is_loaded_as_it_was_not() -> None:
     loads = np.array([one["wrench"] for one in told.next])
     assert (loads[:, 2] < 0.0).sum() >= 2
     assert not (loads[:, 2] > 0.0).any()
+    assert loads[:, :2].any(axis=1).sum() >= 2  # and what the rows leave open of the others
     told = beamstiff.diagnose(robot, rows, batch=8)  # as the rows were loaded
     assert not np.array([one["wrench"] for one in told.next])[:, 2].any()
 
