@@ -20,10 +20,10 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.files import held, read_text, remove_drafts, write_new
 from beamstiff.outputs import write_output
-from beamstiff.planning.candidates import AXES
 
 FORMAT = "beamstiff-campaign/1"
 HEAD, ROBOT, RESULT = "campaign.json", "robot.yaml", "diagnosis.json"
+PLANNED = ("x", "y", "z")
 Region = tuple[tuple[float, float], ...]
 
 
@@ -212,7 +212,7 @@ def _read(folder: Path) -> CampaignFolder:
         region = (
             None if pairs is None else tuple((_end(low, -np.inf), _end(high, np.inf)) for low, high in pairs)
         )
-        axes = tuple(map(str, told.get("directions", AXES)))  # as of a plan, where a file has none
+        axes = tuple(map(str, told.get("directions", PLANNED)))  # as of a plan, where a file has none
         found = CampaignFolder(folder, batches, region, axes, int(told["rows"]), int(told["seed"]))
     except (ValueError, KeyError, TypeError):
         raise BeamstiffError(

@@ -1,14 +1,15 @@
 """Rows until the cause is right: ``python -m benchmarks.campaign_study [--campaigns N] [--results FILE]``.
 
-Planar arms of two or three joints with rigid links, or arms of six (`--robots`), have one hidden effect in
-six campaigns of seven, else none; the exam draws and simulates them with code of its own. An effect is as
-large as leaves three to eight times the noise in random rows; passed over are those that cannot.
-Displacements of the tool are read in batches: as `beamstiff.campaign` proposes them, until it stops; from a
-fixed D-optimal plan; and at random postures, loaded along an axis as proposals are. All three begin with the
-plan's first batch. The same diagnosis is made in all, and counted are the rows, of `LOOKS`, after which it
-first names the hidden effect at its place with a probability of 0.9, and with so much among the causes of
-the library (what it leaves to an unknown one aside). Also: how often the loop says that it is decided where
-the cause is wrong, and how often a proposal settled the matter as it promised.
+Planar arms of two or three joints with rigid links, or arms of six (`--robots`), have a hidden effect, in
+six of nine one of the library, in two one outside it, else none; the exam draws and simulates them with code
+of its own. An effect is as large as leaves three to eight times the noise in random rows; passed over are
+those that cannot. Displacements of the tool are read in batches: as `beamstiff.campaign` proposes them, until
+it stops; from a fixed D-optimal plan; and at random postures, loaded along an axis as proposals may be. All
+three begin with the plan's first batch. The same diagnosis is made in all, and counted are the rows, of
+`LOOKS`, after which it first names the hidden effect at its place with a probability of 0.9, and with so much
+among the causes of the library (what it leaves to an unknown one aside). Also: how often verdicts are right
+by what they said, how often the loop says that it is decided where the cause is wrong, and how often a
+proposal settled the matter as it promised.
 """
 
 from __future__ import annotations
