@@ -23,6 +23,7 @@ from beamstiff.outputs import write_output
 
 FORMAT = "beamstiff-campaign/1"
 HEAD, ROBOT, RESULT = "campaign.json", "robot.yaml", "diagnosis.json"
+PLANNED = ("x", "y", "z")
 Region = tuple[tuple[float, float], ...]
 
 
@@ -55,6 +56,8 @@ class CampaignFolder:
         In the order in which they were added; their numbers begin with 1.
     region : three pairs, m, or None
         Of the TCP in what is proposed; None in an end that is free.
+    directions : tuple of str
+        Axes of the base along which loads can pull.
     rows : int
         Of a proposal.
     seed : int
@@ -63,6 +66,7 @@ class CampaignFolder:
     folder: Path
     batches: tuple[Batch, ...]
     region: Region | None
+    directions: tuple[str, ...]
     rows: int
     seed: int
 
@@ -79,7 +83,7 @@ class CampaignFolder:
     @property
     def state(self) -> str:
         """A digest of all that a result depends on."""
-        told = [self.region, self.rows, self.seed, *(path.name for path in self.tables)]
+        told = [self.region, self.directions, self.rows, self.seed, *(path.name for path in self.tables)]
         return hashlib.sha256(f"{told}{read_text(self.robot)}".encode()).hexdigest()
 
     def kept_result(self) -> dict[str, Any] | None:
@@ -143,6 +147,7 @@ class CampaignFolder:
             "format": FORMAT,
             "region": self.region
             and [[end if np.isfinite(end) else None for end in pair] for pair in self.region],
+            "directions": self.directions,
             "rows": self.rows,
             "seed": self.seed,
             "batches": [asdict(one) for one in self.batches],
@@ -150,7 +155,9 @@ class CampaignFolder:
         write_output(self.folder / HEAD, json.dumps(told, indent=1) + "\n")
 
 
-def new_campaign(folder: Path, robot: str, region: Region | None, rows: int, seed: int) -> CampaignFolder:
+def new_campaign(
+    folder: Path, robot: str, region: Region | None, directions: tuple[str, ...], rows: int, seed: int
+) -> CampaignFolder:
     """Return a campaign in a folder of its own, made where it is missing; `robot`: the text of its file.
 
     Raises
@@ -170,7 +177,7 @@ def new_campaign(folder: Path, robot: str, region: Region | None, rows: int, see
         raise BeamstiffError(f"{folder}: found {listed(sorted(others), 3)}, expected an empty folder")
     remove_drafts(folder)
     write_output(folder / ROBOT, robot)
-    made = CampaignFolder(folder, (), region, rows, seed)
+    made = CampaignFolder(folder, (), region, directions, rows, seed)
     made.save()
     return made
 
@@ -205,7 +212,8 @@ def _read(folder: Path) -> CampaignFolder:
         region = (
             None if pairs is None else tuple((_end(low, -np.inf), _end(high, np.inf)) for low, high in pairs)
         )
-        found = CampaignFolder(folder, batches, region, int(told["rows"]), int(told["seed"]))
+        axes = tuple(map(str, told.get("directions", PLANNED)))  # as of a plan, where a file has none
+        found = CampaignFolder(folder, batches, region, axes, int(told["rows"]), int(told["seed"]))
     except (ValueError, KeyError, TypeError):
         raise BeamstiffError(
             f"{path}: is no campaign ({FORMAT}), expected what `campaign new` wrote"

@@ -30,6 +30,7 @@ def campaign(
     ] = None,
     out: str | None = option("CSV", "Of next: the rows to measure, a table to fill in."),
     region: Region = None,
+    directions: str = option("AXES", "Of new: where loads can pull, base frame.", "x,y,z"),
     rows: int = typer.Option(10, help="Of new: rows of a proposal at most; a load cycle stays whole.", min=1),
     seed: int = typer.Option(0, help="Of new: of simulated campaigns and held-out postures.", min=0),
 ) -> None:
@@ -46,6 +47,7 @@ def campaign(
       beamstiff campaign add cell7 batch1.csv
     """
     from beamstiff.campaign_folder import new_campaign, opened
+    from beamstiff.functions.checks import axes_of
     from beamstiff.functions.robots import as_robot
     from beamstiff.robot.writer import robot_to_yaml
 
@@ -55,7 +57,8 @@ def campaign(
     outputs = Outputs(read, elsewhere={}, out=out)
     if action is Action.new:
         text = robot_to_yaml(as_robot(robot_file(words[0])))
-        new_campaign(place, text, parse_region(region), rows, seed)
+        axes = axes_of("directions", [axis.strip() for axis in directions.split(",")])
+        new_campaign(place, text, parse_region(region), axes, rows, seed)
     with opened(place) as kept:
         if action is Action.add:
             from beamstiff.measure.coerce import as_tables
@@ -71,7 +74,14 @@ def campaign(
             from beamstiff.functions.campaign import campaign as run
 
             with working("diagnosing"):
-                state = run(kept.robot, kept.tables, rows=kept.rows, region=kept.region, seed=kept.seed)
+                state = run(
+                    kept.robot,
+                    kept.tables,
+                    rows=kept.rows,
+                    region=kept.region,
+                    directions=kept.directions,
+                    seed=kept.seed,
+                )
             told = state.to_dict()
             kept.keep_result(told)
         counted = [

@@ -233,13 +233,17 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     left = [size for one in by_key.values() if one.shrink for size in (one.shrink.before, one.shrink.after)]
     fold, _ = folds(linear, used, np.random.default_rng(seed))
     left_out: list[str] = []
-    rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in _rivals(judged, found)]
-    # states in which a cause would show, if there is one
+    near = _rivals(judged, found)
+    rivals = [(key, judged.probabilities[key], found.shapes[key]) for key in near]
+    hidden = []
+    # states in which a cause would show, if there is one: any, for the likeliest few are so by chance
     if len(rivals) > 1 and judged.probabilities[NONE] > LEAST_NONE:
         rivals.append((NONE, judged.probabilities[NONE], []))
+        others = [key for key in found.named if key not in near]
+        hidden = [(key, judged.probabilities[key], found.shapes[key]) for key in others]
     test_plan = None
     with optional("what to measure next", left_out.append):
-        test_plan = propose_tests(linear, used, rivals, scale, seed)
+        test_plan = propose_tests(linear, used, rivals, scale, seed, hidden)
     return Diagnosis(
         baseline=screened.baseline,
         linear=linear,

@@ -1,7 +1,7 @@
 """`campaign`: what the batches of a campaign say, what to measure next, and whether to stop."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from beamstiff.functions.diagnose import diagnose
 from beamstiff.functions.plan import MOST_TESTS, plan
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
+from beamstiff.planning.candidates import AXES
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.shown import Shown
 
@@ -75,14 +76,15 @@ def campaign(
     *,
     rows: int = ROWS,
     region: Sequence[tuple[float, float]] | None = None,
+    directions: Sequence[str] = AXES,
     seed: int = 0,
 ) -> CampaignState:
     """Say what the batches of a campaign tell together, what to measure next, and whether to stop.
 
     Before the first batch, a plan for the stiffness is proposed. Then the states that tell the likeliest
     causes apart best, or bound the parameters of the only one. It is time to stop where the likeliest cause
-    has a probability of 0.9 and the proposal would turn it with 0.05 at most; or where ten such proposals are
-    not expected to settle it, or nothing but noise shows.
+    has a probability of 0.9, was the likeliest without the last batch, too, and the proposal would turn it
+    with 0.05 at most; or where ten such proposals are not expected to settle it, or nothing but noise shows.
 
     Parameters
     ----------
@@ -93,6 +95,8 @@ def campaign(
         To propose at most; where a cause remembers the loads before, whole load cycles.
     region : three pairs, m, optional
         Least and largest x, y, z of the TCP in what is proposed.
+    directions : sequence of str
+        Axes of the base along which loads can pull, such as ``("x", "-z")``.
     seed : int
 
     Returns
@@ -114,10 +118,18 @@ def campaign(
     whole("rows", rows, 1, MOST_TESTS)
     if not batches:
         return CampaignState(
-            0, None, None, rows, plan(machine, tests=rows, region=region, seed=seed).to_csv()
+            0,
+            None,
+            None,
+            rows,
+            plan(machine, tests=rows, region=region, directions=directions, seed=seed).to_csv(),
         )
     tables = as_tables(list(batches), machine)
-    found = diagnose(machine, tables, region=region or ANYWHERE, batch=rows, seed=seed)
+    found = diagnose(machine, tables, region=region or ANYWHERE, batch=rows, directions=directions, seed=seed)
+    ahead = outlook(found)
+    if ahead.decided:  # by rows that it was not found with?
+        before = outlook(diagnose(machine, tables[:-1], batch=1, seed=seed)).leading if tables[:-1] else ""
+        ahead = replace(ahead, stands=before == ahead.leading)
     count = sum(len(table) for table in tables)
     table = proposed_csv(found) if found.next else ""
-    return CampaignState(count, found, outlook(found), len(found.next), table)
+    return CampaignState(count, found, ahead, len(found.next), table)

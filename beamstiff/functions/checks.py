@@ -6,7 +6,8 @@ from math import degrees
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamstiff.errors import OptionError, shown, suggest
+from beamstiff.errors import BeamstiffError, OptionError, shown, suggest
+from beamstiff.planning.candidates import force_loads
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
@@ -48,6 +49,18 @@ def names_of(name: str, value: Sequence[str] | None) -> list[str] | None:
     if isinstance(value, str) or not all(value):
         raise OptionError(name, f"found {shown(value)}, expected a list of names")
     return list(value)
+
+
+def axes_of(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    """Return axes of the base, each with a sign or not, such as ``("x", "-z")``."""
+    axes = tuple(names_of(name, value) or ())
+    try:
+        force_loads(1.0, axes)
+    except BeamstiffError:
+        raise OptionError(
+            name, f"found {shown(list(axes))}, expected x, y or z, with a sign or not"
+        ) from None
+    return axes
 
 
 def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
-from beamstiff.functions.checks import names_of, whole
+from beamstiff.functions.checks import axes_of, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
@@ -29,6 +29,7 @@ def diagnose(
     prior: Mapping[str, float] | None = None,
     region: Sequence[tuple[float, float]] | None = None,
     batch: int | None = None,
+    directions: Sequence[str] = (),
     seed: int = 0,
     stations: bool = False,
 ) -> Diagnosis:
@@ -50,6 +51,9 @@ def diagnose(
     batch : int, optional
         Rows to propose at most, single ones of load cycles where no cause remembers the loads before; else
         load cycles.
+    directions : sequence of str
+        Axes of the base along which proposed loads may pull, such as ``("x", "-x", "z")``; default: along
+        those of the rows.
     seed : int
         Of simulated campaigns and held-out postures.
     stations : bool
@@ -73,7 +77,12 @@ def diagnose(
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     doubts += displacement_doubts(machine, rows, fitted_names(machine))
-    rows = replace(rows, region=None if region is None else tuple(region), batch=batch)
+    rows = replace(
+        rows,
+        region=None if region is None else tuple(region),
+        batch=batch,
+        directions=axes_of("directions", directions),
+    )
     with doubted(doubts):
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
         if known:  # so that geometry and measuring frame can be left open beside them

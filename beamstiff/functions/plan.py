@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.files import write_whole
-from beamstiff.functions.checks import names_of, one_of, whole
+from beamstiff.functions.checks import axes_of, names_of, one_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.planning.campaign import Plan, by_pose, plan_csv, plan_of
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, identifiable
@@ -211,15 +211,9 @@ def plan(
 
 
 def _gauges(gauges: Sequence[str], sigma_rotation: float | str | None) -> tuple[str, ...]:
-    names = tuple(names_of("gauges", gauges) or ())
+    names = axes_of("gauges", gauges)
     if names and sigma_rotation is not None:
         raise OptionError("sigma_rotation", "found beside gauges, which read no rotation; leave it out")
-    try:
-        force_loads(1.0, names)
-    except BeamstiffError:
-        raise OptionError(
-            "gauges", f"found {shown(list(names))}, expected x, y or z, with a sign or not"
-        ) from None
     return names
 
 
@@ -249,12 +243,7 @@ def _loads(force: float | str, moment: float | str, directions: Sequence[str]) -
             raise OptionError(
                 name, f"found {shown(value)}, expected 0 or more, signs go with --directions (directions=...)"
             )
-        try:
-            along = force_loads(size, names_of("directions", directions) or ())
-        except OptionError:
-            raise
-        except BeamstiffError as error:
-            raise OptionError("directions", str(error)) from None
+        along = force_loads(size, axes_of("directions", directions))
         if size > 0:
             parts.append(along if kind == "force" else np.roll(along, 3, axis=1))
     if not parts:

@@ -92,6 +92,8 @@ class Measurements:
         Least and largest x, y and z of the TCP where it can be measured; None: not said.
     batch : int or None
         Rows that a proposal has at most; None: whole load cycles.
+    directions : tuple of str
+        Axes of the base along which a proposal may pull, such as ``("x", "-z")``; none: those of the rows.
     sigma_load : float or None, N
         Standard deviation of the size of each load; `identify` counts it in.
     targets : tuple of Target
@@ -130,6 +132,7 @@ class Measurements:
     units: Mapping[str, str] = field(default_factory=dict)
     region: tuple[tuple[float, float], ...] | None = None
     batch: int | None = None
+    directions: tuple[str, ...] = ()
     sigma_load: float | None = None
     targets: tuple[Target, ...] = ()
     camera: str = ""

@@ -60,6 +60,19 @@ def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run) -> 
     assert len(rows) == found["proposed"] <= 10
 
 
+def test_loads_pull_where_they_can(folder: Path, run: Run) -> None:
+    told(run, "new", "cell", "crane.yaml", "--directions", "x,-z")
+    for rows in (6, 0):
+        assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
+        asked = parse_measurements(
+            (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
+        )
+        assert (asked.wrench[:, [0, 2]] * [1, -1] >= 0.0).all()
+        assert not asked.wrench[:, 1].any()
+        if rows:
+            told(run, "add", "cell", "crane.csv")
+
+
 def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run) -> None:
     told(run, "new", "cell", "crane.yaml")
     (folder / "wrong.csv").write_text(CRANE_DATA.replace("1.5", "9.5"), encoding="utf-8")
@@ -75,6 +88,7 @@ def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run) -> None:
 def test_a_campaign_refuses_what_it_cannot_use(folder: Path, run: Run, refused: Refused) -> None:
     refused(["campaign", "status", "cell"], ["cell", "campaign.json", "campaign new"])
     refused(["campaign", "new", "cell"], ["campaign new", "a ROBOT"])
+    refused(["campaign", "new", "cell", "crane.yaml", "--directions", "u"], ["--directions", "'u'"])
     told(run, "new", "cell", "crane.yaml")
     refused(["campaign", "new", "cell", "crane.yaml"], ["cell", "a campaign already"])
     refused(["campaign", "add", "cell"], ["campaign add", "tables"])

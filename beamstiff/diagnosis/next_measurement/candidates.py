@@ -13,7 +13,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.planning.candidates import candidate_poses
+from beamstiff.planning.candidates import candidate_poses, force_loads
 from beamstiff.planning.poses import closed_posture, random_poses, rounded_postures
 from beamstiff.planning.seated import seated_rows
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -90,13 +90,15 @@ def load_cycles(
 def _ways(rows: Measurements, absolute: bool) -> list[tuple[Array, tuple[float, ...]]]:
     """Return the directions (3,) in which the table's forces pull, and the shares of the largest along each.
 
-    Two opposite ones are one, with negative shares; without forces the axes of the base are taken.
+    Two opposite ones are one, with negative shares; without forces the axes of the base are taken, and where
+    it is stated in which directions loads may pull, these.
     """
     size = np.linalg.norm(rows.wrench[:, :3], axis=1)
     units = rows.wrench[size > 0.0, :3] / size[size > 0.0, None]
     each, often = (one[::-1] for one in np.unique(units.round(2), axis=0, return_counts=True))
     found: list[Array] = []
-    for along in each[np.argsort(-often, kind="stable")]:
+    stated = force_loads(1.0, rows.directions)[:, :3]
+    for along in stated if len(stated) else each[np.argsort(-often, kind="stable")]:
         if all(along @ other < LIKE for other in found):
             found.append(along / np.linalg.norm(along))
     if not found or len(found) > MOST_WAYS:  # none, or any

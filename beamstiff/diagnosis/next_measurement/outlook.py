@@ -5,6 +5,9 @@ For the likeliest cause against its rivals, the log odds that new rows add are a
 the logarithm of the probability of erring between them (`test_plan`). A diagnosis divides log odds by a
 number that grows with what its cause explains, and so with the rows (`decision.verdict`). So follows how
 probable it is that the rows settle the matter, and that they turn it.
+
+A cause of the library may fit what another, outside it, does in the rows that it was found with. Rows that it
+was not found with check that, and so it is decided only where it led before the last batch, too.
 """
 
 from __future__ import annotations
@@ -52,6 +55,8 @@ class Outlook:
         Probability that `MANY` such proposals settle it.
     enough : bool
         Whether rows enough were read to say that nothing shows, or nothing known.
+    stands : bool
+        Whether it led without the last batch, too.
     """
 
     leading: str
@@ -61,11 +66,13 @@ class Outlook:
     turns: float
     ever: float
     enough: bool
+    stands: bool = True
 
     @property
     def decided(self) -> bool:
         """Whether a cause is decided, and the proposal would hardly change it."""
-        return self.probability >= DECIDED and self.turns <= TURNS and self.leading not in NOTHING
+        sure = self.probability >= DECIDED and self.turns <= TURNS and self.leading not in NOTHING
+        return sure and self.stands
 
     @property
     def undecidable(self) -> bool:

@@ -50,6 +50,7 @@ WORTH = 2.0  # times what the TCP tells: less is not worth a second reflector
 DECIDES = 2.0  # of discrimination, all states together: less hardly moves the odds
 ALIKE = 1.2  # times what load cycles tell: single loads that tell less than this do not replace them
 REMEMBER = ("backlash", "hysteresis")  # whose answer depends on the loads before
+FARTHEST = 1.0  # m: standard deviation of what a parameter may move the tool by
 ROUNDING = 1e-12  # of 1: what is left of a variance that the readings determine
 
 
@@ -110,6 +111,7 @@ def propose_tests(
     rivals: Sequence[tuple[str, float, Sequence[Weighted]]],
     scale: float,
     seed: int,
+    hidden: Sequence[tuple[str, float, Sequence[Weighted]]] = (),
 ) -> Programme | None:
     """Return the load cycles that tell rivals apart best; None where there is nothing to tell apart.
 
@@ -122,15 +124,19 @@ def propose_tests(
         Without shapes the rival is the model as it is.
     scale : float
         Of the noise.
+    hidden : sequence of (key, probability, shapes)
+        Causes to tell from no cause alone, the last of the rivals: whether there is any shows first.
     """
     if len(rivals) < 2:
         return None
-    fits = [_rival(baseline, used, *rival, scale) for rival in rivals]
+    # what does not show may be as large as it usually is, where the rows do not tell
+    least = 1.0 if hidden else 0.0
+    fits, faint = ([_rival(baseline, used, *one, scale, least) for one in some] for some in (rivals, hidden))
     noise = scale * np.median(baseline.sigma[:, :3], axis=0)
     found = []
     for single in ways_to_load(baseline.rows.batch, [key for key, _, _ in rivals]):
         rows, cycle, posture = load_cycles(baseline, seed, single)
-        pairs, separates = foretold_pairs(baseline, rows, fits)
+        pairs, separates = foretold_pairs(baseline, rows, fits, faint)
         if pairs:
             most = most_cycles(baseline.rows.batch, cycle)
             picked, score = best_rows(pairs, noise_of(rows, noise), cycle, most, posture)
@@ -206,7 +212,14 @@ class _Open:
     """Parameters that are open, and what groups of rows read of them, (G, 3 g, p)."""
 
     def __init__(self, matrix: Array, covariance: Array) -> None:
-        self.matrix, self.covariance = matrix, covariance
+        # in units in which they are independent and of variance 1, and none moves the tool beyond `FARTHEST`:
+        # of one that is all but unknown the variances would cancel to less than their rounding
+        size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        size = np.where(size > 0.0, size, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+        moved = matrix @ (size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+        self.matrix = moved / np.maximum(np.abs(moved).max(axis=(0, 1), initial=0.0) / FARTHEST, 1.0)
+        self.covariance = np.eye(len(size))
 
     def root(self, read: Array) -> Array:
         """Return Cholesky's factor of the covariance of each group, (G, 3 g, 3 g)."""
@@ -265,12 +278,15 @@ class _Told:
 
 
 def foretold_pairs(
-    baseline: Baseline, rows: Measurements, rivals: Sequence[Rival]
+    baseline: Baseline, rows: Measurements, rivals: Sequence[Rival], hidden: Sequence[Rival] = ()
 ) -> tuple[list[Pair], tuple[str, ...]]:
-    """Return the pairs of rivals as they foretell rows, and which of them can be foretold."""
+    """Return the pairs of rivals as they foretell rows, and which of them can be foretold.
+
+    The last of them is paired with each of those that are hidden, too.
+    """
     there = at_rows(baseline, rows)
     told: list[tuple[Rival, Foretold]] = []
-    for rival in rivals:
+    for rival in (*rivals, *hidden):
         try:
             columns = [columns_at(there, one.hypothesis) for one in rival.fit.shapes]
         except BeamstiffError:  # what it would be there is not known
@@ -279,8 +295,13 @@ def foretold_pairs(
         matrix = stacked(there, rival.fit, columns)[:, :3]
         amiss = AMISS * np.sqrt((mean**2).mean(axis=1))
         told.append((rival, Foretold(mean, matrix, rival.fit.covariance, amiss)))
-    pairs = [(a.probability * b.probability, x, y) for (a, x), (b, y) in combinations(told, 2)]
-    return pairs, tuple(rival.key for rival, _ in told)
+    shown = {rival.key for rival in rivals}
+    pairs = [
+        (a.probability * b.probability, x, y)
+        for (a, x), (b, y) in combinations(told, 2)
+        if b.key in shown or a is rivals[-1]
+    ]
+    return pairs, tuple(rival.key for rival, _ in told if rival.key in shown)
 
 
 def _rival(
@@ -290,10 +311,12 @@ def _rival(
     probability: float,
     shapes: Sequence[Weighted],
     scale: float,
+    least: float,
 ) -> Rival:
     # what is fitted to few rows by its simplest shape foretells more than it knows, and gives way afterwards
     freest = [max(shapes, key=lambda one: one.hypothesis.columns.shape[1])] if shapes else []
-    return Rival(key, probability, fitted(baseline, used, [[one] for one in freest], scale)[0])
+    sized = [[replace(one, magnitude=max(one.magnitude, least))] for one in freest]
+    return Rival(key, probability, fitted(baseline, used, sized, scale)[0])
 
 
 def _with_a_second_reflector(

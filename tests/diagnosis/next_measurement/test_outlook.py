@@ -54,6 +54,18 @@ def test_rows_are_chosen_where_causes_differ_in_kind() -> None:
     assert first(0.12) == 1
 
 
+def test_parameters_of_which_only_the_sum_is_known_are_no_obstacle() -> None:
+    rng = np.random.default_rng(4)
+    matrix = 1e-4 * rng.standard_normal((40, 3, 1)) * np.ones((40, 3, 2))
+    open_sum = 1e20 * np.array([[1.0, -1.0], [-1.0, 1.0]]) + np.eye(2)
+    far = np.zeros((40, 3))
+    far[:, 0] = 1e-3
+    told = [(0.25, Foretold(mean, matrix, open_sum), Foretold(-mean, matrix, open_sum)) for mean in (far,)]
+    picked, score = best_rows(told, np.full((40, 3), 1e-5), np.arange(40), 5, np.arange(40))
+    assert len(set(picked.tolist())) == 5
+    assert np.isfinite(score).all()
+
+
 @pytest.mark.parametrize(("rows", "least", "most"), [(10, 0.1, 0.4), (100, 0.9, 1.0)])
 def test_that_nothing_shows_is_promised_the_less_the_fewer_rows_there_are(
     rows: int, least: float, most: float

@@ -4,6 +4,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import beamstiff
 from beamstiff import BeamstiffError
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
@@ -28,9 +29,10 @@ from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
+from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
+from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, kr240, rows_of
 from tests.diagnosis.planted import Plan, base_compliance, campaign, diagnosed, hardening, plan
 
 
@@ -237,6 +239,23 @@ def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(
     assert set(split[1].rows.point.tolist()) == {kr240().tcp}
     there = diagnosed("base_compliance")
     assert {item["point"] for item in there.next} == {kr240().tcp}
+
+
+def test_where_nothing_shows_it_is_loaded_as_it_was_not() -> None:
+    """Loads in its plane showed nothing of an arm; what lets it nod shows under loads across it only."""
+    robot, rng = elbow(), np.random.default_rng(1)
+    rows = at_random(robot, 16, 2, sigma_position=POSITION)
+    rows = replace(rows, wrench=1000.0 * np.eye(6)[rng.integers(2, size=16)])
+    read = predict_displacements(robot, rows) + POSITION * rng.standard_normal((16, 6))
+    rows = replace(rows, displacement=np.where([True] * 3 + [False] * 3, read, np.nan))
+    told = beamstiff.diagnose(robot, rows, batch=8, directions=("x", "y", "-z"))
+    assert told.verdict.effect == "none"
+    loads = np.array([one["wrench"] for one in told.next])
+    assert (loads[:, 2] < 0.0).sum() >= 2
+    assert not (loads[:, 2] > 0.0).any()
+    assert loads[:, :2].any(axis=1).sum() >= 2  # and what the rows leave open of the others
+    told = beamstiff.diagnose(robot, rows, batch=8)  # as the rows were loaded
+    assert not np.array([one["wrench"] for one in told.next])[:, 2].any()
 
 
 def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
