@@ -78,11 +78,13 @@ def verify(
         lines.append(["noise as stated", f"{1e3 * found.noise:.4f} mm", ""])
     add_rows(rows, lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
-    with_them = "with the file's effects" if found.causes else "of the robot file, which has no effects"
+    with_them = "with the file's effects" if found.causes else "of the robot file, which holds no effects"
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
     head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
     files = ", ".join(Path(path).name for path in data)
     action = "Use the robot within these postures and loads."
+    if found.causes:
+        action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
     if level in ("doubtful", "differs"):
         action = "Run beamstiff diagnose on these rows: something is still missing."
     steps = pairwise([found.before, *(after for _, after, _ in found.causes)])

@@ -137,9 +137,9 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = "Probability: that the cause is there. Causes that act in the same way count as one."
+    said = "Probability: that it is this cause. Causes that always act in the same way count as one."
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish a cause from those in its last column."
+        said += " The rest is of those in the last column, from which these data cannot distinguish it."
     return said
 
 

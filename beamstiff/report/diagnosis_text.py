@@ -105,8 +105,8 @@ def _action(result: Diagnosis, head: str) -> str:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if head == NOTHING.capitalize():
         return (
-            "Nothing to mend. Use the fitted model (--apply) within the postures and loads measured. "
-            "It has corrected zeros, lengths and drive stiffness: these are not named as causes."
+            "Use the fitted model (--apply) within the postures and loads measured. What it corrects "
+            "(zeros, lengths, drive stiffness) does not count as a cause."
         )
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
@@ -401,7 +401,7 @@ def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
         f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
-        f"(measuring frame fitted). Calibration alone reduces it to "
+        f"(measuring frame fitted, reflectors as stated). Calibration with the drives reduces it to "
         f"{rounded(1e3 * changed.after)} mm on held-out data."
     )
     if not changed.changes:
