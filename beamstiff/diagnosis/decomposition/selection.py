@@ -53,8 +53,9 @@ def best_first(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> I
 def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tuple[Array, NDArray[np.bool_]]:
     """Return the BIC (f,) of a fit with each form added to it, and which would have a wrong sign (f,).
 
-    The BIC is inf where a form does not show, is of a forbidden cause, stands there already, or surely asks
-    for a sign that a parameter cannot have: such a form is not what is there.
+    The BIC is inf where a form does not show, is of a forbidden cause or of one that has all its `FORMS`,
+    stands there already, or surely asks for a sign that a parameter cannot have: such a form is not what is
+    there.
     """
     result = np.full(len(choice.forms), np.inf)
     bounded = np.zeros(len(choice.forms), dtype=bool)
