@@ -139,7 +139,7 @@ def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = "Probability: that it is this cause. Causes that always act in the same way count as one."
     if any(one.indistinguishable for one in found.causes):
-        said += " The rest is of those in the last column, from which these data cannot distinguish it."
+        said += " These data cannot distinguish it from the causes in its last column."
     return said
 
 
