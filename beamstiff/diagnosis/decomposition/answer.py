@@ -12,7 +12,13 @@ from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import by_form
-from beamstiff.diagnosis.decomposition.look_alikes import instead, rival_of, runner_up, with_usual_name
+from beamstiff.diagnosis.decomposition.look_alikes import (
+    instead,
+    presence,
+    rival_of,
+    runner_up,
+    with_usual_name,
+)
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, causes_of, gain, resampled
@@ -230,7 +236,7 @@ def _kept(folds: Folds, step: Step) -> Step:
         errors = folds.squared_errors(step)
         fits = [fit_step(choice, [k for k in step.chosen if k not in cause]) for cause in causes]
         gains = [gain(folds.squared_errors(fit), errors) for fit in fits]
-        sure = [rival_of(choice, step, cause).present for cause in causes]
+        sure = [presence(step, fit) for fit in fits]
         weak = [
             at
             for at, fit in enumerate(fits)

@@ -115,13 +115,19 @@ def rival_of(
     alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
-    nothing = float(np.exp(-max(without.bic - least, 0.0) / (2.0 * TEMPERING))) if np.isfinite(least) else 1.0
     return Rival(
         named / total,
-        1.0 / (1.0 + nothing),
+        presence(step, without),
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def presence(step: Step, without: Step) -> float:
+    """Return the probability that there is a cause in the place of one, by the fits with and without it."""
+    least = min(step.bic, without.bic)
+    nothing = float(np.exp(-(without.bic - least) / (2.0 * TEMPERING))) if np.isfinite(least) else 1.0
+    return 1.0 / (1.0 + nothing)
 
 
 def tempering_of(step: Step, without: Step) -> float:
