@@ -19,6 +19,7 @@ from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, prior_
 from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
+    FORMS,
     HeldOut,
     best_first,
     causes_of,
@@ -85,13 +86,14 @@ def rival_of(
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
     form: dict[str, int] = {}
     before = None if held_out is None else held_out(without)
+    most = min(len(cause), FORMS)
     for value, number in best_first(choice, without):
         key = choice.forms[number].key
         if value > without.bic or len(best) > MOST_RIVALS:
             break
         if key in form:
             continue
-        other = with_further_forms(choice, fit_step(choice, (*others, number)), key, len(cause))
+        other = with_further_forms(choice, fit_step(choice, (*others, number)), key, most)
         if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
             best[key], form[key] = min(other.bic, best.get(key, np.inf)), number
     tempering = tempering_of(step, without)
