@@ -20,6 +20,7 @@ from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
+from beamstiff.diagnosis.smallest import Smallest, smallest_sizes
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -177,6 +178,11 @@ class Diagnosis(Shown):
             names = model.baseline.fitted if model.problem is None else given.identify
         return {name: (given.parameter(name), found.parameter(name)) for name in names}
 
+    @cached_property
+    def smallest(self) -> list[Smallest]:
+        """The smallest sizes that these rows would have shown, those seen best first."""
+        return smallest_sizes(self)
+
     @property
     def open_compliances(self) -> tuple[Array, dict[str, int]]:
         """Columns (n, t) of all that is open, noises per unit, and where each compliance stands there."""
@@ -190,14 +196,14 @@ class Diagnosis(Shown):
         fitted = self.fitted_stiffness  # a calibration leaves out what it does not feel
         return model.tangent, {name: at for at, name in enumerate(names) if name in fitted}
 
-    @property
+    @cached_property
     def undetermined(self) -> set[str]:
         """Fitted stiffness values whose compliance is known to no better than half of it."""
         columns, at = self.open_compliances
         std, fitted = np.linalg.norm(inverse_of(columns), axis=1), self.fitted_stiffness
         return {name for name, column in at.items() if std[column] * fitted[name][1] > 0.5}
 
-    @property
+    @cached_property
     def untouched(self) -> tuple[str, ...]:
         """Fitted stiffness values that no load of the rows touches: they hold what the robot file says."""
         columns, at = self.open_compliances

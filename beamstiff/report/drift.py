@@ -41,7 +41,7 @@ def _drifts(result: Diagnosis) -> Iterator[tuple[str, Array]]:
     if found is not None:
         for cause in found.causes:
             if cause.forms[0].effect == DRIFT:
-                yield cause.forms[0].shape.name, shift_of(cause.forms, cause.theta, len(result.baseline.rows))
+                yield cause.shape, shift_of(cause.forms, cause.theta, len(result.baseline.rows))
     elif result.fits:
         named = [one for one in (result.verdict, result.also) if one is not None and one.effect != "outliers"]
         for one, moved in zip(named, parts_of(result.linear, result.fits), strict=False):

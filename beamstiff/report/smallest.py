@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.diagnosis.smallest import Smallest, smallest_sizes
+from beamstiff.diagnosis.smallest import Smallest
 from beamstiff.errors import listed
 from beamstiff.report.tables import Column, Table, scale_of, table
 
@@ -16,7 +16,7 @@ TITLE = "Smallest sizes that most campaigns like this one would have shown"
 def smallest_table(result: Diagnosis) -> Table:
     """Return, an effect a row, how large it would have had to be where it shows best, and where worst."""
     by_effect: dict[str, list[Smallest]] = {}
-    for one in smallest_sizes(result):
+    for one in result.smallest:
         by_effect.setdefault(one.key.partition(":")[0], []).append(one)
     columns = ("parameter", "where it shows best", "where worst", "not at a realistic size at")
     made = table(TITLE, "effect", *(Column(name, left=True) for name in columns))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -63,7 +62,7 @@ def rival_of(
     choice: Choice,
     step: Step,
     cause: tuple[int, ...],
-    held_out: HeldOut | None = None,
+    held_out: HeldOut,
     replaced: Sequence[tuple[int, Step]] = (),
 ) -> Rival:
     """Return how sure a cause of a fit is.
@@ -74,8 +73,8 @@ def rival_of(
     step : Step
     cause : tuple of int
         Its forms.
-    held_out : function, optional
-        Forms of others count only where they help on held-out postures. Without it all count.
+    held_out : function
+        Forms of others count only where they help on held-out postures.
     replaced : sequence of (int, Step)
         What others selected anew make of the fit, `instead`.
     """
@@ -85,7 +84,7 @@ def rival_of(
     without = fit_step(choice, others)
     best: dict[str, float] = {own: step.bic, "none:null": without.bic}
     form: dict[str, int] = {}
-    before = None if held_out is None else held_out(without)
+    before = held_out(without)
     most = min(len(cause), FORMS)
     for value, number in best_first(choice, without):
         key = choice.forms[number].key
@@ -93,8 +92,8 @@ def rival_of(
             break
         if key in form:
             continue
-        other = with_further_forms(choice, fit_step(choice, (*others, number)), key, most)
-        if held_out is None or before is None or gain(before, held_out(other)) > 0.0:
+        other = with_further_forms(choice, fit_step(choice, (*others, number)), choice.of_cause[key], most)
+        if gain(before, held_out(other)) > 0.0:
             best[key], form[key] = min(other.bic, best.get(key, np.inf)), number
     tempering = tempering_of(step, without)
     for number, found in replaced:
@@ -185,7 +184,7 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
         others = tuple(k for k in step.chosen if k not in cause)
         usual = [key for key in choice.alike.get(own.key, ())[:1] if key not in keys]
         alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
-        fits = [with_further_forms(choice, fit, key, len(cause)) for key, fit in alone]
+        fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
         worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
         if own.key == ALL_DRIVES:
             fits = [_one_drive(choice, others)]
@@ -201,13 +200,8 @@ def _one_drive(choice: Choice, others: tuple[int, ...]) -> Step:
     """Return a fit with the drives that are worth a cause each, or none if the first does not move most."""
     effect = ALL_DRIVES.partition(":")[0]
     drives = [k for k, form in enumerate(choice.forms) if form.effect == effect and form.key != ALL_DRIVES]
-    step = without = fit_step(choice, others)
-    while True:
-        best = (number for _, number in best_first(choice, step) if number in drives)
-        larger = fit_step(choice, (*step.chosen, *islice(best, 1)))
-        if larger.bic > step.bic - ENOUGH:
-            break
-        step = larger
+    without = fit_step(choice, others)
+    step = with_further_forms(choice, without, drives)
     first, *rest = [step.moved[number] for number in step.chosen[len(others) :]] or [np.zeros(choice.count)]
     away = np.sum([np.zeros_like(first), *rest], axis=0)
     return step if away @ away <= MINOR * float(first @ first) else without

@@ -201,10 +201,10 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
     return None if best is step else best
 
 
-def with_further_forms(choice: Choice, step: Step, key: str, most: int) -> Step:
-    """Return a fit in which a cause has as many forms as the criterion asks for, `most` of them."""
-    while sum(choice.forms[number].key == key for number in step.chosen) < most:
-        others = (number for _, number in best_first(choice, step) if choice.forms[number].key == key)
+def with_further_forms(choice: Choice, step: Step, wanted: Collection[int], most: int = MOST) -> Step:
+    """Return a fit with as many of some forms as the criterion asks for, the best first, `most` of them."""
+    while len({*wanted}.intersection(step.chosen)) < most:
+        others = (number for _, number in best_first(choice, step) if number in wanted)
         larger = fit_step(choice, (*step.chosen, *islice(others, 1)))
         if larger.bic > step.bic - ENOUGH:
             break

@@ -209,5 +209,6 @@ def test_a_law_between_two_forms_is_one_cause_of_both_and_never_of_three(
     step = select(made, lambda step: step.left**2)
     assert len(step.chosen) == chosen
     assert causes_of(made, step) == [step.chosen]
-    assert with_further_forms(made, fit_step(made, (0,)), "bearing-tilt:q2", 2).chosen[:1] == (0,)
-    assert len(with_further_forms(made, fit_step(made, (0,)), "bearing-tilt:q2", 2).chosen) == chosen
+    further = with_further_forms(made, fit_step(made, (0,)), made.of_cause["bearing-tilt:q2"], 2)
+    assert further.chosen[:1] == (0,)
+    assert len(further.chosen) == chosen
