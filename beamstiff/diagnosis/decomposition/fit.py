@@ -69,6 +69,8 @@ class Choice:
         See `products_of`.
     fits : dict of tuple of int to Step
         See `fit_step`.
+    larger : dict of tuple of int to (array, array)
+        See `with_each`.
     """
 
     forms: tuple[Form, ...]
@@ -87,6 +89,7 @@ class Choice:
     alike: Mapping[str, tuple[str, ...]]
     products: dict[int, Array] = field(default_factory=dict, init=False)
     fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
+    larger: dict[tuple[int, ...], tuple[Array, NDArray[np.bool_]]] = field(default_factory=dict, init=False)
 
     @cached_property
     def pull(self) -> Array:

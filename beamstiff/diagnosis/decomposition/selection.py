@@ -13,6 +13,7 @@ from scipy.linalg import solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.forms import REPEATED
+from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 # fall of the BIC from which a cause counts: "very strong" (Kass and Raftery, JASA 90 (1995) 773)
@@ -28,13 +29,19 @@ SHOWS = 0.5  # parameters that the data determine, below which a form does not s
 HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each held out
 
 
-def best_first(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> Iterator[tuple[float, int]]:
+def best_first(
+    choice: Choice, step: Step, forbidden: Collection[str] = (), wanted: Integers | None = None
+) -> Iterator[tuple[float, int]]:
     """Yield the BIC of fits with one form more, and the form's number, best first.
 
     In the `TRIED` best of the forms with a parameter that would be negative and may as well be 0, it is held
     there, once it is their turn: the fit is not better for it.
+
+    `forbidden`: causes that must not come in. `wanted`: numbers of the forms that may; default all.
     """
-    values, bounded = with_each(choice, step, forbidden)
+    values, bounded = with_each(choice, step, wanted)
+    for key in forbidden:
+        values[choice.of_cause.get(key, [])] = np.inf
     held = np.flatnonzero(bounded)
     held = held[np.argsort(values[held], kind="stable")]
     values[held[TRIED:]] = np.inf
@@ -50,13 +57,22 @@ def best_first(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> I
             yield value, number
 
 
-def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tuple[Array, NDArray[np.bool_]]:
+def with_each(choice: Choice, step: Step, wanted: Integers | None = None) -> tuple[Array, NDArray[np.bool_]]:
     """Return the BIC (f,) of a fit with each form added to it, and which would have a wrong sign (f,).
 
-    The BIC is inf where a form does not show, is of a forbidden cause or of one that has all its `FORMS`,
-    stands there already, or surely asks for a sign that a parameter cannot have: such a form is not what is
-    there.
+    The BIC is inf where a form does not show, is of a cause that has all its `FORMS`, stands there already,
+    or surely asks for a sign that a parameter cannot have: such a form is not what is there. So it is where a
+    form is not wanted.
     """
+    if wanted is not None:
+        return _with_some(choice, step, wanted)
+    if step.chosen not in choice.larger:
+        choice.larger[step.chosen] = _with_some(choice, step, np.arange(len(choice.forms)))
+    values, bounded = choice.larger[step.chosen]
+    return values.copy(), bounded
+
+
+def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDArray[np.bool_]]:
     result = np.full(len(choice.forms), np.inf)
     bounded = np.zeros(len(choice.forms), dtype=bool)
     known = prior_of(choice, step.chosen)
@@ -66,19 +82,28 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tu
     for form in forms:  # a cause counts once
         same = choice.of_cause[form.key]
         log_prior[same] = of_form[same]
-    inside: Array = np.zeros((0, len(choice.precision)))
-    pull = choice.pull
+    there = Counter(form.key for form in forms if form.effect not in REPEATED)
+    taken = {key for key, number in there.items() if number >= FORMS}
+    taken |= {key for form in forms for key in choice.alike.get(form.key, ()) if key != form.key}
+    open_to = np.zeros(len(choice.forms), dtype=bool)
+    open_to[wanted] = True
+    for key in taken & choice.of_cause.keys():
+        open_to[choice.of_cause[key]] = False
+    open_to[list(step.chosen)] = False
+    pull, products = choice.pull, None
     if len(step.theta):
         used = zip((DRIVES, *step.chosen), (step.drives, *step.free), strict=True)
-        parts = [choice.products_of(k)[free] for k, free in used]
-        products = np.concatenate(parts)
-        inside = np.asarray(solve_triangular(step.triangle, products, trans="T"))
+        products = np.concatenate([choice.products_of(k)[free] for k, free in used])
         pull = pull - step.theta @ products
-    there = Counter(form.key for form in forms if form.effect not in REPEATED)
-    taken = {key for key, number in there.items() if number >= FORMS} | set(forbidden)
-    taken |= {key for form in forms for key in choice.alike.get(form.key, ()) if key != form.key}
-    for numbers, at, own in choice.groups:
-        gram = own - inside.T[at] @ inside.T[at].swapaxes(1, 2)
+    for every, at_every, own_every in choice.groups:
+        some = np.flatnonzero(open_to[every])
+        if not some.size:
+            continue
+        numbers, at, gram = every[some], at_every[some], own_every[some]
+        if products is not None:
+            inside = solve_triangular(step.triangle, products[:, at.ravel()], trans="T", check_finite=False)
+            inside = inside.reshape(-1, *at.shape).transpose(1, 2, 0)
+            gram = gram - inside @ inside.swapaxes(1, 2)
         precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
         inverse = np.linalg.inv(gram + precision)
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
@@ -92,9 +117,6 @@ def with_each(choice: Choice, step: Step, forbidden: Collection[str] = ()) -> tu
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.count, known + log_prior[numbers])
         result[numbers] = np.where(wrong, np.inf, values)
-    for key in taken & choice.of_cause.keys():
-        result[choice.of_cause[key]] = np.inf
-    result[list(step.chosen)] = np.inf
     return result, bounded
 
 
@@ -204,7 +226,7 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
 def with_further_forms(choice: Choice, step: Step, wanted: Collection[int], most: int = MOST) -> Step:
     """Return a fit with as many of some forms as the criterion asks for, the best first, `most` of them."""
     while len({*wanted}.intersection(step.chosen)) < most:
-        others = (number for _, number in best_first(choice, step) if number in wanted)
+        others = (number for _, number in best_first(choice, step, wanted=np.asarray(wanted, dtype=int)))
         larger = fit_step(choice, (*step.chosen, *islice(others, 1)))
         if larger.bic > step.bic - ENOUGH:
             break
