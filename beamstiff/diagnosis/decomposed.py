@@ -64,7 +64,7 @@ def beside_calibration(
     choice = build_choice(closed, [*forms, *(unmodelled_forms(closed) if found.unmodelled else ())])
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
     step = select(choice, folds_of(closed, choice, seed).squared_errors, most=2 * (SINGLE_ERRORS + 2))
-    freedom = max(choice.count - choice.open_count - step.determined, 1.0)
+    freedom = max(choice.freedom - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
     needless = left < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS

@@ -92,8 +92,9 @@ def _of_forms(result: Diagnosis) -> Iterator[Smallest]:
     choice = build_choice(model, forms_of(model))
     step, n = fit_step(choice, ()), max(choice.count, 1)
     basis, noise = step.basis, float(np.sqrt(step.squares / n))
-    limit = stats.chi2.isf(CHANCE, len(choice.residual) - choice.open_count - step.determined)
-    first = np.sqrt(beyond_chance(limit, n - model.determined)) if model.baseline.claimed else 0.0
+    freedom = choice.freedom - step.determined
+    limit = stats.chi2.isf(CHANCE, freedom)
+    first = np.sqrt(beyond_chance(limit, freedom)) if model.baseline.claimed else 0.0
     few: dict[str, int] = {}
     for form in choice.forms:
         few[form.key] = min(few.get(form.key, form.sizes.size), form.sizes.size)

@@ -44,8 +44,7 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     forms = list(forms_in(choice, step).values())
     total = float(errors[0].sum())
     theta, covariance = solved(model, forms)
-    free = len(model.residual) - choice.open_count - step.determined
-    scatter = float(np.sqrt(step.squares / max(free, 1.0)))
+    scatter = float(np.sqrt(step.squares / max(choice.freedom - step.determined, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
@@ -128,15 +127,19 @@ def _without_cancelling(
     """Return causes in order, the errors (P,) along them, and what share of the gap each shows.
 
     Of several that cancel one another some close less than nothing, and a fit without one is hardly worse:
-    what it does the others do too. The one that is missed least goes, and so on.
+    what it does the others do too; or some of them leave more than there is without any cause. The one that
+    is missed least goes, and so on.
     """
     while True:
         order, errors = ordered(folds, causes_of(folds.choice, step))
         explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
         shown = [own / explainable for own in _shown(folds, order)]
         shares = closed(errors, noise2)
-        cancelling = [at for at, share in enumerate(shares) if shown[at] < MINOR <= abs(share)]
-        if not cancelling or min(shares) > -MINOR:
+        negative = {at for at, share in enumerate(shares) if share <= -MINOR}
+        cancelling = {at for at, share in enumerate(shares) if shown[at] < MINOR <= abs(share)}
+        if max(error.sum() for error in errors) > errors[0].sum():
+            cancelling |= negative
+        if not cancelling or not negative:
             return order, errors, shown
         least = order[min(cancelling, key=lambda at: shown[at])]
         step = fit_step(folds.choice, [number for number in step.chosen if number not in least])

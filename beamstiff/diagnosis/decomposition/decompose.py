@@ -14,10 +14,10 @@ from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informe
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, forms_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
-from beamstiff.diagnosis.decomposition.solution import moved_by, solved
+from beamstiff.diagnosis.decomposition.solution import moved_by
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import check_names
@@ -32,8 +32,10 @@ from beamstiff.stages import stage
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
-FAR = 0.5  # share by which the drives may change what an error of a load moves: the linear step is half right
+LOADS = ("load", "payload")  # places of effects
+FAR = 0.1  # share by which the drives may change what an error of a load moves: forms are no better than that
 ROUNDS = 3  # of calibrating beside the causes that were found
+SETTLING = 5  # calibrations, each of which halves what loads and drives still change one another
 
 
 def decompose(
@@ -91,9 +93,17 @@ def decompose(
         forms = _forms(model, prior)
     while True:
         folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
-        astray = _far_from_linear(folds.model, folds.choice, step) | unsteady(folds, step, seed)
+        astray = unsteady(folds, step, seed)
         if not astray:
-            return replace(told(folds, step, seed), behind=tuple(behind))
+            found = told(folds, step, seed)
+            astray = _far_from_linear(found)
+            if astray:
+                folds, step = _settled(robot, found, prior, seed, parameters, stations)
+                found = told(folds, step, seed)
+                if not unsteady(folds, step, seed) and not _far_from_linear(found):
+                    astray = set()
+        if not astray:
+            return replace(found, behind=tuple(behind))
         prior = replace(prior, without=(*prior.without, *astray))
         forms = [form for form in forms if form.key not in astray]
 
@@ -136,33 +146,61 @@ def _selected(
     return folds, step
 
 
-def _far_from_linear(model: OpenModel, choice: Choice, step: Step) -> set[str]:
+def _far_from_linear(found: Decomposition) -> set[str]:
     """Return the errors of loads that would act otherwise on the drives as they were fitted beside them.
 
-    What a load moves is proportional to the drives' compliance: where both are open, each in its own share of
-    the sag, the product of their changes is not in the linear model.
+    What an error of a load moves is proportional to the drives' compliance: where both are open, each in its
+    own share of the sag, the product of their changes is not in the linear model.
     """
-    forms = forms_in(choice, step)
-    loads = {number: form for number, form in forms.items() if _of_load(form)}
-    if not loads or not model.present.size:
+    loads = [
+        cause for cause in (*found.causes, *found.unclear) if EFFECTS[cause.forms[0].effect].place in LOADS
+    ]
+    if not loads or not found.model.present.size:
         return set()
-    theta, _ = solved(model, list(forms.values()))
-    opened = model.tangent.shape[1]
-    parts = dict(zip(forms, by_form(list(forms.values()), theta[opened:]), strict=True))
-    fitted = model.robot(theta[:opened]).model_copy(update={"identify": ()})
-    there = fit_baseline(fitted, model.baseline.rows, keep=())
+    fitted = found.model.robot(found.change).model_copy(update={"identify": ()})
+    there = fit_baseline(fitted, found.model.baseline.rows, keep=())
     result = set()
-    for number, form in loads.items():
-        shapes = EFFECTS[form.effect].shapes(there, form.component)
-        after = next(shape.columns for shape in shapes if shape.name == form.shape.name)
-        before, size = form.shape.columns[:, :3], parts[number] * form.sizes
-        if np.linalg.norm((after[:, :3] - before) @ size) > FAR * np.linalg.norm(before @ size):
-            result.add(form.key)
+    for cause in loads:
+        shapes = EFFECTS[cause.forms[0].effect].shapes(there, cause.forms[0].component)
+        columns = {shape.name: shape.columns[:, :3] for shape in shapes}
+        before, after = np.zeros((2, len(found.model.baseline.rows), 3))
+        for form, theta in zip(cause.forms, cause.theta, strict=True):
+            before += form.shape.columns[:, :3] @ (theta * form.sizes)
+            after += columns[form.shape.name] @ (theta * form.sizes)
+        if np.linalg.norm(after - before) > FAR * np.linalg.norm(before):
+            result.add(cause.key)
     return result
 
 
-def _of_load(form: Form) -> bool:
-    return form.effect in EFFECTS and EFFECTS[form.effect].family == "load"
+def _settled(
+    robot: Robot,
+    found: Decomposition,
+    prior: Prior,
+    seed: int,
+    parameters: tuple[str, ...] | None,
+    stations: bool,
+) -> tuple[Folds, Step]:
+    """Return the causes beside drives that hardly change any more where these are fitted beside them.
+
+    A load that is too large makes the drives too stiff, and these the load too large again: half of the
+    change at a time leads between.
+    """
+    model, chosen = (
+        found.model,
+        [form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms],
+    )
+    names = [_name(form) for form in chosen]
+    moved = None
+    for _ in range(SETTLING):
+        new = moved_by(model, chosen)
+        moved = new if moved is None else 0.5 * (moved + new)
+        model = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
+        forms = _forms(model, prior)
+        chosen = [form for form in forms if _name(form) in names]
+    choice = build_choice(model, forms)
+    folds = folds_of(model, choice, seed)
+    same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+    return folds, select(choice, folds.squared_errors, start=same)
 
 
 def _name(form: Form) -> tuple[str, str]:
@@ -190,5 +228,5 @@ def _opened(
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:
     """Return whether the open model without a cause leaves more than stated noise would by chance."""
-    freedom = len(model.residual) - choice.open_count - nothing.determined
+    freedom = choice.freedom - nothing.determined
     return not model.baseline.claimed or bool(stats.chi2.sf(nothing.squares, freedom) < CHANCE)

@@ -91,6 +91,11 @@ class Choice:
     fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
     larger: dict[tuple[int, ...], tuple[Array, NDArray[np.bool_]]] = field(default_factory=dict, init=False)
 
+    @property
+    def freedom(self) -> float:
+        """Measured values less what of the open geometry they determine, and no prior, alone."""
+        return self.count - float((self.open_basis[: self.count] ** 2).sum())
+
     @cached_property
     def pull(self) -> Array:
         """Products (C,) of the columns with the residual."""
