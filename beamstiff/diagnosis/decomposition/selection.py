@@ -90,27 +90,26 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
     for key in taken & choice.of_cause.keys():
         open_to[choice.of_cause[key]] = False
     open_to[list(step.chosen)] = False
-    pull, products = choice.pull, None
+    some = [np.flatnonzero(open_to[numbers]) for numbers, _, _ in choice.groups]
+    inside, pull = np.zeros((len(step.theta), len(choice.precision))), choice.pull
     if len(step.theta):
         used = zip((DRIVES, *step.chosen), (step.drives, *step.free), strict=True)
         products = np.concatenate([choice.products_of(k)[free] for k, free in used])
+        at = np.concatenate([at[own].ravel() for own, (_, at, _) in zip(some, choice.groups, strict=True)])
+        inside[:, at] = solve_triangular(step.triangle, products[:, at], trans="T", check_finite=False)
         pull = pull - step.theta @ products
-    for every, at_every, own_every in choice.groups:
-        some = np.flatnonzero(open_to[every])
-        if not some.size:
+    for own, (numbers, at, gram) in zip(some, choice.groups, strict=True):
+        if not own.size:
             continue
-        numbers, at, gram = every[some], at_every[some], own_every[some]
-        if products is not None:
-            inside = solve_triangular(step.triangle, products[:, at.ravel()], trans="T", check_finite=False)
-            inside = inside.reshape(-1, *at.shape).transpose(1, 2, 0)
-            gram = gram - inside @ inside.swapaxes(1, 2)
-        precision = choice.precision[at][:, :, None] * np.eye(at.shape[1])
-        inverse = np.linalg.inv(gram + precision)
+        numbers, at = numbers[own], at[own]
+        normal, precision = gram[own] - inside.T[at] @ inside.T[at].swapaxes(1, 2), choice.precision[at]
+        normal[:, np.arange(at.shape[1]), np.arange(at.shape[1])] += precision
+        inverse = np.linalg.inv(normal)
+        variance = np.einsum("gii->gi", inverse)
         theta = (inverse @ pull[at][:, :, None])[:, :, 0]
         squares = step.squares - (theta * pull[at]).sum(axis=1)
-        determined = np.einsum("gij,gji->g", inverse, gram)
-        scatter = np.maximum(squares / max(choice.count, 1), 1.0)
-        std = np.sqrt(np.einsum("gii->gi", inverse) * scatter[:, None])
+        determined = at.shape[1] - (variance * precision).sum(axis=1)
+        std = np.sqrt(variance * np.maximum(squares / max(choice.count, 1), 1.0)[:, None])
         wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
         wrong |= (np.abs(theta * choice.units[at]) > choice.largest[at]).any(axis=1)
