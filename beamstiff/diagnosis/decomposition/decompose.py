@@ -14,12 +14,12 @@ from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informe
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, forms_of
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.loads import beside_loads, carried_by, far_from_linear
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
-from beamstiff.diagnosis.decomposition.solution import moved_by
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
-from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
@@ -32,10 +32,8 @@ from beamstiff.stages import stage
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
-LOADS = ("load", "payload")  # places of effects
-FAR = 0.1  # share by which the drives may change what an error of a load moves: forms are no better than that
 ROUNDS = 3  # of calibrating beside the causes that were found
-SETTLING = 5  # calibrations, each of which halves what loads and drives still change one another
+SETTLING = 2  # calibrations with the same causes, before these are looked at again
 
 
 def decompose(
@@ -94,16 +92,14 @@ def decompose(
     while True:
         folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
         astray = unsteady(folds, step, seed)
-        if not astray:
+        for _ in range(0 if astray else 1 + ROUNDS):
             found = told(folds, step, seed)
-            astray = _far_from_linear(found)
-            if astray:
-                folds, step = _settled(robot, found, prior, seed, parameters, stations)
-                found = told(folds, step, seed)
-                if not unsteady(folds, step, seed) and not _far_from_linear(found):
-                    astray = set()
-        if not astray:
-            return replace(found, behind=tuple(behind))
+            astray = far_from_linear(found)
+            if not astray:
+                return replace(found, behind=tuple(behind))
+            folds, step = _settled(robot, found, prior, seed, parameters, stations)
+            if unsteady(folds, step, seed):
+                break
         prior = replace(prior, without=(*prior.without, *astray))
         forms = [form for form in forms if form.key not in astray]
 
@@ -130,8 +126,7 @@ def _selected(
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            moved = moved_by(model, chosen)
-            model = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
+            model = _beside(robot, model, chosen, parameters, stations)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         choice = build_choice(model, _forms(model, prior))
@@ -146,32 +141,6 @@ def _selected(
     return folds, step
 
 
-def _far_from_linear(found: Decomposition) -> set[str]:
-    """Return the errors of loads that would act otherwise on the drives as they were fitted beside them.
-
-    What an error of a load moves is proportional to the drives' compliance: where both are open, each in its
-    own share of the sag, the product of their changes is not in the linear model.
-    """
-    loads = [
-        cause for cause in (*found.causes, *found.unclear) if EFFECTS[cause.forms[0].effect].place in LOADS
-    ]
-    if not loads or not found.model.present.size:
-        return set()
-    fitted = found.model.robot(found.change).model_copy(update={"identify": ()})
-    there = fit_baseline(fitted, found.model.baseline.rows, keep=())
-    result = set()
-    for cause in loads:
-        shapes = EFFECTS[cause.forms[0].effect].shapes(there, cause.forms[0].component)
-        columns = {shape.name: shape.columns[:, :3] for shape in shapes}
-        before, after = np.zeros((2, len(found.model.baseline.rows), 3))
-        for form, theta in zip(cause.forms, cause.theta, strict=True):
-            before += form.shape.columns[:, :3] @ (theta * form.sizes)
-            after += columns[form.shape.name] @ (theta * form.sizes)
-        if np.linalg.norm(after - before) > FAR * np.linalg.norm(before):
-            result.add(cause.key)
-    return result
-
-
 def _settled(
     robot: Robot,
     found: Decomposition,
@@ -180,27 +149,35 @@ def _settled(
     parameters: tuple[str, ...] | None,
     stations: bool,
 ) -> tuple[Folds, Step]:
-    """Return the causes beside drives that hardly change any more where these are fitted beside them.
-
-    A load that is too large makes the drives too stiff, and these the load too large again: half of the
-    change at a time leads between.
-    """
-    model, chosen = (
-        found.model,
-        [form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms],
-    )
+    """Return the causes beside drives that hardly change any more where these are fitted beside them."""
+    model = found.model
+    chosen = [form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms]
     names = [_name(form) for form in chosen]
-    moved = None
     for _ in range(SETTLING):
-        new = moved_by(model, chosen)
-        moved = new if moved is None else 0.5 * (moved + new)
-        model = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
+        model = _beside(robot, model, chosen, parameters, stations)
         forms = _forms(model, prior)
         chosen = [form for form in forms if _name(form) in names]
     choice = build_choice(model, forms)
     folds = folds_of(model, choice, seed)
     same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
     return folds, select(choice, folds.squared_errors, start=same)
+
+
+def _beside(
+    robot: Robot,
+    model: OpenModel,
+    chosen: Sequence[Form],
+    parameters: tuple[str, ...] | None,
+    stations: bool,
+) -> OpenModel:
+    """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
+    theta, _ = solved(model, chosen)
+    change, parts = np.split(theta, [model.tangent.shape[1]])
+    thetas, rows = by_form(chosen, parts), model.baseline.rows
+    moved = shift_of(chosen, thetas, len(rows)) + carried_by(model, change)
+    return beside_loads(
+        open_geometry(robot, rows, moved, parameters=parameters, stations=stations), chosen, thetas
+    )
 
 
 def _name(form: Form) -> tuple[str, str]:

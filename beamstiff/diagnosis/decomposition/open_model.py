@@ -54,6 +54,8 @@ class OpenModel:
         The calibration, where the geometry is open.
     held : frozenset of str
         Open parameters that a calibration holds, as the readings do not tell them from others.
+    carried : (N, 6, d) array or None
+        What of the columns of the drives errors of loads are, see `beside_loads`.
     """
 
     given: Robot
@@ -65,6 +67,7 @@ class OpenModel:
     present: Array
     problem: Problem | None = None
     held: frozenset[str] = frozenset()
+    carried: Array | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:

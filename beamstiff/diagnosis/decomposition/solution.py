@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import unweighed
-from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.se3 import Array
 
@@ -34,12 +34,6 @@ def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
         [[opened @ opened.T + toward @ own @ toward.T, -toward @ own], [-own @ toward.T, own]]
     )
     return np.concatenate([change, theta]), covariance
-
-
-def moved_by(model: OpenModel, chosen: Sequence[Form]) -> Array:
-    """Return what causes move the points of all rows, (N, 6), m and rad, as fitted beside what is open."""
-    theta, _ = solved(model, chosen)
-    return shift_of(chosen, by_form(chosen, theta[model.tangent.shape[1] :]), len(model.baseline.rows))
 
 
 def gap_with(model: OpenModel, chosen: Sequence[Form]) -> Array:

@@ -1,14 +1,18 @@
 """Which causes are named, and which of them is the verdict."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.decomposition import answer
 from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
+from beamstiff.diagnosis.decomposition.fit import fit_step
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.effects import Quantity
-from tests.diagnosis.decomposition.test_selection import VALUES, form
+from beamstiff.se3 import Array
+from tests.diagnosis.decomposition.test_selection import SIZE, VALUES, choice_of, form
 
 
 def cause(probability: float, present: float, closes: float, shown: float = 1.0) -> Cause:
@@ -50,3 +54,24 @@ def test_parameters_of_two_forms_of_a_cause_are_all_told() -> None:
         ("size_2", 0.0),
     ]
     assert [name for name, *_ in parameters_of(one)] == ["size"]
+
+
+def test_of_causes_that_leave_more_than_there_is_without_any_one_goes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Together both close nine tenths; but the first alone triples what is left: it cancels the second."""
+    left = {(): 1.0, (0,): 0.9, (1,): 0.5, (0, 1): 0.1}
+    along = {2: ([(0,), (1,)], [1.0, 3.0, 0.1]), 1: ([(1,)], [1.0, 0.5])}
+    choice = choice_of(np.ones(VALUES), *(form(column[:, None], SIZE) for column in np.eye(VALUES)[1:3]))
+    folds = SimpleNamespace(choice=choice, squared_errors=lambda step: np.array([left[step.chosen]]))
+
+    def ordered(_: object, causes: list[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:
+        order, errors = along[len(causes)]
+        return order, [np.array([error]) for error in errors]
+
+    monkeypatch.setattr(answer, "ordered", ordered)
+    monkeypatch.setattr(answer, "causes_of", lambda _, step: [(number,) for number in step.chosen])
+    order, errors, shown = answer._without_cancelling(folds, fit_step(choice, (0, 1)), 0.0)
+    assert order == [(1,)]
+    assert [float(error) for error in np.concatenate(errors)] == [1.0, 0.5]
+    assert shown == [0.5]

@@ -1,0 +1,82 @@
+"""Errors of loads beside drives: what a load moves is the product of both, and both are open.
+
+``d = (F + L theta) c``, with compliances c, loads F as they are stated and their error ``L theta``. About
+``(c_0, theta_0)`` the drives' columns are ``F + L theta_0``, not F: else a load that is too large makes the
+drives too stiff, these the load too large again, and other causes make up for what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.se3 import Array
+
+PLACES = ("load", "payload")  # of effects
+FAR = 0.1  # share by which the drives may change what an error of a load moves: forms are no better than that
+
+
+def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
+    """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
+    drives = model.present.size
+    if not loads or not drives:
+        return model
+    here, slopes = _moved(model.baseline, loads), []
+    for at, step in enumerate(model.present, start=model.tangent.shape[1] - drives):
+        change = np.zeros(model.tangent.shape[1])
+        change[at] = step  # of any size: what loads move is proportional to it
+        slopes.append((_moved(_there(model, change), loads) - here) / step)
+    carried = np.stack(slopes, axis=-1)
+    tangent = model.tangent.copy()
+    tangent[:, -drives:] += model.weighed(carried)
+    return replace(model, tangent=tangent, carried=carried)
+
+
+def carried_by(model: OpenModel, change: Array) -> Array:
+    """Return what errors of loads move as the drives change with the open parameters (t,), (N, 6)."""
+    if model.carried is None:
+        return np.zeros(model.used.shape)
+    return np.asarray(model.carried @ change[-model.present.size :])
+
+
+def far_from_linear(found: Decomposition) -> set[str]:
+    """Return the errors of loads that act otherwise on the drives as they were fitted beside them."""
+    model, drives = found.model, found.model.present.size
+    causes = [cause for cause in (*found.causes, *found.unclear) if _of_load(cause.forms[0])]
+    if not causes or not drives:
+        return set()
+    there = _there(model, found.change)
+    every = [list(zip(cause.forms, cause.theta, strict=True)) for cause in causes]
+    before = np.sum([_moved(model.baseline, loads) for loads in every], axis=0) + carried_by(
+        model, found.change
+    )
+    after = np.sum([_moved(there, loads) for loads in every], axis=0)
+    far = np.linalg.norm((after - before)[:, :3]) > FAR * np.linalg.norm(before[:, :3])
+    return {cause.key for cause in causes} if far else set()
+
+
+def _of_load(form: Form) -> bool:
+    return form.effect in EFFECTS and EFFECTS[form.effect].place in PLACES
+
+
+def _there(model: OpenModel, change: Array) -> Baseline:
+    robot = model.robot(change).model_copy(update={"identify": ()})
+    return fit_baseline(robot, model.baseline.rows, keep=())
+
+
+def _moved(baseline: Baseline, loads: Iterable[tuple[Form, Array]]) -> Array:
+    """Return what errors of loads move on a robot's drives, (N, 6)."""
+    result = np.zeros((len(baseline.rows), 6))
+    for form, theta in loads:
+        shapes = EFFECTS[form.effect].shapes(baseline, form.component)
+        columns = next(shape.columns for shape in shapes if shape.name == form.shape.name)
+        result += columns @ (theta * form.sizes)
+    return result

@@ -1,0 +1,84 @@
+"""A load that is wrong on drives that are wrong: what it moves is the product of both."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from beamstiff import load_robot
+from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.fit import build_choice
+from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.verify import verify
+from beamstiff.measure import Measurements
+from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
+from tests.diagnosis.decomposition.test_decompose import NOISE, POSES, UR10, found, machine, read
+
+DRIVES = ("J2.torsional", "J3.torsional", "J4.torsional", "J5.torsional")
+GRAVITY = 9.81  # m/s^2
+MASS, AT = 4.0, (0.05, 0.0, 0.1)  # kg and m, of a tool that the file does not know
+STEP = 1e-5  # rad
+
+
+def sagged(q: Array, stiffness: float) -> Array:
+    """Return the joint angles (N, 6) at which springs hold the weights' moments.
+
+    These are what the potential energy falls by as a joint turns, by differences.
+    """
+    robot = load_robot(UR10)
+    kinematics = compile_kinematics(machine(robot))
+    masses = [*((one.node, one.at, one.mass) for one in robot.masses), ("reflector", AT, MASS)]
+    nodes = [kinematics.node_index[node] for node, _, _ in masses]
+    arms, weights = np.array([at for _, at, _ in masses]), GRAVITY * np.array([mass for *_, mass in masses])
+
+    def potential(angles: Array) -> Array:
+        where = posture(kinematics, angles)
+        turns = where.transforms[:, kinematics.node_frame[nodes], :3, :3]
+        return np.asarray(
+            (where.node_positions[:, nodes] + (turns @ arms[..., None])[..., 0])[..., 2] @ weights
+        )
+
+    turned = np.zeros_like(q)
+    for _ in range(4):  # the sag changes the arms of the weights
+        steps = [STEP * np.eye(6)[joint] for joint in (1, 2, 3, 4)]
+        moment = [(potential(q + turned - by) - potential(q + turned + by)) / (2 * STEP) for by in steps]
+        turned[:, 1:5] = np.stack(moment, axis=-1) / stiffness
+    return q + turned
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 5e4])  # N m/rad; the file says 2e5
+def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_fitted(
+    stiffness: float,
+) -> None:
+    robot = load_robot(UR10).with_parameters(dict.fromkeys(DRIVES, 2e5))
+    robot = robot.model_copy(update={"identify": DRIVES})
+    rng = np.random.default_rng(1)
+
+    def rows(q: Array) -> Measurements:
+        return replace(read(load_robot(UR10), sagged(q, stiffness), (), rng), q=q)
+
+    diagnosis = diagnose(robot, rows(rng.uniform(-2.5, 2.5, (POSES, 6))))
+    (cause,) = diagnosis.to_dict()["causes"]
+    assert cause["effect"] == "payload-error"
+    for axis, arm in zip("xyz", AT, strict=True):
+        moment = cause["parameters"][f"mass_times_{axis}"]
+        assert moment["value"] == pytest.approx(MASS * arm, abs=4 * moment["std"])
+    written = extended(diagnosis)
+    for name in DRIVES[:3]:  # of a wrist's drive the readings see little
+        assert written.parameter(name) == pytest.approx(stiffness, rel=0.05)
+    fresh = verify(written, rows(rng.uniform(-2.5, 2.5, (40, 6))), refit_frame=True)
+    assert fresh.after < 1.2 * np.sqrt(3) * NOISE
+    assert fresh.promised == pytest.approx(fresh.true, abs=0.03)
+
+
+def test_degrees_of_freedom_are_those_of_the_readings_and_not_of_what_is_known_beforehand() -> None:
+    decomposition = found()[0].decomposition
+    assert decomposition is not None
+    model: OpenModel = decomposition.model
+    assert len(model.residual) > model.count
+    noise = np.zeros((len(model.residual), 2000))
+    noise[: model.count] = np.random.default_rng(0).standard_normal((model.count, 2000))
+    left = noise - model.open_basis @ (model.open_basis.T @ noise)
+    assert (left**2).sum(axis=0).mean() == pytest.approx(build_choice(model, ()).freedom, rel=0.01)
