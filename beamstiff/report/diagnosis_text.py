@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
-from beamstiff.diagnosis.recalibration import Recalibration
+from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import (
@@ -37,7 +37,7 @@ from beamstiff.report.diagnosis_words import (
     told,
     unrealistic,
 )
-from beamstiff.report.tables import counted, scale_of
+from beamstiff.report.tables import counted, scale_of, worth
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -49,7 +49,8 @@ NAMED = 3  # explanations that are named where nothing is decided; changes of th
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
-SQUARES = "Shares are of the squared gap above noise: closing 75 % halves the gap."
+SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
+NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -58,32 +59,48 @@ def verdict(result: Diagnosis) -> Verdict:
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
-    perhaps = "perhaps " if hardly_checked(result) else ""
+    before = result.recalibration.before if result.recalibration is not None else 0.0
+    if before > result.rms:
+        gap += f" with calibrated geometry ({rounded(1e3 * before)} mm before)"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
+        if corrected(result):
+            off = f"Geometry in the robot file is off by {rounded(1e3 * before)} mm"
+            said, level = f"{off}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
             each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in found]
-            said = f"{gap}, {perhaps}{closed(found)} explained by {_shortly(each)}"
+            said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
             said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
-            share = "" if one_posture(result) else f"{percent(close.shrink)} "
+            share = "" if one_posture(result) else percent(close.shrink)
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
-            said = f"{gap}, {perhaps}{share}explained by {_or_alike(causes(result), alike)}"
+            said = f"{gap}, {_explained(result, share, _or_alike(causes(result), alike))}"
         else:
             said = f"{gap}, {head[0].lower()}{head[1:]}"
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
-        if perhaps and "explained" in said:
-            said += "; too few postures to check it"
     return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+
+
+def corrected(result: Diagnosis) -> bool:
+    """Return whether calibration brought a robot file to agree that was off by more than noise."""
+    changed = result.recalibration
+    return changed is not None and level_of(changed.before / result.noise) != "agrees"
+
+
+def _explained(result: Diagnosis, share: str, by: str) -> str:
+    """Return, in words, what explains the gap; a doubt about its share is none about the cause."""
+    if hardly_checked(result):
+        return f"explained by {by}; the share, {share}, is uncertain"
+    return f"{share} explained by {by}".strip()
 
 
 def _shortly(names: Sequence[str]) -> str:
@@ -104,10 +121,12 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == TOO_FEW:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if head == NOTHING.capitalize():
-        return (
-            "Use the fitted model (--apply) within the postures and loads measured. What it corrects "
-            "(zeros, lengths, drive stiffness) does not count as a cause."
+        write = (
+            "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
+            if corrected(result)
+            else "Use the fitted model (--apply FILE writes it)"
         )
+        return f"{write} within the postures and loads measured. {NO_CAUSES}"
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):
@@ -158,10 +177,10 @@ def moved_load(result: Diagnosis) -> str:
     rows, changed = result.baseline.rows, result.recalibration if result.baseline.absolute else None
     loaded = set(rows.load_point[np.abs(rows.wrench).max(axis=1) > 0.0].tolist())
     far: dict[str, float] = {}
-    for item, by in () if changed is None else changed.changes:
-        node = item.name.rpartition(".")[0]
-        if item.group == "target" and node in loaded & set(rows.point.tolist()):
-            far[node] = np.hypot(far.get(node, 0.0), by)
+    for one in () if changed is None else changed.changes:
+        node = one.parameter.name.rpartition(".")[0]
+        if one.parameter.group == "target" and node in loaded & set(rows.point.tolist()):
+            far[node] = np.hypot(far.get(node, 0.0), one.by)
     node = max(far, key=lambda one: far[one], default="")
     if not node or far[node] < ELSEWHERE:
         return ""
@@ -269,12 +288,11 @@ def summary(result: Diagnosis) -> str:
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
         share, ends = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
-        interval = "" if ends == share else f", 90 % interval {ends}"
-        both = "it" if also is None else "both"
+        interval = "" if ends == share else f" (90 % interval over the postures: {ends})"
         text += (
-            f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
-            f"gap above noise{interval}) for postures and load directions as measured.\n"
-            f"{SQUARES}{_weak(result)}"
+            f"\nWith {'it' if also is None else 'both'}, {1e3 * verdict.shrink.after:.3f} mm are left on "
+            f"held-out postures: {share} of the gap above noise is closed{interval}. This holds for postures "
+            f"and load directions as measured.\n{SQUARES}{_weak(result)}"
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
@@ -301,12 +319,12 @@ def _perhaps(result: Diagnosis) -> str:
 
 
 def _weak(result: Diagnosis) -> str:
-    """Return, in words, that the share is hardly checked; empty where it is."""
+    """Return, in words, that the share is hardly checked; empty where it is well."""
     if not hardly_checked(result):
         return ""
     return (
-        f" {counted(postures(result), 'posture')} are too few to check these shares on held-out data: "
-        "measure fresh postures, and try the written robot on them (beamstiff verify)."
+        f" This share is uncertain: it was checked on {counted(postures(result), 'posture')} only. Measure "
+        "others, and check the written robot on them (beamstiff verify)."
     )
 
 
@@ -339,10 +357,10 @@ def _of_several(found: Sequence[Cause]) -> str:
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
-    them = "all causes" if len(found) > 1 else "it"
+    them = "all of them" if len(found) > 1 else "it"
     return (
         f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}.\n"
-        f"Adding {them} reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
+        f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left. {SQUARES}"
     )
 
 
@@ -400,23 +418,23 @@ def separations(result: Diagnosis) -> list[str]:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
-        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
-        f"(measuring frame fitted, reflectors as stated). Calibration with the drives reduces it to "
-        f"{rounded(1e3 * changed.after)} mm on held-out data."
+        f"Geometry: calibration reduces the gap from {rounded(1e3 * changed.before)} mm RMS (robot file as "
+        f"it is, measuring frame fitted) to {rounded(1e3 * changed.after)} mm on held-out data."
     )
     if not changed.changes:
         return [gap]
-    each = ", ".join(
-        _change(item.name, item.group == "offset", by, item.unit) for item, by in changed.changes[:NAMED]
-    )
+    each = ", ".join(_change(one) for one in changed.changes[:NAMED])
     rest = len(changed.changes) - NAMED
     more = f" ({rest} more in --json and --apply)" if rest > 0 else ""
-    return [gap, f"Largest changes by calibration: {each}{more}."]
+    return [gap, f"Largest changes, with standard deviations: {each}{more}."]
 
 
-def _change(name: str, is_zero: bool, by: float, unit: str) -> str:
-    factor, shown = scale_of([by], unit)
-    return f"{'zero of ' if is_zero else ''}{name} {factor * by:+.3g} {shown}"
+def _change(one: Change) -> str:
+    factor, unit = scale_of([one.by], one.parameter.unit)
+    value, std = worth(factor * one.by, factor * one.std)
+    sign = "+" if one.by > 0.0 else ""
+    zero = "zero of " if one.parameter.group == "offset" else ""
+    return f"{zero}{one.parameter.name} {sign}{value} ± {std} {unit}"
 
 
 def undecided_text(found: Decomposition) -> str:

@@ -50,7 +50,7 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
-from beamstiff.report.smallest import smallest_table
+from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
@@ -109,7 +109,8 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     if found:
         yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
     else:
-        yield Fact("How sure", sure(result), "probability of the cause")
+        of = {"none": "that nothing is beyond noise", "unknown": "that the cause is none known here"}
+        yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -265,9 +266,11 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         )
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted", "by these data"), fitted)
         yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
-    hidden = [smallest_table(result)] if result.verdict.effect == "none" else []
+    nothing = result.verdict.effect == "none"
+    hidden = [smallest_table(result)] if nothing else []
     hidden += [untestable_table(result, "Not testable")] if result.untestable else []
-    yield Section("untestable", "What these data cannot show", tables=hidden, open=False)
+    texts = [said] if nothing and (said := hidden_text(result)) else []
+    yield Section("untestable", "What these data cannot show", texts, tables=hidden, open=False)
     limits = list(result.notes)
     limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
     yield Section("limits", "What limits the conclusions", items=limits)
