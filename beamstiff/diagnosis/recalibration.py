@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import nominal_value
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.diagnosis.decomposition.causes import Decomposition
@@ -36,6 +37,8 @@ class Recalibration:
     ----------
     before : float, m
         RMS position gap of the robot as described, the measuring frame fitted alone.
+    placed : float, m
+        The same with the reflectors placed anew, as they are set up: what is left is the geometry's.
     after : float, m
         The same with the geometry fitted and no cause, on held-out postures.
     changes : tuple of Change
@@ -44,6 +47,7 @@ class Recalibration:
     """
 
     before: float
+    placed: float
     after: float
     changes: tuple[Change, ...]
 
@@ -51,6 +55,7 @@ class Recalibration:
         """Return plain data: gaps in mm, changes in SI."""
         return {
             "before_mm": 1e3 * self.before,
+            "reflectors_placed_mm": 1e3 * self.placed,
             "after_mm": 1e3 * self.after,
             "changes": {
                 one.parameter.name: {"change": one.by, "std": one.std, "unit": one.parameter.unit}
@@ -68,11 +73,23 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
     moved = _changes(model.given, robot, model.problem.parameters)
     changes = [Change(item, by, std.get(item.name, 0.0)) for item, by in moved]
     changes.sort(key=lambda one: -abs(one.by) / one.parameter.size)
+    before = verify(model.given, model.baseline.rows, refit_frame=True).after
     return Recalibration(
-        before=verify(model.given, model.baseline.rows, refit_frame=True).after,
+        before=before,
+        placed=min(_placed(found, before), before),
         after=found.rms,
         changes=tuple(changes),
     )
+
+
+def _placed(found: Decomposition, before: float) -> float:
+    """Return the gap with the reflectors placed anew, m; `before` where an instrument knows their places."""
+    rows, problem = found.model.baseline.rows, found.model.problem
+    if rows.targets or rows.camera or problem is None:
+        return before
+    groups = {item.group for item in problem.parameters} & {"base", "target"}
+    bare = found.model.given.model_copy(update={"identify": ()})
+    return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or before
 
 
 def _std(found: Decomposition) -> dict[str, float]:

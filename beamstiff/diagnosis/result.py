@@ -17,6 +17,7 @@ from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
@@ -152,28 +153,6 @@ class Diagnosis(Shown):
         return [one.runner_up for one in causes if one.runner_up is not None]
 
     @property
-    def places(self) -> list[dict[str, Any]]:
-        """The places of `where`, each with those of the look-alikes of the causes that sit there."""
-        found = () if self.decomposition is None else self.decomposition.causes
-        told = [(one.key, one.indistinguishable) for one in found]
-        if not told and self.also is None:  # of two it is not known which the others stand in for
-            told = [(self.verdict.key, self.indistinguishable)]
-        alike: dict[str, dict[str, None]] = {}
-        for key, others in told:
-            of_others = dict.fromkeys(place for other in others for place in _places(other))
-            for place in _places(key):
-                alike.setdefault(place, {}).update(of_others)
-        return [
-            {
-                **item,
-                "indistinguishable": [
-                    name for name in alike.get(item["component"], ()) if name != item["component"]
-                ],
-            }
-            for item in self.where.get("components", ())
-        ]
-
-    @property
     def explainable(self) -> float:
         """Share of the gap's square that is more than noise."""
         return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
@@ -266,7 +245,7 @@ class Diagnosis(Shown):
                 "ceiling_mm": 1e3 * self.ceiling,
                 "explainable": self.explainable,
             },
-            "where": {**self.where, "components": self.places},
+            "where": {**self.where, "components": places_with_look_alikes(self)},
             "which": [self._candidate(one) for one in self.candidates],
             "verdict": {
                 "effect": self.verdict.effect,
@@ -376,16 +355,6 @@ class Diagnosis(Shown):
             "shrink": one.shrink.shrink,
             "shrink_interval": list(one.shrink.interval),
         }
-
-
-def _places(key: str) -> tuple[str, ...]:
-    """Return where a cause ``effect:component`` sits; its effect where that has no place, nothing of none."""
-    effect, _, component = key.partition(":")
-    if effect not in EFFECTS:
-        return ()
-    return tuple(
-        place or effect for place in EFFECTS[effect].places(None if component == "null" else component)
-    )
 
 
 def as_measured(baseline: Baseline, deviation: Array) -> Array:

@@ -11,6 +11,8 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report.diagnosis_text import (
@@ -51,6 +53,7 @@ PARTS_OF_GAP = {
 MOST_ODDS = 1e6  # beyond which a number says nothing
 LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
 CAUSES = "Causes, each added to those above it"
+OUTSIDE = "a law outside the library"
 INTERVAL = "90 % interval"
 CLOSES = (
     "Closes: share of the gap above noise, on held-out postures. Its 90 % interval says how far the share "
@@ -95,7 +98,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.verdict.effect == "none":
         yield from (smallest_table(result), Text(f"{hidden_text(result)}\n"))
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
-        title = "Where: share of the explainable gap that each place could account for"
+        title = "Where: share of the gap above noise that each place could account for"
         yield from (places_table(places, title), "")
     yield from (gap_tables(result), "")
     if moved := stiffness_text(result):
@@ -121,7 +124,7 @@ def likely(result: Diagnosis, most: int) -> list[Candidate]:
 
 def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
     """Return the places that could account for some of the gap, the largest share first."""
-    return [item for item in result.places if item["share"] >= LEAST]
+    return [item for item in places_with_look_alikes(result) if item["share"] >= LEAST]
 
 
 def causes_table(found: Decomposition, title: str) -> Table:
@@ -132,7 +135,7 @@ def causes_table(found: Decomposition, title: str) -> Table:
     for cause in found.causes:
         name, alike = in_words([cause.key]), in_words(cause.indistinguishable)
         made.add_row(
-            below(name, alike and f"or {alike}"),
+            "\n  or ".join([name, *(in_words([one]) for one in cause.indistinguishable)]),
             name,
             percent(cause.closes),
             percents(cause.closes_interval),
@@ -161,7 +164,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
         if not one.keys:
             lines.append(f"{place}nothing; the gap would be {one.rms / one.rms_with:.2g} times as large.")
             continue
-        names = " with ".join(in_words([key]) for key in one.keys[:2])
+        names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         times = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
         ratio = one.rms / one.rms_with
@@ -203,17 +206,18 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
 def sizes_table(result: Diagnosis, title: str) -> Table:
     """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
     heads = [("effect, its parameters", "console"), ("effect", "page"), ("parameter", "page")]
-    realistic = (Column("realistic", only="console"), Column("realistic", only="page"))
-    more = ("value", "std", *realistic, Column("plausible", only="page"), "unit")
+    more = ("value", "std", "realistic", Column("plausible", only="page"), "unit")
     made = table(title, *(Column(name, left=True, only=only) for name, only in heads), *more)
     for one in told(result):
-        for at, item in enumerate(one.estimates):
+        # behind the others those that are held at zero
+        for at, item in enumerate(
+            sorted(one.estimates, key=lambda item: item.positive and item.value == 0.0)
+        ):
             name, value, std, usual, unit = sized(item)
             negative = item.positive and item.value < 0
             plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
-            doubted = usual + ("" if item.plausible else " (!)")
-            first = below("" if at else named(one), name)
-            made.add_row(first, named(one), name, value, std, doubted, usual, plausible, unit)
+            first = below("" if at else named(one), name + ("" if item.plausible else " (!)"))
+            made.add_row(first, named(one), name, value, std, usual, plausible, unit)
     made.most, made.open, made.bottom = SIZES, len(made.rows) <= SIZES, True
     return made
 
@@ -228,7 +232,7 @@ def names_text(result: Diagnosis) -> list[str]:
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
-    """Return the share of the explainable gap that each place could account for."""
+    """Return the share of the gap above noise that each place could account for."""
     shares = (Column("share", only="console"), Column("share", only="page"), INTERVAL)
     made = table(title, "place", *shares)
     alike = [listed(item["indistinguishable"], SHOWN) for item in places]
@@ -316,7 +320,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     low = [item["share"] - item["interval"][0] for item in places]
     high = [item["interval"][1] - item["share"] for item in places]
     axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
-    axes[1].set(title="Where", xlabel="share of the explainable gap", xlim=(0, 1))
+    axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
     bars = steps(result)
     at = range(len(bars))[::-1]
     axes[2].barh(at, [1e3 * value for value in bars.values()], color=GREEN, tick_label=list(bars))

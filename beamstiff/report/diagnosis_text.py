@@ -59,16 +59,14 @@ def verdict(result: Diagnosis) -> Verdict:
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
-    before = result.recalibration.before if result.recalibration is not None else 0.0
-    if before > result.rms:
-        gap += f" with calibrated geometry ({rounded(1e3 * before)} mm before)"
+    if result.recalibration is not None and result.recalibration.placed > result.rms:
+        gap += f" with calibrated geometry ({rounded(1e3 * result.recalibration.placed)} mm before)"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
-        if corrected(result):
-            off = f"Geometry in the robot file is off by {rounded(1e3 * before)} mm"
+        if off := _off(result):
             said, level = f"{off}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
@@ -84,16 +82,21 @@ def verdict(result: Diagnosis) -> Verdict:
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
             said = f"{gap}, {_explained(result, share, _or_alike(causes(result), alike))}"
         else:
-            said = f"{gap}, {head[0].lower()}{head[1:]}"
+            alike = [key for key in result.indistinguishable if key != UNKNOWN]
+            said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
     return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
 
 
-def corrected(result: Diagnosis) -> bool:
-    """Return whether calibration brought a robot file to agree that was off by more than noise."""
+def _off(result: Diagnosis) -> str:
+    """Return, in words, what calibration had to correct of the robot file; empty of one that agreed."""
     changed = result.recalibration
-    return changed is not None and level_of(changed.before / result.noise) != "agrees"
+    if changed is None or level_of(changed.before / result.noise) == "agrees":
+        return ""
+    if level_of(changed.placed / result.noise) == "agrees":
+        return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
+    return f"Geometry in the robot file is off by {rounded(1e3 * changed.placed)} mm"
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -123,7 +126,7 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
-            if corrected(result)
+            if _off(result)
             else "Use the fitted model (--apply FILE writes it)"
         )
         return f"{write} within the postures and loads measured. {NO_CAUSES}"
@@ -418,8 +421,9 @@ def separations(result: Diagnosis) -> list[str]:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     gap = (
-        f"Geometry: calibration reduces the gap from {rounded(1e3 * changed.before)} mm RMS (robot file as "
-        f"it is, measuring frame fitted) to {rounded(1e3 * changed.after)} mm on held-out data."
+        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
+        f"(measuring frame fitted), {rounded(1e3 * changed.placed)} mm with the reflectors placed anew, "
+        f"{rounded(1e3 * changed.after)} mm with the geometry calibrated (held-out data)."
     )
     if not changed.changes:
         return [gap]

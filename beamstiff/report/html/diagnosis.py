@@ -107,7 +107,7 @@ def _predictions(result: Diagnosis) -> tuple[Array, Array | None]:
 def _facts(result: Diagnosis) -> Iterator[Fact]:
     also, found = second(result), several(result)
     if found:
-        yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
+        yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
     else:
         of = {"none": "that nothing is beyond noise", "unknown": "that the cause is none known here"}
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
@@ -191,13 +191,13 @@ def _where(result: Diagnosis) -> Section:
             [item["component"] for item in first],
             [item["share"] for item in first],
             "orange",
-            "share of the explainable gap",
+            "share of the gap above noise",
             [tuple(item["interval"]) for item in first],
             range=[0, 1.02],
             tickformat=".0%",
         )
         table = places_table(places, "The places")
-        caption = "Share of the explainable gap that each place could account for, with its 90 % interval."
+        caption = "Share of the gap above noise that each place could account for, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
     parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
