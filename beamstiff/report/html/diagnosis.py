@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.solution import gap_with
-from beamstiff.diagnosis.held_out.score import shift
+from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis import (
     CAUSES,
@@ -53,7 +52,6 @@ from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
-from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
 DRIVES = "drives"  # the place of what all drives have
@@ -63,7 +61,7 @@ NOTHING_LEFT = 1e-5  # mm: no reading is as good
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     """Return the report of a diagnosis as one HTML page."""
     baseline = result.baseline
-    without, beside = _predictions(result)
+    without, beside = predictions(result)
     compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
     changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
     with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
@@ -91,25 +89,12 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     )
 
 
-def _predictions(result: Diagnosis) -> tuple[Array, Array | None]:
-    """Return what the model says without and with the causes; None where there are none."""
-    found, baseline = result.decomposition, result.baseline
-    if found is not None:
-        forms = [form for cause in (*found.causes, *found.unclear) for form in cause.forms]
-        without, beside = (baseline.measured - gap_with(found.model, some) for some in ((), forms))
-        return without, beside if forms else None
-    if not result.fits:
-        return baseline.predicted, None
-    columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
-    return baseline.predicted, result.linear.predicted + shift(result.linear, result.fits, columns)
-
-
 def _facts(result: Diagnosis) -> Iterator[Fact]:
     also, found = second(result), several(result)
     if found:
         yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
     else:
-        of = {"none": "that nothing is beyond noise", "unknown": "that the cause is none known here"}
+        of = {"none": "that nothing is beyond noise", "unknown": "that no known effect is the cause"}
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
