@@ -16,8 +16,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure.arrays import Integers, places_of_each
 from beamstiff.se3 import Array
 
-CHANCE = 1e-3  # probability of so large a common error by chance
-ALIKE = 6.0  # times larger or smaller: variances of readings of one instrument, as ten postures show them
+CHANCE = 1e-3  # probability below which a common error is none of chance, and none of the same instrument
 INDEPENDENT = 1e-9  # singular value, of the largest, below which loads of a posture say nothing new
 NOTE = (
     "the rows of a posture have an error in common ({0:.0f} % of the noise variance): if one unloaded "
@@ -66,9 +65,13 @@ def _common_share(left: Array, wrench: Array, postures: Sequence[Integers]) -> f
         return 0.0
     count, of_constants = len(constants), np.square(constants).sum(axis=0)
     within = np.sum(squares, axis=0) / freedom  # variances of x, y, z, in those that are counted with
+    if not within.all():  # rows without noise
+        return 0.0
     common = (of_constants - count * within) / weight
-    by_chance = stats.f.sf(of_constants.sum() / (3 * count) / within.mean(), 3 * count, 3 * freedom)
-    if by_chance > CHANCE or common.sum() < within.sum() / ALIKE or (common > within * ALIKE).any():
+    f, expected = of_constants / count / within, 1.0 + weight / count  # if the common variance is the other
+    tails = stats.f.cdf(f / expected, count, freedom)
+    none = stats.f.sf(of_constants.sum() / (3 * count) / within.mean(), 3 * count, 3 * freedom)
+    if none > CHANCE or (np.minimum(tails, 1.0 - tails) < CHANCE).any():
         return 0.0
     return float(common.sum() / (common + within).sum())
 

@@ -224,7 +224,7 @@ def test_changes_of_the_geometry_are_right_to_their_standard_deviations() -> Non
     for name in ("f2.d", "f3.d", "f2.alpha", "f5.alpha", "q2", "q3", "q4", "q5"):
         one = by_name[name]
         assert one.by == pytest.approx(machine_changes()[name], abs=4.0 * one.std)
-        assert one.std < 1e-5
+        assert one.std < 2e-5  # m, rad: well below the 3e-4 by which it was changed
 
 
 def test_a_file_that_calibration_brought_to_agree_is_said_to_be_off_and_how_to_write_it() -> None:

@@ -6,6 +6,7 @@ script in all of them is tried on one.
 """
 
 import itertools
+import json
 import time
 from pathlib import Path
 from typing import Any
@@ -184,6 +185,22 @@ def test_no_label_overprints_another_in_other_widths(
         assert errors_and_requests(browser) == ([], [])
         assert figures_at_fault(browser) == []
         assert browser.execute_script("return document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize(("first", "then"), [(NARROW, 1280), (1280, NARROW)])
+def test_a_page_that_is_resized_while_it_is_open_is_drawn_for_its_new_width(
+    first: int, then: int, browser: Any, diagnosis_page: str, tmp_path: Path
+) -> None:
+    page, drawn = written(diagnosis_page, tmp_path), []
+    names = "[...document.querySelectorAll('.plot .ytick')].map((one) => one.textContent).join()"
+    for start in (then, first):
+        open_page(browser, page, start, "light")
+        set_width(browser, then)
+        if start == then:
+            drawn.append(json.dumps(browser.execute_script(f"return {names}")))
+    wait_until(browser, f"return {names} === {drawn[0]}", "the labels are those of the old width")
+    assert overprinted(browser) == []
+    assert figures_at_fault(browser) == []
 
 
 def test_overlapping_labels_are_found(opened: Any) -> None:

@@ -89,9 +89,15 @@
         (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
+    if (narrow && !figure.views) {  // which has no buttons then, nor room kept for them
+      layout.margin.t -= 26;
+      layout.height -= 26;
+    }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
     plot.style.minHeight = `${layout.height}px`;
+    if (plot.dataset.narrow !== String(narrow)) Plotly.purge(plot);  // a bar of colours that was turned leaves its labels
+    plot.dataset.narrow = String(narrow);
     // narrow figures have no room for buttons above their legend
     return Plotly.react(plot, traces, layout, { ...config, displayModeBar: !narrow || Boolean(figure.views), modeBarButtons: buttons(figure) });
   };
@@ -150,6 +156,11 @@
   });
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  let resized = 0, width = innerWidth;
+  addEventListener("resize", () => {  // labels are cut for the width that there was; a phone's bars move heights alone
+    clearTimeout(resized);
+    if (innerWidth !== width && document.documentElement.dataset.theme !== "print") resized = setTimeout(() => { width = innerWidth; drawAll(); }, 150);
+  });
   let closed = [];
   addEventListener("beforeprint", () => {
     document.documentElement.dataset.theme = "print";
