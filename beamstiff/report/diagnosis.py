@@ -15,12 +15,11 @@ from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
+from beamstiff.report.calibrated_text import recalibration_text, stiffness_text
 from beamstiff.report.diagnosis_text import (
     proposed,
-    recalibration_text,
     remainder_text,
     separations,
-    stiffness_text,
     summary,
     verdict,
 )
@@ -152,7 +151,7 @@ def probability_text(found: Decomposition) -> str:
         f"{CLOSES} Probability: that it is this cause. Causes that always act in the same way count as one."
     )
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish it from those that stand with it."
+        said += " These data cannot distinguish a cause from those that stand with it."
     return said
 
 
@@ -175,8 +174,10 @@ def next_best_text(result: Diagnosis) -> list[str]:
 
 
 def steps(result: Diagnosis) -> dict[str, float]:
-    """Return the position gap, m, by model: fitted, with one cause after the other, and its floor."""
-    left, found = {"fitted model": result.rms}, by_causes(result)
+    """Return the position gap, m, by model: of the file, fitted, with one cause more each, and its floor."""
+    changed, found = result.recalibration, by_causes(result)
+    left = {} if changed is None else {"geometry of the file": changed.placed}
+    left["fitted model"] = result.rms
     if found is not None:
         for at, one in enumerate(found.causes):
             left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
-from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.errors import listed
+from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
     causes,
     chance,
@@ -31,24 +29,21 @@ from beamstiff.report.diagnosis_words import (
     probability,
     second,
     several,
-    stiffness_in_words,
     sure,
     tested,
     told,
     unrealistic,
 )
-from beamstiff.report.tables import counted, scale_of, worth
+from beamstiff.report.tables import counted
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
-from beamstiff.robot.stiffness import parameter_unit
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
-NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
+NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
-ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
 NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
@@ -66,8 +61,8 @@ def verdict(result: Diagnosis) -> Verdict:
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
-        if off := _off(result):
-            said, level = f"{off}; calibrated, model and machine agree ({noise})", "doubtful"
+        if wrong := calibrated_away(result):
+            said, level = f"{wrong}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
@@ -87,16 +82,6 @@ def verdict(result: Diagnosis) -> Verdict:
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
     return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
-
-
-def _off(result: Diagnosis) -> str:
-    """Return, in words, what calibration had to correct of the robot file; empty of one that agreed."""
-    changed = result.recalibration
-    if changed is None or level_of(changed.before / result.noise) == "agrees":
-        return ""
-    if level_of(changed.placed / result.noise) == "agrees":
-        return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
-    return f"Geometry in the robot file is off by {rounded(1e3 * changed.placed)} mm"
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -126,7 +111,7 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
-            if _off(result)
+            if calibrated_away(result)
             else "Use the fitted model (--apply FILE writes it)"
         )
         return f"{write} within the postures and loads measured. {NO_CAUSES}"
@@ -173,55 +158,6 @@ def _written(result: Diagnosis) -> str:
     loaded = bool(np.any(result.baseline.rows.wrench))
     loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
     return f"{loads} (--next FILE writes them)."
-
-
-def moved_load(result: Diagnosis) -> str:
-    """Return, in words, that calibration moved the loads with the reflector; empty where it did not."""
-    rows, changed = result.baseline.rows, result.recalibration if result.baseline.absolute else None
-    loaded = set(rows.load_point[np.abs(rows.wrench).max(axis=1) > 0.0].tolist())
-    far: dict[str, float] = {}
-    for one in () if changed is None else changed.changes:
-        node = one.parameter.name.rpartition(".")[0]
-        if one.parameter.group == "target" and node in loaded & set(rows.point.tolist()):
-            far[node] = np.hypot(far.get(node, 0.0), one.by)
-    node = max(far, key=lambda one: far[one], default="")
-    if not node or far[node] < ELSEWHERE:
-        return ""
-    return (
-        f"Check where the loads act. The reflector was found {1e3 * far[node]:.0f} mm from where the file "
-        f"has {node}, and the loads are taken to act there with it. If they act elsewhere, give the "
-        "reflector a link of its own and name it in the column point (docs/tutorial.md)."
-    )
-
-
-def stiffness_text(result: Diagnosis) -> str:
-    """Return, in words, which fitted stiffness is farthest from the file's, and which no load touches."""
-    untouched = listed(result.untouched)
-    unknown = f"Stiffness not touched by these loads, as in the robot file: {untouched}." if untouched else ""
-    return "\n".join(filter(None, [_largest_change(result), unknown]))
-
-
-def _largest_change(result: Diagnosis) -> str:
-    fitted = result.fitted_stiffness
-    if result.decomposition is None and result.fits:  # of the fit with the causes, as --apply writes it
-        found = extended(result)
-        fitted = {name: (given, found.parameter(name)) for name, (given, _) in fitted.items()}
-    finite = {
-        name: (given, value)
-        for name, (given, value) in fitted.items()
-        if 0.0 < given < np.inf and name not in result.undetermined
-    }
-    if not finite:
-        return ""
-    name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
-    robot = result.baseline.nominal
-    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
-    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
-    of = f"{name} (of {variable})" if variable != joint else name
-    return (
-        f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit}."
-    )
 
 
 def remainder_text(found: Decomposition) -> str:
@@ -416,29 +352,6 @@ def separations(result: Diagnosis) -> list[str]:
     keys = [one.key for one in told(result)]
     effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
     return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
-
-
-def recalibration_text(changed: Recalibration) -> list[str]:
-    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
-    gap = (
-        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
-        f"(measuring frame fitted), {rounded(1e3 * changed.placed)} mm with the reflectors placed anew, "
-        f"{rounded(1e3 * changed.after)} mm with the geometry calibrated (held-out data)."
-    )
-    if not changed.changes:
-        return [gap]
-    each = ", ".join(_change(one) for one in changed.changes[:NAMED])
-    rest = len(changed.changes) - NAMED
-    more = f" ({rest} more in --json and --apply)" if rest > 0 else ""
-    return [gap, f"Largest changes, with standard deviations: {each}{more}."]
-
-
-def _change(one: Change) -> str:
-    factor, unit = scale_of([one.by], one.parameter.unit)
-    value, std = worth(factor * one.by, factor * one.std)
-    sign = "+" if one.by > 0.0 else ""
-    zero = "zero of " if one.parameter.group == "offset" else ""
-    return f"{zero}{one.parameter.name} {sign}{value} ± {std} {unit}"
 
 
 def undecided_text(found: Decomposition) -> str:

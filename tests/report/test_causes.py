@@ -7,6 +7,7 @@ import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.result import Candidate, Estimate
+from beamstiff.report.calibrated_text import recalibration_text
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
@@ -22,7 +23,6 @@ from beamstiff.report.diagnosis import (
 )
 from beamstiff.report.diagnosis_text import (
     headline,
-    recalibration_text,
     remainder_text,
     separations,
     summary,

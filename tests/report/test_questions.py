@@ -13,8 +13,9 @@ from rich.text import Text
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
+from beamstiff.report.calibrated_text import stiffness_text
 from beamstiff.report.diagnosis import diagnosis_tables, names_text
-from beamstiff.report.diagnosis_text import stiffness_text, verdict
+from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.diagnosis import diagnosis_html

@@ -10,7 +10,8 @@ import pytest
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
-from beamstiff.report.diagnosis_text import moved_load, summary, verdict
+from beamstiff.report.calibrated_text import moved_load
+from beamstiff.report.diagnosis_text import summary, verdict
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict

@@ -9,8 +9,10 @@ import numpy as np
 
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.report.calibrated_text import recalibration_text
 from beamstiff.report.diagnosis import (
     CAUSES,
+    DOUBTFUL,
     SHOWN,
     by_causes,
     candidates_table,
@@ -28,7 +30,7 @@ from beamstiff.report.diagnosis import (
     steps,
     untestable_table,
 )
-from beamstiff.report.diagnosis_text import proposed, recalibration_text, separations, summary, verdict
+from beamstiff.report.diagnosis_text import proposed, separations, summary, verdict
 from beamstiff.report.diagnosis_words import (
     causes,
     closed,
@@ -96,6 +98,9 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     else:
         of = {"none": "that nothing is beyond noise", "unknown": "that no known effect is the cause"}
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
+    if result.recalibration is not None:
+        before = f"{rounded(1e3 * result.recalibration.placed)} mm"
+        yield Fact("Robot file", before, "gap with its own geometry, RMS, measuring frame fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -111,7 +116,9 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
 def _view(result: Diagnosis) -> RobotView | None:
     baseline, shown = result.baseline, []
     rows = baseline.rows
-    shares = {item["component"]: float(item["share"]) for item in result.where.get("components", [])}
+    nothing = result.verdict.effect == "none"  # shares would be of noise
+    places = [] if nothing else result.where.get("components", [])
+    shares = {item["component"]: float(item["share"]) for item in places}
     if DRIVES in shares:  # all of them
         shares |= {one.name: shares[DRIVES] for one in baseline.robot.actuated}
     # what the readings miss is drawn at the reflector, or where the frame is that they are read in
@@ -123,12 +130,13 @@ def _view(result: Diagnosis) -> RobotView | None:
         name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
         marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
-    return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
+    share = "" if nothing else "share of the gap"
+    return robot_view(baseline.robot, shown, share, gravity=baseline.absolute)
 
 
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, "How large: its parameters")
-    legend = " ".join(names_text(result))
+    legend = " ".join(one for one in names_text(result) if one != DOUBTFUL)
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
         traces, layout = bars(
@@ -141,8 +149,8 @@ def _which(result: Diagnosis) -> Section:
             tickformat=".0%",
         )
         caption = (
-            "What each cause closes when added to those above it, on held-out data, with its 90 % interval. "
-            f"{' '.join([probability_text(found), *next_best_text(result)])}"
+            f"What each cause closes, added to those above it. {probability_text(found)} "
+            f"{' '.join(next_best_text(result))}"
         )
         figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
         plural = "s" * (len(found.causes) > 1)

@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.report.html.cameras import CAMERAS, LONGEST, longest_side
 from beamstiff.report.html.links import joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, css, label, numbers, shared
 from beamstiff.report.html.robot_view import (
     AROUND,
-    CAMERAS,
     FURTHER,
-    LONGEST,
     RobotView,
     base_and_tool,
     lines,
-    longest_side,
     space,
 )
 from beamstiff.report.tables import Table, nice

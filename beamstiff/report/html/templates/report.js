@@ -57,8 +57,8 @@
     }));
     // lengths as they are, the longest always as long, and no higher than the picture
     const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
-    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.3 : 1) * length));
-    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.55 * length / longest]));
+    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.15 : 1) * length));
+    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.35 * length / longest]));
     for (const [name, length] of lengths) {  // ticks where there is room for them
       Object.assign(layout.scene[`${name}axis`], { range: view.ranges[name], nticks: Math.max(2, Math.round(6 * length / longest)) });
     }
