@@ -14,7 +14,6 @@ from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
 NAMED = 3  # changes that are told
-REFLECTORS = 0.95  # of a gap: what reflectors placed anew leave has to be less to be told
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 
 
@@ -31,7 +30,7 @@ def calibrated_away(result: Diagnosis) -> str:
 def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     placed = ""
-    if changed.placed < REFLECTORS * changed.before:
+    if rounded(changed.placed) != rounded(changed.before):
         placed = f", {rounded(1e3 * changed.placed)} mm with the reflectors placed anew"
     gap = (
         f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "

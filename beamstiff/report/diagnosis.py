@@ -50,7 +50,7 @@ PARTS_OF_GAP = {
     "time": "Over time",
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
-LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
+LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
 CAUSES = "Causes, each added to those above it"
 OUTSIDE = "a law outside the library"
 INTERVAL = "90 % interval"
@@ -117,7 +117,7 @@ def by_causes(result: Diagnosis) -> Decomposition | None:
 
 
 def likely(result: Diagnosis, most: int) -> list[Candidate]:
-    """Return the candidates that a list shows, the likeliest first: no row of 0.0 %."""
+    """Return the candidates that a list shows, the likeliest first: no row under 1 %."""
     return [one for one in result.candidates if one.probability >= LEAST][:most]
 
 
@@ -201,6 +201,9 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
             share, ends = percent(one.shrink.shrink), percents(one.shrink.interval)
             cells = [f"{1e3 * one.shrink.after:.3f} mm", share, ends]
         made.add_row(below(cause, one.shape), cause, one.shape, chance(one.probability), *cells)
+    rest = 1.0 - sum(one.probability for one in some)
+    if rest >= LEAST:
+        made.add_row("all others", "all others", "", chance(rest), *(["-"] * len(told)))
     return made
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from beamstiff.report.html.parts import numbers
 from beamstiff.se3 import Array
 
-LONGEST = 1.35  # of the figure's own lengths: its longest side
-UPRIGHT = 1.15  # of a figure wider than high: a height is drawn as if it were longer by this
+DIAGONAL = 1.6  # of the figure's own lengths: that of its box, as in report.js; a wide robot must fit too
 CAMERAS = {
     "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
     "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
@@ -22,11 +21,6 @@ CAMERAS = {
 DISTANCE, HEIGHT, TURNED = 1.9, 0.5, np.radians(18.0)
 LOWER = {"x": 0.0, "y": 0.0, "z": -0.12}  # what it looks at: room for the axes' names below
 SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where the camera is chosen
-
-
-def longest_side(sides: Array) -> float:
-    """Return the side of a box (3,) that is drawn as `LONGEST`: heights count for more, as in report.js."""
-    return float((sides * [1.0, 1.0, UPRIGHT]).max())
 
 
 def across(moved: Array, reach: Array) -> dict[str, Any]:

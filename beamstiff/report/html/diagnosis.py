@@ -170,7 +170,7 @@ def _which(result: Diagnosis) -> Section:
         "Probability of the likeliest explanations.",
         traces,
         layout,
-        candidates_table(result, likely(result, len(result.candidates)), "The candidates"),
+        candidates_table(result, first, "The candidates"),
     )
     return Section("which", "Which cause", figures=[figure], tables=tables, tables_text=legend)
 
@@ -283,5 +283,6 @@ def _next(result: Diagnosis) -> Section:
         for item in result.next
     ]
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
-    tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
+    wanted = bool(following) and result.verdict.effect != "none"
+    tables = [Table(proposed(result), columns, following, 4, open=False)] if wanted else []
     return Section("next", "What to measure next", separations(result), tables=tables)

@@ -55,10 +55,11 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
-    // lengths as they are, the longest always as long, and no higher than the picture
+    // lengths as they are, the diagonal always as long
     const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
-    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.15 : 1) * length));
-    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.35 * length / longest]));
+    const longest = Math.max(...lengths.map(([, length]) => length));
+    const diagonal = Math.hypot(...lengths.map(([, length]) => length));
+    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.6 * length / diagonal]));
     for (const [name, length] of lengths) {  // ticks where there is room for them
       Object.assign(layout.scene[`${name}axis`], { range: view.ranges[name], nticks: Math.max(2, Math.round(6 * length / longest)) });
     }
@@ -89,7 +90,7 @@
         (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
-    if (narrow && !figure.views) {  // which has no buttons then, nor room kept for them
+    if (narrow && !figure.views && layout.margin.t > 60) {  // a legend has no buttons above it then
       layout.margin.t -= 26;
       layout.height -= 26;
     }
