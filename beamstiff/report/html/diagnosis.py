@@ -278,7 +278,7 @@ def _next(result: Diagnosis) -> Section:
             ),
             ", ".join(number(value + 0.0) for value in item["wrench"]),
             item["point"],
-            ", ".join(item["separates"]),
+            in_words(item["separates"]),
         ]
         for item in result.next
     ]

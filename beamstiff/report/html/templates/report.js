@@ -77,9 +77,11 @@
     layout.legend = { ...layout.legend, bgcolor: "rgba(0,0,0,0)" };
     if (!figure.views) layout.dragmode = plot.layout ? plot.layout.dragmode : false;  // a finger scrolls the page
     const narrow = plot.clientWidth < 480;
+    if (layout.scene && plot.clientWidth < 700) {  // a phone, or paper: the camera steps back
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.2 * value])) };
+    }
     if (narrow && layout.scene) {
       layout.height = 440;
-      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.2 * value])) };
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
