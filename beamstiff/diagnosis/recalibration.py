@@ -88,6 +88,8 @@ def _placed(found: Decomposition, before: float) -> float:
     if rows.targets or rows.camera or problem is None:
         return before
     groups = {item.group for item in problem.parameters} & {"base", "target"}
+    if not groups:
+        return before
     bare = found.model.given.model_copy(update={"identify": ()})
     return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or before
 

@@ -14,7 +14,7 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
 from beamstiff.report.calibrated_text import stiffness_text
-from beamstiff.report.diagnosis import diagnosis_tables, names_text
+from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
 from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
 from beamstiff.report.drift import drift_tables
@@ -228,6 +228,25 @@ def test_an_interval_says_of_what_it_is_90_percent() -> None:
         assert "90 % interval" in heads
         texts = " ".join(part.plain for part in parts if isinstance(part, Text))
         assert "Its 90 % interval says how far the share depends on the postures." in texts
+
+
+def test_where_nothing_is_beyond_noise_no_part_is_coloured_and_nothing_proposed() -> None:
+    nothing, play = (
+        diagnosis_html(one, provenance([], 0, [])) for one in (diagnosed(None), diagnosed("backlash"))
+    )
+    assert diagnosed(None).next
+    for told in ("Colour shows each part", " states that "):
+        assert told in play
+        assert told not in nothing
+
+
+def test_a_list_of_candidates_accounts_for_all_of_the_probability() -> None:
+    rare = [replace(one, probability=0.004) for one in diagnosed("backlash").candidates[1:4]]
+    result = diagnosed("backlash")
+    play = replace(result.verdict, probability=0.988)
+    listed = replace(result, verdict=play, candidates=(play, *rare))
+    rows = candidates_table(listed, likely(listed, 8), "Which").rows
+    assert [(row[1], row[3]) for row in rows] == [("backlash at q3", "99 %"), ("all others", "1 %")]
 
 
 def test_how_sure_a_page_is_says_of_what() -> None:

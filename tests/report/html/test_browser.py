@@ -11,8 +11,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from beamstiff.report.html.cameras import DIAGONAL
 from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
 QUICK = ("diagnosis", "identification", "exam")  # opened in every run, the others by `make slow`
@@ -253,6 +255,11 @@ def check_the_slider(browser: Any, moving: int) -> None:
     ]
     assert ways
     assert ways == pytest.approx([float(most) / float(begin)] * len(ways), rel=1e-6)
+
+
+def test_the_robot_s_box_has_the_same_diagonal_whatever_its_shape(opened: Any) -> None:
+    ratio = opened.execute_script("return document.getElementById('plot-robot').layout.scene.aspectratio")
+    assert np.linalg.norm(list(ratio.values())) == pytest.approx(DIAGONAL)
 
 
 def test_the_keyboard_reaches_the_controls(opened: Any) -> None:
