@@ -17,6 +17,7 @@ from beamstiff.measure.arrays import Integers, places_of_each
 from beamstiff.se3 import Array
 
 CHANCE = 1e-3  # probability below which a common error is none of chance, and none of the same instrument
+NOISE = 1.5  # times the noise: more scatter of single readings is an effect's
 INDEPENDENT = 1e-9  # singular value, of the largest, below which loads of a posture say nothing new
 NOTE = (
     "the rows of a posture have an error in common ({0:.0f} % of the noise variance): if one unloaded "
@@ -33,11 +34,13 @@ def shared_reading(result: Diagnosis) -> str:
     baseline = result.baseline
     if baseline.absolute or (baseline.sharing >= 0).any():
         return ""
+    stated = baseline.rows.sigma[:, :3]
+    sigma = np.where(np.isfinite(stated), stated, baseline.sigma[:, :3])
     used = np.asarray(baseline.used[:, :3].all(axis=1))
     postures = [own[used[own]] for own in places_of_each(baseline.rows.pose)]
     for predicted in reversed(predictions(result)):
         if predicted is not None:
-            left = (baseline.measured - predicted)[:, :3] / baseline.sigma[:, :3]
+            left = (baseline.measured - predicted)[:, :3] / sigma
             if share := _common_share(left, baseline.rows.wrench, postures):
                 return NOTE.format(100.0 * share)
     return ""
@@ -65,7 +68,7 @@ def _common_share(left: Array, wrench: Array, postures: Sequence[Integers]) -> f
         return 0.0
     count, of_constants = len(constants), np.square(constants).sum(axis=0)
     within = np.sum(squares, axis=0) / freedom  # variances of x, y, z, in those that are counted with
-    if not within.all():  # rows without noise
+    if not within.all() or (within > NOISE**2).any():  # rows without noise, or with what no noise explains
         return 0.0
     common = (of_constants - count * within) / weight
     f, expected = of_constants / count / within, 1.0 + weight / count  # if the common variance is the other

@@ -59,3 +59,7 @@ def test_a_diagnosis_notes_it() -> None:
     moved = rows.displacement.copy()
     moved[:, :3] += of_each_posture()
     assert any(OPTION in one for one in diagnose(kr240(), replace(rows, displacement=moved)).notes)
+
+
+def test_a_law_of_the_load_that_the_library_lacks_is_no_unloaded_reading() -> None:
+    assert shared_reading(diagnosed("one_sided_drive")) == ""
