@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
 
 REFITTED = (
-    "Here the measuring frame is fitted to these rows, without and with the effects, so what moves all rows "
-    "alike (part of a drift) counts in neither error; diagnose counts it, on held-out postures in the frame "
-    "of the fitted ones."
+    "The measuring frame was fitted to these rows twice, without and with the effects. An error common to "
+    "all rows (part of a drift) is in neither figure; the promised share includes it."
+)
+NOTHING_TO_COMPARE = (
+    "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
+    "writes them)."
 )
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 
@@ -78,7 +81,7 @@ def verify(
         lines.append(["noise as stated", f"{1e3 * found.noise:.4f} mm", ""])
     add_rows(rows, lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
-    with_them = "with the file's effects" if found.causes else "of the robot file, which holds no effects"
+    with_them = "with the file's effects" if found.causes else "of the robot file as it is"
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
     head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
     files = ", ".join(Path(path).name for path in data)
@@ -101,7 +104,7 @@ def verify(
         )
         level, action = "differs", "Run it again with --refit-frame."
     verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)
-    said = []
+    said = [] if found.causes else [NOTHING_TO_COMPARE]
     if found.causes and found.promised is not None and found.other_frame is None:
         said = [f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."]
     if found.causes and refit_frame:

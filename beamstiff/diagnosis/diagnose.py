@@ -41,6 +41,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
+from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
@@ -105,6 +106,8 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
     found = with_next(_of_rows(robot, rows, prior, seed, stations), seed)
+    if doubt := shared_reading(found):
+        found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"

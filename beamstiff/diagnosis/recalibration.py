@@ -6,14 +6,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import nominal_value
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.verify import verify
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 
 UNSEEN = 1e-3  # of a realistic deviation (1 mm, 1 mrad): less is not told
+
+
+@dataclass(frozen=True)
+class Change:
+    """By how much a zero, a frame or a reflector moved, and the standard deviation of that, SI."""
+
+    parameter: Parameter
+    by: float
+    std: float
 
 
 @dataclass(frozen=True)
@@ -24,23 +37,30 @@ class Recalibration:
     ----------
     before : float, m
         RMS position gap of the robot as described, the measuring frame fitted alone.
+    placed : float, m
+        The same with the reflectors placed anew, as they are set up: what is left is the geometry's.
     after : float, m
         The same with the geometry fitted and no cause, on held-out postures.
-    changes : tuple of (Parameter, float)
-        Encoders' zeros, frames and reflectors that moved, and by how much (SI); the largest first, by
-        realistic deviations (1 mm, 1 mrad).
+    changes : tuple of Change
+        Encoders' zeros, frames and reflectors that moved; the largest first, by realistic deviations (1 mm,
+        1 mrad).
     """
 
     before: float
+    placed: float
     after: float
-    changes: tuple[tuple[Parameter, float], ...]
+    changes: tuple[Change, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: gaps in mm, changes in SI."""
         return {
             "before_mm": 1e3 * self.before,
+            "reflectors_placed_mm": 1e3 * self.placed,
             "after_mm": 1e3 * self.after,
-            "changes": {item.name: {"change": by, "unit": item.unit} for item, by in self.changes},
+            "changes": {
+                one.parameter.name: {"change": one.by, "std": one.std, "unit": one.parameter.unit}
+                for one in self.changes
+            },
         }
 
 
@@ -49,13 +69,38 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
     model = found.model
     if model.problem is None:
         return None
-    changes = list(_changes(model.given, robot, model.problem.parameters))
-    changes.sort(key=lambda one: -abs(one[1]) / one[0].size)
+    std = _std(found)
+    moved = _changes(model.given, robot, model.problem.parameters)
+    changes = [Change(item, by, std.get(item.name, 0.0)) for item, by in moved]
+    changes.sort(key=lambda one: -abs(one.by) / one.parameter.size)
+    before = verify(model.given, model.baseline.rows, refit_frame=True).after
     return Recalibration(
-        before=verify(model.given, model.baseline.rows, refit_frame=True).after,
+        before=before,
+        placed=min(_placed(found, before), before),
         after=found.rms,
         changes=tuple(changes),
     )
+
+
+def _placed(found: Decomposition, before: float) -> float:
+    """Return the gap with the reflectors placed anew, m; `before` where an instrument knows their places."""
+    rows, problem = found.model.baseline.rows, found.model.problem
+    if rows.targets or rows.camera or problem is None:
+        return before
+    groups = {item.group for item in problem.parameters} & {"base", "target"}
+    if not groups:
+        return before
+    bare = found.model.given.model_copy(update={"identify": ()})
+    return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or before
+
+
+def _std(found: Decomposition) -> dict[str, float]:
+    """Return the standard deviation of the parameters that the rows determine beside the causes, SI."""
+    names, columns = found.model.told_apart
+    forms = [form.columns for cause in (*found.causes, *found.unclear) for form in cause.forms]
+    inverse = inverse_of(np.concatenate([columns, *forms], axis=1))
+    std = max(found.scatter, 1.0) * np.linalg.norm(inverse, axis=1)
+    return dict(zip(names, std.tolist(), strict=False))  # behind them those of the causes
 
 
 def _changes(

@@ -17,6 +17,7 @@ from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
+from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
@@ -244,7 +245,7 @@ class Diagnosis(Shown):
                 "ceiling_mm": 1e3 * self.ceiling,
                 "explainable": self.explainable,
             },
-            "where": dict(self.where),
+            "where": {**self.where, "components": places_with_look_alikes(self)},
             "which": [self._candidate(one) for one in self.candidates],
             "verdict": {
                 "effect": self.verdict.effect,
@@ -295,7 +296,11 @@ class Diagnosis(Shown):
     def explained(self) -> dict[str, Any]:
         """Return the keys ``causes`` and ``remainder``."""
         if self.decomposition is not None:
-            return causes_dict(self.decomposition)
+            result = causes_dict(self.decomposition)
+            for one in result["causes"]:  # of held-out squares more than all may close
+                one["closes"] = min(one["closes"], 1.0)
+                one["closes_interval"] = [min(end, 1.0) for end in one["closes_interval"]]
+            return result
         told = [] if self.verdict.shrink is None else [(self.verdict, self.first or self.verdict.shrink)]
         if self.also is not None and self.also.shrink is not None and told:
             told.append((self.also, self.verdict.shrink or told[0][1]))  # the verdict's is that of both

@@ -11,13 +11,15 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import listed
+from beamstiff.report.calibrated_text import recalibration_text, stiffness_text
 from beamstiff.report.diagnosis_text import (
     proposed,
-    recalibration_text,
     remainder_text,
     separations,
-    stiffness_text,
     summary,
     verdict,
 )
@@ -32,8 +34,8 @@ from beamstiff.report.diagnosis_words import (
     told,
 )
 from beamstiff.report.drift import drift_tables
-from beamstiff.report.smallest import smallest_table
-from beamstiff.report.tables import Column, Table, add_rows, scale_of, table, worth
+from beamstiff.report.smallest import hidden_text, smallest_table
+from beamstiff.report.tables import Column, Table, add_rows, below, scale_of, table, worth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,8 +50,14 @@ PARTS_OF_GAP = {
     "time": "Over time",
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
-LEAST = 0.0005  # probability of a candidate, or share of a place, that a list still shows
+LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
 CAUSES = "Causes, each added to those above it"
+OUTSIDE = "a law outside the library"
+INTERVAL = "90 % interval"
+CLOSES = (
+    "Closes: share of the gap above noise, on held-out postures. Its 90 % interval says how far the share "
+    "depends on the postures."
+)
 # what parts of a parameter's name mean: where it occurs, how it is written, in words
 NAMES = (
     (r"_[xyz]_by_[xyz]", "a_by_b", "how much a grows per unit of b"),
@@ -78,7 +86,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.recalibration is not None:
         yield Text("\n".join(recalibration_text(result.recalibration)) + "\n")
     if not by_causes(result):
-        yield from (candidates_table(result, likely(result, SHOWN), "Which effect"), "")
+        candidates = candidates_table(result, likely(result, SHOWN), "Which effect")
+        yield from (candidates, Text(f"{CLOSES}\n" if INTERVAL in candidates.columns else ""))
     sizes = sizes_table(result, "How large")
     if sizes.rows:
         yield sizes
@@ -86,9 +95,9 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     for course in drift_tables(result):
         yield from (course, "")
     if result.verdict.effect == "none":
-        yield from (smallest_table(result), "")
+        yield from (smallest_table(result), Text(f"{hidden_text(result)}\n"))
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
-        title = "Where: share of the explainable gap that each place could account for"
+        title = "Where: share of the gap above noise that each place could account for"
         yield from (places_table(places, title), "")
     yield from (gap_tables(result), "")
     if moved := stiffness_text(result):
@@ -108,38 +117,41 @@ def by_causes(result: Diagnosis) -> Decomposition | None:
 
 
 def likely(result: Diagnosis, most: int) -> list[Candidate]:
-    """Return the candidates that a list shows, the likeliest first: no row of 0.0 %."""
+    """Return the candidates that a list shows, the likeliest first: no row under 1 %."""
     return [one for one in result.candidates if one.probability >= LEAST][:most]
 
 
 def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
     """Return the places that could account for some of the gap, the largest share first."""
-    places: Sequence[Mapping[str, Any]] = result.where.get("components", [])
-    return [item for item in places if item["share"] >= LEAST]
+    return [item for item in places_with_look_alikes(result) if item["share"] >= LEAST]
 
 
 def causes_table(found: Decomposition, title: str) -> Table:
     """Return the causes of a gap that has several."""
-    heads = ("closes", "90 %", "gap after", "probability", Column("indistinguishable from", left=True))
-    made = table(title, Column("cause", left=True), *heads)
+    first = Column("cause", left=True, only="console"), Column("cause", left=True, only="page")
+    last = Column("indistinguishable from", left=True, only="page")
+    made = table(title, *first, "closes", INTERVAL, "gap after", "probability", last)
     for cause in found.causes:
-        form = cause.forms[0]
+        name, alike = in_words([cause.key]), in_words(cause.indistinguishable)
         made.add_row(
-            in_words([form.key]),
+            "\n  or ".join([name, *(in_words([one]) for one in cause.indistinguishable)]),
+            name,
             percent(cause.closes),
             percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
             chance(cause.probability),
-            in_words(cause.indistinguishable) if cause.indistinguishable else "-",
+            alike or "-",
         )
     return made
 
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = "Probability: that it is this cause. Causes that always act in the same way count as one."
+    said = (
+        f"{CLOSES} Probability: that it is this cause. Causes that always act in the same way count as one."
+    )
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish it from the causes in its last column."
+        said += " These data cannot distinguish a cause from those that stand with it."
     return said
 
 
@@ -151,18 +163,21 @@ def next_best_text(result: Diagnosis) -> list[str]:
         if not one.keys:
             lines.append(f"{place}nothing; the gap would be {one.rms / one.rms_with:.2g} times as large.")
             continue
-        names = " with ".join(in_words([key]) for key in one.keys[:2])
+        names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         times = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
-        larger = 100.0 * (one.rms / one.rms_with - 1.0)
-        gap = f"{larger:.0f} % larger" if larger >= 0.5 else "no larger"
+        ratio = one.rms / one.rms_with
+        larger = f"{100.0 * (ratio - 1.0):.0f} % larger" if ratio >= 1.005 else "no larger"
+        gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else larger
         lines.append(f"{place}{names}, {times}; the gap on held-out data would be {gap}.")
     return lines
 
 
 def steps(result: Diagnosis) -> dict[str, float]:
-    """Return the position gap, m, by model: fitted, with one cause after the other, and its floor."""
-    left, found = {"fitted model": result.rms}, by_causes(result)
+    """Return the position gap, m, by model: of the file, fitted, with one cause more each, and its floor."""
+    changed, found = result.recalibration, by_causes(result)
+    left = {} if changed is None else {"geometry of the file": changed.placed}
+    left["fitted model"] = result.rms
     if found is not None:
         for at, one in enumerate(found.causes):
             left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
@@ -176,34 +191,38 @@ def steps(result: Diagnosis) -> dict[str, float]:
 
 
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
-    """Return the candidates with their probability, and how far the gap closes with each."""
-    heads = (Column("shape", left=True), "gap after", "closes", "90 %")
-    made = table(title, Column("cause", left=True), "probability", *heads)
+    """Return the candidates with their probability, and how far the gap closes with each, if there is one."""
+    heads = [("cause, its shape", "console"), ("cause", "page"), ("shape", "page")]
+    told = [] if result.verdict.effect == "none" or one_posture(result) else ["gap after", "closes", INTERVAL]
+    made = table(title, *(Column(name, left=True, only=only) for name, only in heads), "probability", *told)
     for one in some:
-        cells = ["-", "-", "-"]
-        if one.shrink is not None and not one_posture(result):
-            cells = [
-                f"{1e3 * one.shrink.after:.3f} mm",
-                percent(one.shrink.shrink),
-                percents(one.shrink.interval),
-            ]
-        made.add_row(in_full(one, result), chance(one.probability), one.shape, *cells)
+        cells, cause = ["-"] * len(told), in_full(one, result)
+        if one.shrink is not None and told:
+            share, ends = percent(one.shrink.shrink), percents(one.shrink.interval)
+            cells = [f"{1e3 * one.shrink.after:.3f} mm", share, ends]
+        made.add_row(below(cause, one.shape), cause, one.shape, chance(one.probability), *cells)
+    rest = 1.0 - sum(one.probability for one in some)
+    if rest >= LEAST:
+        made.add_row("all others", "all others", "", chance(rest), *(["-"] * len(told)))
     return made
 
 
 def sizes_table(result: Diagnosis, title: str) -> Table:
     """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
-    realistic = (Column("realistic", only="console"), Column("realistic", only="page"))
-    heads = ("value", "std", *realistic, Column("plausible", only="page"), "unit")
-    made = table(title, *(Column(name, left=True) for name in ("effect", "parameter")), *heads)
+    heads = [("effect, its parameters", "console"), ("effect", "page"), ("parameter", "page")]
+    more = ("value", "std", "realistic", Column("plausible", only="page"), "unit")
+    made = table(title, *(Column(name, left=True, only=only) for name, only in heads), *more)
     for one in told(result):
-        for item in one.estimates:
+        # behind the others those that are held at zero
+        for at, item in enumerate(
+            sorted(one.estimates, key=lambda item: item.positive and item.value == 0.0)
+        ):
             name, value, std, usual, unit = sized(item)
             negative = item.positive and item.value < 0
             plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
-            doubted = usual + ("" if item.plausible else " (!)")
-            made.add_row(named(one), name, value, std, doubted, usual, plausible, unit)
-    made.most, made.open = SIZES, len(made.rows) <= SIZES
+            first = below("" if at else named(one), name + ("" if item.plausible else " (!)"))
+            made.add_row(first, named(one), name, value, std, usual, plausible, unit)
+    made.most, made.open, made.bottom = SIZES, len(made.rows) <= SIZES, True
     return made
 
 
@@ -217,11 +236,16 @@ def names_text(result: Diagnosis) -> list[str]:
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
-    """Return the share of the explainable gap that each place could account for."""
-    made = table(title, "place", Column("share", only="console"), Column("share", only="page"), "90 %")
-    for item in places:
+    """Return the share of the gap above noise that each place could account for."""
+    shares = (Column("share", only="console"), Column("share", only="page"), INTERVAL)
+    made = table(title, "place", *shares)
+    alike = [listed(item["indistinguishable"], SHOWN) for item in places]
+    if any(alike):
+        made.columns = (*made.columns, Column("or, not distinguished by these rows", left=True))
+    for item, others in zip(places, alike, strict=True):
         share = item["share"]
-        made.add_row(item["component"], percent(share), f"{100 * share:.1f} %", percents(item["interval"]))
+        cells = percent(share), f"{100 * share:.1f} %", percents(item["interval"]), others
+        made.add_row(item["component"], *cells[: len(made.columns) - 1])
     made.most = SHOWN
     return made
 
@@ -300,7 +324,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     low = [item["share"] - item["interval"][0] for item in places]
     high = [item["interval"][1] - item["share"] for item in places]
     axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
-    axes[1].set(title="Where", xlabel="share of the explainable gap", xlim=(0, 1))
+    axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
     bars = steps(result)
     at = range(len(bars))[::-1]
     axes[2].barh(at, [1e3 * value for value in bars.values()], color=GREEN, tick_label=list(bars))

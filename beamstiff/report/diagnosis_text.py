@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF
-from beamstiff.diagnosis.recalibration import Recalibration
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.errors import listed
+from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
     causes,
     chance,
@@ -31,25 +29,23 @@ from beamstiff.report.diagnosis_words import (
     probability,
     second,
     several,
-    stiffness_in_words,
     sure,
     tested,
     told,
     unrealistic,
 )
-from beamstiff.report.tables import counted, scale_of
+from beamstiff.report.tables import counted
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
-from beamstiff.robot.stiffness import parameter_unit
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
-NAMED = 3  # explanations that are named where nothing is decided; changes of the geometry that are told
+NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
-ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
-SQUARES = "Shares are of the squared gap above noise: closing 75 % halves the gap."
+SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
+NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -58,32 +54,41 @@ def verdict(result: Diagnosis) -> Verdict:
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
-    perhaps = "perhaps " if hardly_checked(result) else ""
+    if result.recalibration is not None and result.recalibration.placed > result.rms:
+        gap += f" with calibrated geometry ({rounded(1e3 * result.recalibration.placed)} mm before)"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
+        if wrong := calibrated_away(result):
+            said, level = f"{wrong}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
             each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in found]
-            said = f"{gap}, {perhaps}{closed(found)} explained by {_shortly(each)}"
+            said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
             said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
-            share = "" if one_posture(result) else f"{percent(close.shrink)} "
+            share = "" if one_posture(result) else percent(close.shrink)
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
-            said = f"{gap}, {perhaps}{share}explained by {_or_alike(causes(result), alike)}"
+            said = f"{gap}, {_explained(result, share, _or_alike(causes(result), alike))}"
         else:
-            said = f"{gap}, {head[0].lower()}{head[1:]}"
+            alike = [key for key in result.indistinguishable if key != UNKNOWN]
+            said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
-        if perhaps and "explained" in said:
-            said += "; too few postures to check it"
     return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+
+
+def _explained(result: Diagnosis, share: str, by: str) -> str:
+    """Return, in words, what explains the gap; a doubt about its share is none about the cause."""
+    if hardly_checked(result):
+        return f"explained by {by}; the share, {share}, is uncertain"
+    return f"{share} explained by {by}".strip()
 
 
 def _shortly(names: Sequence[str]) -> str:
@@ -104,10 +109,12 @@ def _action(result: Diagnosis, head: str) -> str:
     if head == TOO_FEW:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if head == NOTHING.capitalize():
-        return (
-            "Use the fitted model (--apply) within the postures and loads measured. What it corrects "
-            "(zeros, lengths, drive stiffness) does not count as a cause."
+        write = (
+            "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
+            if calibrated_away(result)
+            else "Use the fitted model (--apply FILE writes it)"
         )
+        return f"{write} within the postures and loads measured. {NO_CAUSES}"
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):
@@ -151,55 +158,6 @@ def _written(result: Diagnosis) -> str:
     loaded = bool(np.any(result.baseline.rows.wrench))
     loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
     return f"{loads} (--next FILE writes them)."
-
-
-def moved_load(result: Diagnosis) -> str:
-    """Return, in words, that calibration moved the loads with the reflector; empty where it did not."""
-    rows, changed = result.baseline.rows, result.recalibration if result.baseline.absolute else None
-    loaded = set(rows.load_point[np.abs(rows.wrench).max(axis=1) > 0.0].tolist())
-    far: dict[str, float] = {}
-    for item, by in () if changed is None else changed.changes:
-        node = item.name.rpartition(".")[0]
-        if item.group == "target" and node in loaded & set(rows.point.tolist()):
-            far[node] = np.hypot(far.get(node, 0.0), by)
-    node = max(far, key=lambda one: far[one], default="")
-    if not node or far[node] < ELSEWHERE:
-        return ""
-    return (
-        f"Check where the loads act. The reflector was found {1e3 * far[node]:.0f} mm from where the file "
-        f"has {node}, and the loads are taken to act there with it. If they act elsewhere, give the "
-        "reflector a link of its own and name it in the column point (docs/tutorial.md)."
-    )
-
-
-def stiffness_text(result: Diagnosis) -> str:
-    """Return, in words, which fitted stiffness is farthest from the file's, and which no load touches."""
-    untouched = listed(result.untouched)
-    unknown = f"Stiffness not touched by these loads, as in the robot file: {untouched}." if untouched else ""
-    return "\n".join(filter(None, [_largest_change(result), unknown]))
-
-
-def _largest_change(result: Diagnosis) -> str:
-    fitted = result.fitted_stiffness
-    if result.decomposition is None and result.fits:  # of the fit with the causes, as --apply writes it
-        found = extended(result)
-        fitted = {name: (given, found.parameter(name)) for name, (given, _) in fitted.items()}
-    finite = {
-        name: (given, value)
-        for name, (given, value) in fitted.items()
-        if 0.0 < given < np.inf and name not in result.undetermined
-    }
-    if not finite:
-        return ""
-    name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
-    robot = result.baseline.nominal
-    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
-    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
-    of = f"{name} (of {variable})" if variable != joint else name
-    return (
-        f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit}."
-    )
 
 
 def remainder_text(found: Decomposition) -> str:
@@ -269,12 +227,11 @@ def summary(result: Diagnosis) -> str:
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
         share, ends = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
-        interval = "" if ends == share else f", 90 % interval {ends}"
-        both = "it" if also is None else "both"
+        interval = "" if ends == share else f" (90 % interval over the postures: {ends})"
         text += (
-            f"\nAdding {both} reduces the residual to {1e3 * verdict.shrink.after:.3f} mm ({share} of the "
-            f"gap above noise{interval}) for postures and load directions as measured.\n"
-            f"{SQUARES}{_weak(result)}"
+            f"\nWith {'it' if also is None else 'both'}, {1e3 * verdict.shrink.after:.3f} mm are left on "
+            f"held-out postures: {share} of the gap above noise is closed{interval}. This holds for postures "
+            f"and load directions as measured.\n{SQUARES}{_weak(result)}"
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
@@ -301,12 +258,12 @@ def _perhaps(result: Diagnosis) -> str:
 
 
 def _weak(result: Diagnosis) -> str:
-    """Return, in words, that the share is hardly checked; empty where it is."""
+    """Return, in words, that the share is hardly checked; empty where it is well."""
     if not hardly_checked(result):
         return ""
     return (
-        f" {counted(postures(result), 'posture')} are too few to check these shares on held-out data: "
-        "measure fresh postures, and try the written robot on them (beamstiff verify)."
+        f" This share is uncertain: it was checked on {counted(postures(result), 'posture')} only. Measure "
+        "others, and check the written robot on them (beamstiff verify)."
     )
 
 
@@ -339,10 +296,10 @@ def _of_several(found: Sequence[Cause]) -> str:
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
     each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
-    them = "all causes" if len(found) > 1 else "it"
+    them = "all of them" if len(found) > 1 else "it"
     return (
         f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}.\n"
-        f"Adding {them} reduces the residual to {1e3 * found[-1].rms_after:.3f} mm. {SQUARES}"
+        f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left. {SQUARES}"
     )
 
 
@@ -395,28 +352,6 @@ def separations(result: Diagnosis) -> list[str]:
     keys = [one.key for one in told(result)]
     effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
     return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
-
-
-def recalibration_text(changed: Recalibration) -> list[str]:
-    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
-    gap = (
-        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
-        f"(measuring frame fitted, reflectors as stated). Calibration with the drives reduces it to "
-        f"{rounded(1e3 * changed.after)} mm on held-out data."
-    )
-    if not changed.changes:
-        return [gap]
-    each = ", ".join(
-        _change(item.name, item.group == "offset", by, item.unit) for item, by in changed.changes[:NAMED]
-    )
-    rest = len(changed.changes) - NAMED
-    more = f" ({rest} more in --json and --apply)" if rest > 0 else ""
-    return [gap, f"Largest changes by calibration: {each}{more}."]
-
-
-def _change(name: str, is_zero: bool, by: float, unit: str) -> str:
-    factor, shown = scale_of([by], unit)
-    return f"{'zero of ' if is_zero else ''}{name} {factor * by:+.3g} {shown}"
 
 
 def undecided_text(found: Decomposition) -> str:

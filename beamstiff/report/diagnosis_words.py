@@ -120,13 +120,15 @@ def unrealistic(result: Diagnosis) -> list[tuple[Candidate, Estimate]]:
 
 
 def percents(ends: Sequence[float]) -> str:
-    """Return the ends of an interval in whole percent, at most all.
+    """Return the ends of an interval in whole percent; one above all is no end.
 
-    >>> percents((0.81, 1.02)), percents((0.631, 0.634))
-    ('81 to 100 %', '63 %')
+    >>> percents((0.81, 1.02)), percents((0.631, 0.634)), percents((0.81, 0.93)), percents((0.0, 1.0))
+    ('at least 81 %', '63 %', '81 to 93 %', '0 to 100 %')
     """
     low, high = (percent(end) for end in ends)
-    return high if low == high else f"{low.removesuffix(' %')} to {high}"
+    if low == high:
+        return high
+    return f"at least {low}" if ends[1] >= 1.0 and ends[0] >= 0.005 else f"{low.removesuffix(' %')} to {high}"
 
 
 def several(result: Diagnosis) -> tuple[Cause, ...]:

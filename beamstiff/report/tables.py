@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from rich import box
 from rich import table as rich_table
+from rich.align import VerticalAlignMethod
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
@@ -35,6 +36,7 @@ class Table:
     rows: list[list[str]] = field(default_factory=list)
     left: int = 1
     open: bool = True  # on a page: shown at once; else behind its title
+    bottom: bool = False  # on the console numbers stand beside the last line of their row
     most: int | None = None  # on the console so many rows; a last line says how many are left out
 
     @property
@@ -60,7 +62,8 @@ class Table:
         made = rich_table.Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
         made.show_header = any(column.head for column in columns)
         for column in columns:
-            made.add_column(column.head, justify="left" if column.left else "right")
+            vertical: VerticalAlignMethod = "bottom" if self.bottom and not column.left else "top"
+            made.add_column(column.head, justify="left" if column.left else "right", vertical=vertical)
         for row in rows[: self.most]:
             made.add_row(*row)
         if self.most is not None and len(rows) > self.most:
@@ -80,6 +83,15 @@ def add_rows(into: Table, rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         into.add_row(*row)
     into.most = MOST_ROWS
+
+
+def below(head: str, name: str) -> str:
+    r"""Return a cell with a name below its head, one of them possibly empty: tables have to fit a console.
+
+    >>> below("backlash at q2", "half_width"), below("", "half_width"), below("none", "")
+    ('backlash at q2\n  half_width', '  half_width', 'none')
+    """
+    return "\n  ".join((head, name)) if head and name else head or f"  {name}"
 
 
 def spaced(parts: Iterable[RenderableType]) -> Iterator[RenderableType]:

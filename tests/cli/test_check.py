@@ -77,3 +77,10 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
     (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + effect)
     said = run("verify", "worse.yaml", "crane.csv").stdout
     assert "Next: Delete from the robot file what makes these rows worse: backlash at q1." in said
+    assert "There is no before and after" not in said
+
+
+def test_verify_of_a_robot_without_effects_says_that_there_is_no_before_and_after(run: Run) -> None:
+    said = run("verify", "crane.yaml", "crane.csv").stdout
+    assert "There is no before and after: the robot file holds no effects and no model" in said
+    assert "of the robot file as it is" in said.splitlines()[0]

@@ -1,11 +1,13 @@
 """The causes of a gap that has several, and its remainder, as people read them."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.result import Candidate, Estimate
+from beamstiff.report.calibrated_text import recalibration_text
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
@@ -13,13 +15,14 @@ from beamstiff.report.diagnosis import (
     diagnosis_figure,
     diagnosis_tables,
     next_best_text,
+    notable,
+    places_table,
     probability_text,
     sizes_table,
     steps,
 )
 from beamstiff.report.diagnosis_text import (
     headline,
-    recalibration_text,
     remainder_text,
     separations,
     summary,
@@ -29,8 +32,9 @@ from beamstiff.report.diagnosis_text import (
 from beamstiff.report.diagnosis_words import hardly_checked, percent, sure, unrealistic
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
+from beamstiff.report.tables import worth
 from beamstiff.report.verdict import rounded
-from tests.diagnosis.decomposition.test_decompose import SLIP, found
+from tests.diagnosis.decomposition.test_decompose import SLIP, found, machine_changes
 
 
 def test_causes_stand_in_their_order_with_what_each_closes() -> None:
@@ -38,8 +42,8 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     several = result.decomposition
     assert several is not None
     rows = causes_table(several, CAUSES).rows
-    assert sorted(row[0] for row in rows) == ["angle-curve at q3", "approach-direction at q2", "target-slip"]
-    closes = [int(row[1].removesuffix(" %")) for row in rows]
+    assert sorted(row[1] for row in rows) == ["angle-curve at q3", "approach-direction at q2", "target-slip"]
+    closes = [int(row[2].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     assert sum(closes) in (99, 100, 101)
     assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
@@ -76,7 +80,7 @@ def test_a_cause_has_one_probability_in_summary_table_and_page() -> None:
     assert told.verdict.probability != pytest.approx(0.89)
     assert sure(told) == "89 %"
     assert "(probability 89 %)" in summary(told)
-    assert causes_table(less, CAUSES).rows[0][4] == "89 %"
+    assert causes_table(less, CAUSES).rows[0][5] == "89 %"
     assert "89 %" in diagnosis_html(told, provenance([], 0, []))
 
 
@@ -124,14 +128,14 @@ def test_causes_that_close_the_gap_together_are_the_headline_where_none_makes_mo
     assert "Undecided" not in text
     for cause in several.causes:
         assert f"({percent(cause.closes)})" in text
-    assert f"reduces the residual to {1e3 * several.causes[-1].rms_after:.3f} mm" in text
+    assert f"With all of them, {1e3 * several.causes[-1].rms_after:.3f} mm are left" in text
 
 
 def test_each_of_several_causes_is_told_with_its_size_and_its_check() -> None:
     result, _ = found("approach", "gear", "slip")
-    rows = {tuple(row[:2]): row for row in sizes_table(result, "How large").rows}
-    assert float(rows["approach-direction at q2", "half_lost_motion"][2]) == pytest.approx(0.4, rel=0.02)
-    assert float(rows["target-slip", "slip_x"][2]) == pytest.approx(1e3 * SLIP[0], rel=0.02)
+    rows = {tuple(row[1:3]): row for row in sizes_table(result, "How large").rows}
+    assert float(rows["approach-direction at q2", "half_lost_motion"][3]) == pytest.approx(0.4, rel=0.02)
+    assert float(rows["target-slip", "slip_x"][3]) == pytest.approx(1e3 * SLIP[0], rel=0.02)
     checked = [line.removeprefix("To check ").partition(":")[0] for line in separations(result)]
     assert sorted(checked) == ["angle-curve", "approach-direction", "target-slip"]
 
@@ -158,7 +162,7 @@ def test_what_cannot_be_distinguished_stands_in_the_headline_and_beside_the_prob
     assert "(or backlash at q2, hardening at q2)" in verdict(replace(result, decomposition=alike)).headline
 
 
-def test_few_postures_weaken_the_headline() -> None:
+def test_few_postures_make_the_share_uncertain_and_not_the_cause() -> None:
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
     assert several is not None
@@ -166,9 +170,10 @@ def test_few_postures_weaken_the_headline() -> None:
     doubtful = replace(result, decomposition=replace(several, causes=wide))
     assert hardly_checked(doubtful)
     said = verdict(doubtful).headline
-    assert "perhaps" in said
-    assert said.endswith("too few postures to check it")
-    assert "are too few to check these shares" in summary(doubtful)
+    assert "perhaps" not in said
+    assert "explained by target-slip, approach-direction at q2, angle-curve at q3; the share, " in said
+    assert said.endswith(" %, is uncertain")
+    assert "This share is uncertain: it was checked on 90 postures only." in summary(doubtful)
 
 
 def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None:
@@ -198,10 +203,84 @@ def test_what_the_calibration_changed_is_told() -> None:
     result, _ = found("approach", "gear", "slip")
     changed = result.recalibration
     assert changed is not None
-    assert changed.after == result.rms
-    gap, *_ = recalibration_text(changed)
+    assert changed.after == result.rms < changed.placed <= changed.before
+    gap, largest = recalibration_text(changed)
     assert f"leaves a gap of {rounded(1e3 * changed.before)} mm RMS" in gap
-    assert result.to_dict()["calibration"]["before_mm"] == 1e3 * changed.before
+    assert (
+        f" with calibrated geometry ({rounded(1e3 * changed.placed)} mm before), " in verdict(result).headline
+    )
+    first = changed.changes[0]
+    value, std = worth(1e3 * first.by, 1e3 * first.std)
+    assert f": {first.parameter.name} {'+' * (first.by > 0)}{value} ± {std} mm, " in largest
+    told = result.to_dict()["calibration"]
+    assert told["before_mm"] == 1e3 * changed.before
+    assert told["changes"][first.parameter.name]["std"] == first.std
+
+
+def test_changes_of_the_geometry_are_right_to_their_standard_deviations() -> None:
+    result, _ = found()
+    assert result.recalibration is not None
+    by_name = {one.parameter.name: one for one in result.recalibration.changes}
+    for name in ("f2.d", "f3.d", "f2.alpha", "f5.alpha", "q2", "q3", "q4", "q5"):
+        one = by_name[name]
+        assert one.by == pytest.approx(machine_changes()[name], abs=4.0 * one.std)
+        assert one.std < 2e-5  # m, rad: well below the 3e-4 by which it was changed
+
+
+def test_a_file_that_calibration_brought_to_agree_is_said_to_be_off_and_how_to_write_it() -> None:
+    result, _ = found()
+    changed = result.recalibration
+    assert changed is not None
+    first = verdict(result)
+    off = rounded(1e3 * changed.placed)
+    assert first.headline.startswith(
+        f"Geometry in the robot file is off by {off} mm; calibrated, model and machine agree (gap 0.0"
+    )
+    assert first.level == "doubtful"
+    assert first.action.startswith(
+        "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
+    )
+
+
+def test_a_reflector_that_was_elsewhere_is_no_geometry_and_a_right_file_agrees_by_itself() -> None:
+    result, _ = found()
+    changed = result.recalibration
+    assert changed is not None
+    right: dict[str, Any] = {"placed": result.noise}
+    beside = replace(result)
+    beside.__dict__["recalibration"] = replace(changed, **right)
+    assert verdict(beside).headline.startswith("The reflector's place in the robot file is off by ")
+    beside.__dict__["recalibration"] = replace(changed, **right, before=result.noise)
+    assert verdict(beside).headline.startswith("Model and machine agree: gap ")
+    assert verdict(beside).level == "agrees"
+
+
+def test_no_share_above_all_is_written_and_an_open_end_is_told_as_at_least() -> None:
+    result, _ = found("gear")
+    several = result.decomposition
+    assert several is not None
+    wide = replace(several.causes[0], closes=1.01, closes_interval=(0.35, 1.73))
+    told = replace(result, decomposition=replace(several, causes=(wide, *several.causes[1:])))
+    [written] = told.to_dict()["causes"]
+    assert written["closes"] == 1.0
+    assert written["closes_interval"] == [0.35, 1.0]
+    assert told.decomposition is not None
+    assert causes_table(told.decomposition, CAUSES).rows[0][3] == "at least 35 %"
+
+
+def test_places_of_look_alikes_stand_beside_the_place_of_their_cause() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    others = ("backlash:q2", "link-bending:forearm", "base-compliance:null")
+    alike = replace(several, causes=(replace(several.causes[1], indistinguishable=others), several.causes[2]))
+    told = replace(result, decomposition=alike)
+    places = {one["component"]: one["indistinguishable"] for one in told.to_dict()["where"]["components"]}
+    assert places["q2"] == ["forearm", "base"]
+    assert places["q3"] == []
+    made = places_table(notable(told), "Where")
+    assert [row[4] for row in made.rows if row[0] == "q2"] == ["forearm, base"]
+    assert len(places_table(notable(result), "Where").columns) == 4  # nothing to tell
 
 
 def _with(causes: tuple[Cause, ...], alike: tuple[str, ...]) -> tuple[Cause, ...]:

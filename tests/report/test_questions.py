@@ -1,24 +1,29 @@
 """What readers of a diagnosis asked, and what it says of it."""
 
+import io
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
+from rich.text import Text
 
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
-from beamstiff.report.diagnosis import diagnosis_tables, names_text
-from beamstiff.report.diagnosis_text import stiffness_text, verdict
+from beamstiff.report.calibrated_text import stiffness_text
+from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
+from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.html.robot_view import Shown, robot_view
 from beamstiff.report.html.rows import Compared, row_figures
-from beamstiff.report.smallest import TITLE, smallest_table
+from beamstiff.report.smallest import TITLE, hidden_text, smallest_table
+from beamstiff.report.tables import Table
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
 from tests.diagnosis.decomposition import test_decompose as ur10
@@ -152,7 +157,9 @@ def test_no_cause_is_told_with_the_smallest_size_that_would_have_shown(
     assert ur10.NOISE < slip.size < 10.0 * ur10.NOISE
     assert TITLE in [getattr(part, "title", None) for part in diagnosis_tables(result)]
     assert TITLE in diagnosis_html(result, provenance([], 0, []))
-    assert next(row for row in smallest_table(result).rows if row[0] == "target-slip")[2].endswith(" mm")
+    assert next(row for row in smallest_table(result).rows if row[0] == "target-slip")[3].endswith(" mm")
+    assert "tool-compliance" in hidden_text(result)
+    assert hidden_text(result) in diagnosis_html(result, provenance([], 0, []))
     shown = []
     for times in (1.2, 0.3):
         monkeypatch.setattr(ur10, "SLIP", np.array([times * slip.size, 0.0, 0.0]))
@@ -197,3 +204,55 @@ def test_what_the_readings_miss_is_marked_at_the_reflector() -> None:
 def test_the_page_of_a_drift_marks_where_it_was_read() -> None:
     page = diagnosis_html(warming(), provenance([], 0, []))
     assert '"text": "readings' in page or '"text":"readings' in page
+
+
+def test_a_terminal_of_80_columns_shows_a_diagnosis_with_no_word_cut() -> None:
+    for result in (ur10.found()[0], ur10.found("approach", "gear", "slip")[0], diagnosed("backlash")):
+        console = Console(width=80, file=io.StringIO(), markup=False, emoji=False, highlight=False)
+        for part in diagnosis_tables(result):
+            console.print(part)
+        text = console.file.getvalue()
+        assert max(map(len, text.splitlines())) <= 80
+        assert "…" not in text
+        for part in diagnosis_tables(result):
+            for row in part.drawn("console")[1][: part.most] if isinstance(part, Table) else ():
+                for word in " ".join(row).split():
+                    assert word in text
+
+
+def test_an_interval_says_of_what_it_is_90_percent() -> None:
+    for result in (ur10.found("approach", "gear", "slip")[0], diagnosed("backlash")):
+        parts = list(diagnosis_tables(result))
+        heads = {str(one) for part in parts if isinstance(part, Table) for one in part.columns}
+        assert "90 %" not in heads
+        assert "90 % interval" in heads
+        texts = " ".join(part.plain for part in parts if isinstance(part, Text))
+        assert "Its 90 % interval says how far the share depends on the postures." in texts
+
+
+def test_where_nothing_is_beyond_noise_no_part_is_coloured_and_nothing_proposed() -> None:
+    nothing, play = (
+        diagnosis_html(one, provenance([], 0, [])) for one in (diagnosed(None), diagnosed("backlash"))
+    )
+    assert diagnosed(None).next
+    for told in ("Colour shows each part", " states that "):
+        assert told in play
+        assert told not in nothing
+
+
+def test_a_list_of_candidates_accounts_for_all_of_the_probability() -> None:
+    rare = [replace(one, probability=0.004) for one in diagnosed("backlash").candidates[1:4]]
+    result = diagnosed("backlash")
+    play = replace(result.verdict, probability=0.988)
+    listed = replace(result, verdict=play, candidates=(play, *rare))
+    rows = candidates_table(listed, likely(listed, 8), "Which").rows
+    assert [(row[1], row[3]) for row in rows] == [("backlash at q3", "99 %"), ("all others", "1 %")]
+
+
+def test_how_sure_a_page_is_says_of_what() -> None:
+    page = diagnosis_html(ur10.found()[0], provenance([], 0, []))
+    assert "probability that nothing is beyond noise" in page
+    assert "probability of the cause" not in page
+    assert "probability of the cause" in diagnosis_html(diagnosed("backlash"), provenance([], 0, []))
+    unknown = replace(diagnosed("backlash"), verdict=Candidate("unknown", None, 0.9))
+    assert "probability that no known effect is the cause" in diagnosis_html(unknown, provenance([], 0, []))

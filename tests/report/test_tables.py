@@ -5,7 +5,7 @@ from rich.console import Console
 
 from beamstiff.report.tables import scale_of, table, worth
 
-TITLE = "Where: share of the explainable gap that each place could account for"
+TITLE = "Where: share of the gap above noise that each place could account for"
 
 
 def printed(width: int) -> list[str]:

@@ -100,7 +100,7 @@ def test_the_table_holds_the_texts() -> None:
     told = [sentence for _, _, sentence in table()]
     assert len(told) > 5000
     for one in (
-        "Adding ... reduces the residual to",  # terminal and report
+        "... mm are left on held-out postures",  # terminal and report
         "The figures need JavaScript",  # report
         "no row carries a load: measure with one",  # notes
         "expected NAME=NUMBER such as backlash:q2=0.5",  # errors

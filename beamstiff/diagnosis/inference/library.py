@@ -180,7 +180,7 @@ def _hidden(hypotheses: Sequence[Hypothesis], white: Whitened) -> str:
     if (left < ABSORBED * size).all():
         return "the fitted stiffness absorbs it, so the fitted model already has it"
     if (most < FAINT).all():
-        return f"too small to show: at most it moves a reading by {most.max():.2g} of its noise"
+        return f"too small to show: it moves no reading by more than {FAINT:g} of its noise"
     return ""
 
 
@@ -197,7 +197,7 @@ def nowhere(effect: str, baseline: Baseline) -> str:
             return "time and temperature are the same in all rows: measure for longer"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
-        return "every joint has a stiffness about its axis: a soft drive shows in the fitted stiffness"
+        return "every joint has a drive stiffness already: a softer drive changes its fitted value"
     if effect == "joint-coupling":
         return "fewer than two joints have a stiffness about their axes: add it to the robot file"
     if effect in OF_DRIVES and not drives(baseline):

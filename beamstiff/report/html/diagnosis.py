@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.solution import gap_with
-from beamstiff.diagnosis.held_out.score import shift
+from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.report.calibrated_text import recalibration_text
 from beamstiff.report.diagnosis import (
     CAUSES,
+    DOUBTFUL,
     SHOWN,
     by_causes,
     candidates_table,
@@ -29,7 +30,7 @@ from beamstiff.report.diagnosis import (
     steps,
     untestable_table,
 )
-from beamstiff.report.diagnosis_text import proposed, recalibration_text, separations, summary, verdict
+from beamstiff.report.diagnosis_text import proposed, separations, summary, verdict
 from beamstiff.report.diagnosis_words import (
     causes,
     closed,
@@ -50,10 +51,9 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
-from beamstiff.report.smallest import smallest_table
+from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
-from beamstiff.se3 import Array
 
 DEGREES = 180.0 / np.pi
 DRIVES = "drives"  # the place of what all drives have
@@ -63,7 +63,7 @@ NOTHING_LEFT = 1e-5  # mm: no reading is as good
 def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     """Return the report of a diagnosis as one HTML page."""
     baseline = result.baseline
-    without, beside = _predictions(result)
+    without, beside = predictions(result)
     compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
     changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
     with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
@@ -91,25 +91,16 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     )
 
 
-def _predictions(result: Diagnosis) -> tuple[Array, Array | None]:
-    """Return what the model says without and with the causes; None where there are none."""
-    found, baseline = result.decomposition, result.baseline
-    if found is not None:
-        forms = [form for cause in (*found.causes, *found.unclear) for form in cause.forms]
-        without, beside = (baseline.measured - gap_with(found.model, some) for some in ((), forms))
-        return without, beside if forms else None
-    if not result.fits:
-        return baseline.predicted, None
-    columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
-    return baseline.predicted, result.linear.predicted + shift(result.linear, result.fits, columns)
-
-
 def _facts(result: Diagnosis) -> Iterator[Fact]:
     also, found = second(result), several(result)
     if found:
-        yield Fact("Causes close", closed(found), "of the explainable gap, on held-out data")
+        yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
     else:
-        yield Fact("How sure", sure(result), "probability of the cause")
+        of = {"none": "that nothing is beyond noise", "unknown": "that no known effect is the cause"}
+        yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
+    if result.recalibration is not None:
+        before = f"{rounded(1e3 * result.recalibration.placed)} mm"
+        yield Fact("Robot file", before, "gap with its own geometry, RMS, measuring frame fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -125,7 +116,9 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
 def _view(result: Diagnosis) -> RobotView | None:
     baseline, shown = result.baseline, []
     rows = baseline.rows
-    shares = {item["component"]: float(item["share"]) for item in result.where.get("components", [])}
+    nothing = result.verdict.effect == "none"  # shares would be of noise
+    places = [] if nothing else result.where.get("components", [])
+    shares = {item["component"]: float(item["share"]) for item in places}
     if DRIVES in shares:  # all of them
         shares |= {one.name: shares[DRIVES] for one in baseline.robot.actuated}
     # what the readings miss is drawn at the reflector, or where the frame is that they are read in
@@ -137,12 +130,13 @@ def _view(result: Diagnosis) -> RobotView | None:
         name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
         marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
-    return robot_view(baseline.robot, shown, "share of the gap", gravity=baseline.absolute)
+    share = "" if nothing else "share of the gap"
+    return robot_view(baseline.robot, shown, share, gravity=baseline.absolute)
 
 
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, "How large: its parameters")
-    legend = " ".join(names_text(result))
+    legend = " ".join(one for one in names_text(result) if one != DOUBTFUL)
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
         traces, layout = bars(
@@ -155,8 +149,8 @@ def _which(result: Diagnosis) -> Section:
             tickformat=".0%",
         )
         caption = (
-            "What each cause closes when added to those above it, on held-out data, with its 90 % interval. "
-            f"{' '.join([probability_text(found), *next_best_text(result)])}"
+            f"What each cause closes, added to those above it. {probability_text(found)} "
+            f"{' '.join(next_best_text(result))}"
         )
         figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
         plural = "s" * (len(found.causes) > 1)
@@ -176,7 +170,7 @@ def _which(result: Diagnosis) -> Section:
         "Probability of the likeliest explanations.",
         traces,
         layout,
-        candidates_table(result, likely(result, len(result.candidates)), "The candidates"),
+        candidates_table(result, first, "The candidates"),
     )
     return Section("which", "Which cause", figures=[figure], tables=tables, tables_text=legend)
 
@@ -190,13 +184,13 @@ def _where(result: Diagnosis) -> Section:
             [item["component"] for item in first],
             [item["share"] for item in first],
             "orange",
-            "share of the explainable gap",
+            "share of the gap above noise",
             [tuple(item["interval"]) for item in first],
             range=[0, 1.02],
             tickformat=".0%",
         )
         table = places_table(places, "The places")
-        caption = "Share of the explainable gap that each place could account for, with its 90 % interval."
+        caption = "Share of the gap above noise that each place could account for, with its 90 % interval."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
     parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
@@ -265,9 +259,11 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         )
         table = Table("Stiffness values, SI", ("parameter", "as given", "fitted", "by these data"), fitted)
         yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
-    hidden = [smallest_table(result)] if result.verdict.effect == "none" else []
+    nothing = result.verdict.effect == "none"
+    hidden = [smallest_table(result)] if nothing else []
     hidden += [untestable_table(result, "Not testable")] if result.untestable else []
-    yield Section("untestable", "What these data cannot show", tables=hidden, open=False)
+    texts = [said] if nothing and (said := hidden_text(result)) else []
+    yield Section("untestable", "What these data cannot show", texts, tables=hidden, open=False)
     limits = list(result.notes)
     limits += [f"outlier, excluded from the fit: {row}" for row in result.outliers]
     yield Section("limits", "What limits the conclusions", items=limits)
@@ -282,10 +278,11 @@ def _next(result: Diagnosis) -> Section:
             ),
             ", ".join(number(value + 0.0) for value in item["wrench"]),
             item["point"],
-            ", ".join(item["separates"]),
+            in_words(item["separates"]),
         ]
         for item in result.next
     ]
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
-    tables = [Table(proposed(result), columns, following, 4, open=False)] if following else []
+    wanted = bool(following) and result.verdict.effect != "none"
+    tables = [Table(proposed(result), columns, following, 4, open=False)] if wanted else []
     return Section("next", "What to measure next", separations(result), tables=tables)

@@ -16,6 +16,7 @@ from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
+from beamstiff.report.html.cameras import CAMERAS, across
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
 from beamstiff.report.html.places import line_of
@@ -37,21 +38,11 @@ DEFORMED = 0.12  # of the robot's size: the deformed shape to begin with
 FURTHER = 2.0  # times this at most
 ELLIPSOID = 0.12  # of the robot's size: its longest half axis
 AROUND = 0.16  # of the robot's size: room about it
-LONGEST = 1.55  # of the figure's own lengths: its longest side
-UPRIGHT = 1.3  # of a figure wider than high: a height is drawn as if it were longer by this
 LEAST_SCALE = 0.05  # share that gets the full colour at least
+ELLIPSOID_MEANS = (
+    "The ellipsoid at the tool is its compliance: how far a unit force in each direction displaces the tool."
+)
 APART = 8 * "\u00a0"  # moves the title of the upright axis away from its ticks
-CAMERAS = {
-    "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
-    "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
-    "side (along y)": {"eye": {"x": 0.0, "y": -1.9, "z": 0.0}},
-    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 2.0}},
-}
-# of the camera that looks across the deflection: from the axis, above the middle, and how far it is turned so
-# that the axis that points at it is seen too
-DISTANCE, HEIGHT, TURNED = 1.9, 0.5, np.radians(18.0)
-LOWER = {"x": 0.0, "y": 0.0, "z": -0.12}  # what it looks at: room for the axes' names below
-SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where the camera is chosen
 
 
 @dataclass(frozen=True)
@@ -107,8 +98,8 @@ def robot_view(
 ) -> RobotView | None:
     """Return a robot in some postures, or None where there is none to show.
 
-    `share`: what the shares are of, such as "share of the gap". `gravity`: let the dead weight deform it as
-    well. `model`: whose deformed shape it is.
+    `share`: what the shares are of, such as "share of the gap"; empty where there are none. `gravity`: let
+    the dead weight deform it as well. `model`: whose deformed shape it is.
     """
     if not shown:
         return None
@@ -135,14 +126,15 @@ def robot_view(
         view = _View(robot, axes[at], where.node_positions[at], moved[at], size)
         views.append(view.made(one, shares, compliance[at]))
     most = max(LEAST_SCALE, *(view.pop("largest") for view in views))
+    weight = " and its own weight" if gravity else ""
+    told = [f"Colour shows each part's {share}."] if share else []
+    if largest > 0.0:
+        under = f"under the load shown{weight}, magnified; the undeformed one is dashed"
+        told += [f"The deformed shape is that of {model} {under}.", ELLIPSOID_MEANS]
     figure = Figure(
         "robot",
         "The robot",
-        f"Colour shows each part's {share}. The deformed shape is that of {model} under "
-        "the load shown"
-        + (" and its own weight" if gravity else "")
-        + ", magnified; the undeformed one is dashed. The ellipsoid at the tool is its compliance: how far "
-        "a unit force in each direction displaces the tool.",
+        " ".join(told),
         _styles(share, most, solid=bool(robot.beams)),
         space(views[0]["camera"], showlegend=False),
         _table(shown, moved, compliance, structure.kinematics.node_index[robot.tcp]),
@@ -273,27 +265,6 @@ class _View:
         }
 
 
-def longest_side(sides: Array) -> float:
-    """Return the side of a box (3,) that is drawn as `LONGEST`: heights count for more, as in report.js."""
-    return float((sides * [1.0, 1.0, UPRIGHT]).max())
-
-
-def across(moved: Array, reach: Array) -> dict[str, Any]:
-    """Return the camera that sees how the tool moved, and the robot from its side.
-
-    `moved` (3,): of the tool. `reach` (3,): from the base to the tool.
-    """
-    seen = np.zeros((2, 2))
-    for part, weight in ((moved, 1.0), (reach, SPREAD)):
-        if (length := float(np.linalg.norm(part))) > 0.0:
-            seen += weight * np.outer(part[:2], part[:2]) / length**2
-    eye = np.linalg.eigh(seen)[1][:, 0]  # along which the least is seen
-    eye = eye * (-1.0 if eye[1] > 1e-9 or (abs(eye[1]) <= 1e-9 and eye[0] < 0) else 1.0)  # from the front
-    eye = np.array([[np.cos(TURNED), -np.sin(TURNED)], [np.sin(TURNED), np.cos(TURNED)]]) @ eye
-    place = np.append(DISTANCE * eye, HEIGHT)
-    return {"eye": dict(zip("xyz", numbers(place), strict=True)), "center": LOWER}
-
-
 def _points(positions: Array, moved: Array) -> dict[str, Any]:
     result: dict[str, Any] = {name: numbers(positions[:, k]) for k, name in enumerate("xyz")}
     return result | {f"d{name}": numbers(moved[:, k]) for k, name in enumerate("xyz")}
@@ -331,7 +302,7 @@ def _styles(share: str, most: float, solid: bool) -> list[dict[str, Any]]:
     }
     return [
         lines("undeformed", "skip", color=css("muted"), width=3, dash="dash"),
-        lines("links", width=9, **coloured, colorbar=bar, showscale=True),
+        lines("links", width=9, **coloured, colorbar=bar, showscale=bool(share)),
         lines("joints", width=22, **coloured),
         base_and_tool(**coloured, line={"width": 1, "color": css("ink")}),
         lines("load", color=css("blue"), width=6),

@@ -128,7 +128,7 @@ def _residuals(compared: Compared, sizes: Sizes, held: dict[str, list[Any]]) -> 
     return Section(
         "residuals",
         "Residuals, before and after" if compared.after is not None else "Residuals",
-        texts=["Measured minus predicted position. A pattern over the load or the postures is no noise."],
+        texts=["Measured minus predicted position. A pattern over load or posture is more than noise."],
         figures=figures,
     )
 

@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.report.html.cameras import CAMERAS, DIAGONAL
 from beamstiff.report.html.links import joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, css, label, numbers, shared
 from beamstiff.report.html.robot_view import (
     AROUND,
-    CAMERAS,
     FURTHER,
-    LONGEST,
     RobotView,
     base_and_tool,
     lines,
-    longest_side,
     space,
 )
 from beamstiff.report.tables import Table, nice
@@ -85,7 +83,7 @@ def still_view(
     low, high = around.min(axis=0) - AROUND * size, around.max(axis=0) + AROUND * size
     magnification, most = _magnification(size, deviations)
     cameras = dict(CAMERAS)
-    if close := _close(deviations, magnification, 0.5 * (low + high), longest_side(high - low)):
+    if close := _close(deviations, magnification, 0.5 * (low + high), float(np.linalg.norm(high - low))):
         cameras["close"] = close
     ranges = {name: numbers(np.array([low[k], high[k]])) for k, name in enumerate("xyz")}
     held: dict[str, list[Any]] = {}
@@ -138,13 +136,13 @@ def _magnification(size: float, deviations: Sequence[Deviations]) -> tuple[float
 
 
 def _close(
-    deviations: Sequence[Deviations], magnification: float, middle: Array, longest: float
+    deviations: Sequence[Deviations], magnification: float, middle: Array, diagonal: float
 ) -> dict[str, Any] | None:
     """Return the camera that looks at the deviations from near, None where they are all over the picture."""
     places = np.concatenate([one.places + magnification * one.away for one in deviations])
     if not len(places):
         return None
-    scale = LONGEST / longest  # the figure's own lengths
+    scale = DIAGONAL / diagonal  # the figure's own lengths
     extent = scale * float(np.ptp(places, axis=0).max())
     if extent > FAR:
         return None

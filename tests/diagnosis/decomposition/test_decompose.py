@@ -28,11 +28,16 @@ FRAME = np.array([0.3, -0.2, 1.1])  # rad: the tracker stands somewhere
 PLACE = np.array([2.0, -1.0, 0.4])  # m
 
 
-def machine(robot: Robot) -> Robot:
-    """Return the robot as it is made: not quite as described."""
+def machine_changes() -> dict[str, float]:
+    """Return by how much the robot is made otherwise than described, m and rad."""
     rng = np.random.default_rng(3)
     names = ("f2.d", "f3.d", "f4.r", "f2.alpha", "f5.alpha", "q2", "q3", "q4", "q5")
-    return corrected(robot, {name: 3e-4 * rng.standard_normal() for name in names}, np.zeros((1, 6)))
+    return {name: 3e-4 * rng.standard_normal() for name in names}
+
+
+def machine(robot: Robot) -> Robot:
+    """Return the robot as it is made: not quite as described."""
+    return corrected(robot, machine_changes(), np.zeros((1, 6)))
 
 
 def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generator) -> Measurements:

@@ -6,12 +6,15 @@ script in all of them is tried on one.
 """
 
 import itertools
+import json
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from beamstiff.report.html.cameras import DIAGONAL
 from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
 QUICK = ("diagnosis", "identification", "exam")  # opened in every run, the others by `make slow`
@@ -186,6 +189,22 @@ def test_no_label_overprints_another_in_other_widths(
         assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.parametrize(("first", "then"), [(NARROW, 1280), (1280, NARROW)])
+def test_a_page_that_is_resized_while_it_is_open_is_drawn_for_its_new_width(
+    first: int, then: int, browser: Any, diagnosis_page: str, tmp_path: Path
+) -> None:
+    page, drawn = written(diagnosis_page, tmp_path), []
+    names = "[...document.querySelectorAll('.plot .ytick')].map((one) => one.textContent).join()"
+    for start in (then, first):
+        open_page(browser, page, start, "light")
+        set_width(browser, then)
+        if start == then:
+            drawn.append(json.dumps(browser.execute_script(f"return {names}")))
+    wait_until(browser, f"return {names} === {drawn[0]}", "the labels are those of the old width")
+    assert overprinted(browser) == []
+    assert figures_at_fault(browser) == []
+
+
 def test_overlapping_labels_are_found(opened: Any) -> None:
     opened.execute_async_script(
         "const done = arguments[0], plot = document.querySelector('.plot:not(#plot-robot)');"
@@ -236,6 +255,11 @@ def check_the_slider(browser: Any, moving: int) -> None:
     ]
     assert ways
     assert ways == pytest.approx([float(most) / float(begin)] * len(ways), rel=1e-6)
+
+
+def test_the_robot_s_box_has_the_same_diagonal_whatever_its_shape(opened: Any) -> None:
+    ratio = opened.execute_script("return document.getElementById('plot-robot').layout.scene.aspectratio")
+    assert np.linalg.norm(list(ratio.values())) == pytest.approx(DIAGONAL)
 
 
 def test_the_keyboard_reaches_the_controls(opened: Any) -> None:

@@ -55,10 +55,11 @@
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
     }));
-    // lengths as they are, the longest always as long, and no higher than the picture
+    // lengths as they are, the diagonal always as long
     const lengths = Object.entries(view.ranges).map(([name, [low, high]]) => [name, high - low]);
-    const longest = Math.max(...lengths.map(([name, length]) => (name === "z" ? 1.3 : 1) * length));
-    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.55 * length / longest]));
+    const longest = Math.max(...lengths.map(([, length]) => length));
+    const diagonal = Math.hypot(...lengths.map(([, length]) => length));
+    layout.scene.aspectratio = Object.fromEntries(lengths.map(([name, length]) => [name, 1.6 * length / diagonal]));
     for (const [name, length] of lengths) {  // ticks where there is room for them
       Object.assign(layout.scene[`${name}axis`], { range: view.ranges[name], nticks: Math.max(2, Math.round(6 * length / longest)) });
     }
@@ -76,9 +77,11 @@
     layout.legend = { ...layout.legend, bgcolor: "rgba(0,0,0,0)" };
     if (!figure.views) layout.dragmode = plot.layout ? plot.layout.dragmode : false;  // a finger scrolls the page
     const narrow = plot.clientWidth < 480;
+    if (layout.scene && plot.clientWidth < 700) {  // a phone, or paper: the camera steps back
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.2 * value])) };
+    }
     if (narrow && layout.scene) {
       layout.height = 440;
-      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.2 * value])) };
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
@@ -89,9 +92,15 @@
         (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
+    if (narrow && !figure.views && layout.margin.t > 60) {  // a legend has no buttons above it then
+      layout.margin.t -= 26;
+      layout.height -= 26;
+    }
     // paper does not wait for a figure to find out how wide it may be
     if (document.documentElement.dataset.theme === "print") layout.width = plot.clientWidth;
     plot.style.minHeight = `${layout.height}px`;
+    if (plot.dataset.narrow !== String(narrow)) Plotly.purge(plot);  // a bar of colours that was turned leaves its labels
+    plot.dataset.narrow = String(narrow);
     // narrow figures have no room for buttons above their legend
     return Plotly.react(plot, traces, layout, { ...config, displayModeBar: !narrow || Boolean(figure.views), modeBarButtons: buttons(figure) });
   };
@@ -150,6 +159,11 @@
   });
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  let resized = 0, width = innerWidth;
+  addEventListener("resize", () => {  // labels are cut for the width that there was; a phone's bars move heights alone
+    clearTimeout(resized);
+    if (innerWidth !== width && document.documentElement.dataset.theme !== "print") resized = setTimeout(() => { width = innerWidth; drawAll(); }, 150);
+  });
   let closed = [];
   addEventListener("beforeprint", () => {
     document.documentElement.dataset.theme = "print";
