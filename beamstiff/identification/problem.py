@@ -19,7 +19,7 @@ from beamstiff.identification.whitening import (
     of_blocks,
     whitening,
 )
-from beamstiff.identification.wind_up import COMPONENT, WindUp, wind_up
+from beamstiff.identification.wind_up import COMPONENT, WindUp, between_loads, wind_up
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -203,7 +203,8 @@ def _behind(
     """Return what encoders behind the gears say, None where that is nothing; and sentences about it."""
     if not stated:
         return None, ("the encoders behind the gears are not used: the noise of the tool is not stated",)
-    found = wind_up(robot, measurements, model, rigid_motion(robot, measurements))
+    moved = rigid_motion(robot, measurements)
+    found = wind_up(robot, measurements, model, moved, between_loads, "differences within postures")
     return found if len(found.port) else None, found.notes
 
 
