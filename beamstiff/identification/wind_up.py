@@ -242,7 +242,7 @@ def _scatter(value: Array, predicted: Array, largest: float) -> float:
     `largest`: of all wind-ups that are predicted.
     """
     if len(value) < LEAST:
-        raise _UnusedError(f"found {len(value)} differences to tell a wind-up from, expected {LEAST} or more")
+        raise _UnusedError(f"found {len(value)} independent differences, expected {LEAST} or more")
     if np.sqrt(np.mean(value**2)) > LARGEST:
         raise _UnusedError("no gear winds up so much; check unit and joint of the column")
     size = float(predicted @ predicted)

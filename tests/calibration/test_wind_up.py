@@ -102,4 +102,4 @@ def test_folds_and_notes() -> None:
     assert any("the noise of the positions is not stated" in note for note in fitted(unstated).notes)
     few = subset(rows, np.arange(12))
     few.link[7:, 1] = np.nan
-    assert any("q2_link is not used: found 2 differences" in note for note in fitted(few).notes)
+    assert any("q2_link is not used: found 2 independent differences" in note for note in fitted(few).notes)
