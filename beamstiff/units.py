@@ -26,6 +26,8 @@ UNITS: dict[str, str] = {
     "mass": "kg",
     "time": "s",
     "temperature": "degC",
+    "speed": "m/s",
+    "angular speed": "rad/s",
     "acceleration": "m/s**2",
     "modulus": "Pa",
     "density": "kg/m**3",

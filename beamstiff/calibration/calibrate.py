@@ -38,6 +38,7 @@ def calibrate(
     noticed: float = NOTICED,
     folds: int = 5,
     stations: bool = False,
+    encoders: bool = False,
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -46,6 +47,7 @@ def calibrate(
     are estimated along with the geometry.
 
     Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
+    `encoders`: those behind the gears count for the compliances.
     """
     statement = build_calibration(
         robot,
@@ -57,6 +59,7 @@ def calibrate(
         priors=priors,
         noticed=noticed,
         stations=stations,
+        encoders=encoders,
     )
     problem, found = _settled(statement, method)
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):

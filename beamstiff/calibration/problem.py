@@ -12,7 +12,10 @@ from beamstiff.calibration.elastic import Elastic, build_elastic
 from beamstiff.calibration.error_jacobian import Geometry, Indices, Placed
 from beamstiff.calibration.instruments import gap_of_rows, linearised_rows
 from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.wind_up import TOLD, beside_curve
 from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.identification.input_errors import rigid_motion
+from beamstiff.identification.wind_up import COMPONENT, WindUp, of_drives, wind_up
 from beamstiff.measure.camera import SCALE, gap_of_camera, scale_column
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
@@ -34,6 +37,7 @@ class Problem:
     claimed: bool  # whether the table states them
     expected: Array  # (t,): what is known of the parameters beforehand
     prior: Array  # (t,): with which standard deviation; inf nothing
+    behind: WindUp | None = None  # e contrasts of encoders behind the gears
 
     @property
     def rows(self) -> Measurements:
@@ -81,17 +85,26 @@ class Problem:
         return gap_of_rows(self.rows, self.values(theta), placed.position, result)
 
     def residuals(self, theta: Array) -> Array:
-        """Return weighed residuals (n + p,), with one behind them for each prior."""
+        """Return weighed residuals (n + e + p,): behind the readings' those of encoders and of priors."""
         return self._weighed(self.gap(theta), theta)
 
     def _weighed(self, gap: Array, theta: Array) -> Array:
         known = np.isfinite(self.prior)
-        return np.concatenate(
-            [(gap / self.sigma)[self.used], ((self.expected - theta)[known] / self.prior[known])]
-        )
+        priors = (self.expected - theta)[known] / self.prior[known]
+        return np.concatenate([(gap / self.sigma)[self.used], self._wound(theta)[0], priors])
+
+    def _wound(self, theta: Array) -> tuple[Array, Array]:
+        """Return the weighed residuals (e,) of encoders behind the gears, and their fall (e, t)."""
+        if self.behind is None or self.elastic.model is None:
+            return np.zeros(0), np.zeros((0, len(theta)))
+        model, (geometry, compliance) = self.behind.alone(self.elastic.model), self.split(theta)
+        wound, slopes = model.derivatives(self.elastic.stiffness(compliance), by="compliance")
+        columns = np.zeros((len(wound), len(theta)))
+        columns[:, len(geometry) :] = slopes[:, COMPONENT] / self.behind.sigma[:, None]
+        return (self.behind.value - wound[:, COMPONENT]) / self.behind.sigma, columns
 
     def linearised(self, theta: Array, deformed: bool = True) -> tuple[Array, Array]:
-        """Return weighed residuals (n + p,) and their fall for a unit of each parameter, (n + p, t).
+        """Return weighed residuals (n + e + p,) and their fall for a unit of each parameter, (n + e + p, t).
 
         The elastic displacement carries the points a little off, so that parameters which look alike on the
         undeformed machine no longer do to rounding; without `deformed` they do.
@@ -111,7 +124,8 @@ class Problem:
         known = np.flatnonzero(np.isfinite(self.prior))
         priors = np.zeros((known.size, len(self.parameters)))
         priors[np.arange(known.size), known] = 1.0 / self.prior[known]
-        return self._weighed(self.gap_from(placed, theta), theta), np.concatenate([weighed, priors])
+        columns = np.concatenate([weighed, self._wound(theta)[1], priors])
+        return self._weighed(self.gap_from(placed, theta), theta), columns
 
     def ahead(self, robot: Robot, rows: Measurements) -> Array:
         """Return what a unit of each parameter adds to other rows, measured or not, (R, 6, t).
@@ -145,6 +159,7 @@ class Problem:
             elastic=elastic,
             used=self.used[at],
             sigma=self.sigma[at],
+            behind=None if self.behind is None else of_drives(self.behind.drives, rows, beside_curve),
         )
 
 
@@ -187,3 +202,16 @@ def build_problem(
         expected=start,
         prior=prior,
     )
+
+
+def with_encoders(problem: Problem, robot: Robot) -> tuple[Problem, tuple[str, ...]]:
+    """Return the problem with what encoders behind the gears say of its compliances, and notes of it."""
+    rows, model = problem.rows, problem.elastic.model
+    if model is None or not np.isfinite(rows.link).any():
+        return problem, ()
+    if not problem.claimed:
+        return problem, (
+            "the encoders behind the gears are not used: the noise of the positions is not stated",
+        )
+    found = wind_up(robot, rows, model, rigid_motion(robot, rows), beside_curve, TOLD)
+    return replace(problem, behind=found if len(found.port) else None), found.notes

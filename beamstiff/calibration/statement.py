@@ -12,7 +12,7 @@ from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, camera_parameters, instrument_parameters, knows_a_frame
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
-from beamstiff.calibration.problem import Problem, build_problem
+from beamstiff.calibration.problem import Problem, build_problem, with_encoders
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import concatenate
@@ -54,8 +54,12 @@ def build_calibration(
     priors: Mapping[str, float] | None = None,
     noticed: float = NOTICED,
     stations: bool = False,
+    encoders: bool = False,
 ) -> Statement:
-    """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start."""
+    """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start.
+
+    `encoders`: those behind the gears count for the compliances.
+    """
     rows = concatenate(measurements)
     _check_readings(robot, rows)
     stiffness = stiffness_parameters(robot)
@@ -95,6 +99,7 @@ def build_calibration(
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
     problem = build_problem(geometry, elastic, every, start, priors)
+    problem, of_encoders = with_encoders(problem, robot) if encoders else (problem, ())
     begin = registered(problem, start)
     if rows.targets:
         geometry = replace(geometry, rows=begun(rows, problem.placed(begin).position))
@@ -114,7 +119,7 @@ def build_calibration(
             "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
         )
     idle = [name for name in compliances if name not in felt]
-    notes = [f"nothing loads {listed(idle)}: held as in the robot"] if idle else []
+    notes = [*of_encoders, *([f"nothing loads {listed(idle)}: held as in the robot"] if idle else [])]
     if told < 2 * len(seen.identified):
         notes.append(
             f"{problem.count} measured values in {poses} poses for {len(seen.identified)} parameters: little "

@@ -51,7 +51,9 @@ def convert(
         "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
     ),
     like: str | None = option(
-        "FILE", "Write into this URDF (default: that which IN came from) or MJCF, leaving all else as it is."
+        "FILE",
+        "Write into this URDF (default: that which IN came from) or MJCF, leaving all else as it is; or the "
+        "robot of a log, or of measurements.",
     ),
     q: list[str] | None = option(
         "NAME=VALUE,...", "Of an MJCF: the posture whose values stand for what varies with it."
@@ -84,6 +86,12 @@ def convert(
         "TIME", "Of a log: what the points' clock shows more than the joints' (else found)."
     ),
     shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.3 s"),
+    mend_labels: bool = typer.Option(
+        False,
+        "--mend-labels",
+        help="Of measurements (--like ROBOT): put exchanged names of reflectors back, by their distances; "
+        "leave out one that slipped.",
+    ),
     figure: str | None = option("FILE", "Of a log: draw what was kept and cut (.png, .svg or .pdf)."),
 ) -> None:
     """Convert robots and points from and to other formats.
@@ -104,6 +112,7 @@ def convert(
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
       beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
+      beamstiff convert poses.csv --like arm.yaml --mend-labels --out mended.csv
     """
     inputs: list[str | Path] = [
         robot_file(source),
@@ -115,6 +124,14 @@ def convert(
     from beamstiff.report.tables import counted
     from beamstiff.units import in_unit
 
+    if mend_labels:
+        from beamstiff.functions.convert import mended_table
+
+        text, done = mended_table(source, like)
+        write(out, text)
+        line = f"{Path(source).name}: names of reflectors as their distances say."
+        outputs.result(done, [line], {"written": out, "notes": done})
+        return
     columns = None if profile is None else named_profile(profile)
     if is_bag(source) or (columns is not None and columns.samples):
         from beamstiff.functions.convert_logs import convert_log

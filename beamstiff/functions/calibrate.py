@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+import numpy as np
+
 from beamstiff.calibration.calibrate import calibrate as fit
 from beamstiff.calibration.observability import NOTICED
 from beamstiff.calibration.parameters import Parameter
@@ -104,7 +106,11 @@ def calibrate(
         "compliances": names_of("compliances", compliances) or (),
         "noticed": noticed,
         "stations": stations,
+        "encoders": not machine.effects,
     }
+    if np.isfinite(rows.link).any() and (machine.effects or not compliances):
+        why = "the robot has effects" if machine.effects else "no compliances are sought"
+        dropped += (f"encoders behind the gears are not used: {why}",)
     bare = machine.model_copy(update={"effects": ()})
     with doubted(doubts):
         if priors:

@@ -156,10 +156,12 @@ def _of_displacements(
         rows = replace(table, displacement=table.displacement - sum(causes.values()))
         problem = build_problem(bare, rows, sought)
         if rows.sigma_load is not None and problem.sigma_known:
-            response = build_response(bare, rows, InputErrors(load=rows.sigma_load), tuple(sought))
+            errors = InputErrors(load=rows.sigma_load)
+            response = build_response(bare, rows, errors, tuple(sought), problem.behind)
             problem = problem.disturbed(response.disturbance(pooled.stiffness))
         residual, by_log = problem.jacobian(pooled.stiffness)
-        more = [problem.whitening @ moved[problem.used] for moved in causes.values()]
+        still = np.zeros((len(problem.used) - len(rows), 6))  # encoders behind the gears see no cause
+        more = [problem.whitening @ np.concatenate([one, still])[problem.used] for one in causes.values()]
         columns = np.column_stack([by_log @ statement.parameters.sums / value, *more])
         known = np.concatenate([value, np.ones(len(causes))])
         fits.append((residual, columns, known, len(known), problem.sigma_known))

@@ -7,6 +7,9 @@ from typing import Any
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.functions.robots import check_known, load_robot
+from beamstiff.measure.reader import read_measurements
+from beamstiff.measure.swapped_labels import mend_labels
+from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
@@ -55,6 +58,15 @@ def read_any(
         raise OptionError("tcp", message)
 
     return robot_of(fail, {key: getattr(robot, key) for key in type(robot).model_fields} | {"tcp": tcp}), []
+
+
+def mended_table(path: str | Path, robot: str | Path | None) -> tuple[str, tuple[str, ...]]:
+    """Return the text of a table with exchanged names of reflectors put back, and what was done."""
+    if robot is None:
+        raise OptionError("mend_labels", "goes with --like ROBOT, whose nodes the reflectors are")
+    machine = load_robot(robot)
+    mended, done = mend_labels(read_measurements(path, machine), machine)
+    return measurements_to_csv(mended, machine), done
 
 
 def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, list[str]] | None:

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.without_effects import without_effects
@@ -26,6 +28,7 @@ from beamstiff.identification.reduce import Reduced, reduce_model
 from beamstiff.identification.result import Identification
 from beamstiff.identification.separate import with_separations
 from beamstiff.identification.statement import Statement, build_identification
+from beamstiff.identification.wind_up import without_encoders
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import counted_once
 from beamstiff.measure.rows import concatenate, require_tracker
@@ -179,6 +182,11 @@ def identify(
     effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with doubted(doubts):
         bare, rows = without_effects(machine, rows)
+        if machine.effects and np.isfinite(rows.link).any():
+            rows = without_encoders(rows)
+            notes.append(
+                "encoders behind the gears are not used: the robot's effects are not in their readings"
+            )
         found = fit(bare, rows, method=method, folds=folds, effort=effort, progress=progress, **said)
     drawn: Bootstrap | None = None
     reduced: Reduced | None = None
@@ -196,7 +204,7 @@ def identify(
         with optional("the reduced robot", left_out.append):
             reduced = _reduce(bare, rows, found, components)
     if pareto and not found.interrupted:
-        statement = build_identification(bare, rows, **{**said, "errors": None})
+        statement = build_identification(bare, without_encoders(rows), **{**said, "errors": None})
         found = replace(found, front=pareto_front(statement, found.stiffness, pareto))
     if kind is not None and not found.interrupted:
         varying = None if names is None else tuple(names)

@@ -118,7 +118,7 @@ def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) 
         evaluations=found.evaluations,
         message=found.message,
         interrupted=found.interrupted,
-        predicted=problem.model.predict(stiffness),
+        predicted=problem.model.predict(stiffness)[: problem.readings],
         held_out=by_pose,
         held_out_load=by_load,
         notes=(
@@ -295,7 +295,7 @@ def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float)
 
     `theta` (t,): the optimum. `rms`, m: of the position residual.
     """
-    poses, rows = np.unique(problem.pose).size, len(problem.pose)
+    poses, rows = np.unique(problem.pose).size, problem.readings
     if poses == 1 and rows > 1:
         yield f"all {rows} rows are of one pose: how the model does at others is not known"
     for ends, what in ((parameters.lower, "least"), (parameters.upper, "largest")):

@@ -7,6 +7,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.identification.whitening import Disturbance
+from beamstiff.identification.wind_up import WindUp
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports
@@ -78,6 +79,7 @@ class Response:
     spread: Array  # (b,): standard deviations of the joint values over twice the step
     # (N, 6, A), m and rad: how far each drive that does not hold moves the row, whatever the stiffness
     held: Array
+    behind: WindUp | None = None  # encoders behind the gears, whose contrasts follow the rows
 
     def disturbance(self, stiffness: Array) -> Disturbance:
         """Return how far each row moves by one standard deviation of each error, at stiffness values (m,)."""
@@ -85,15 +87,28 @@ class Response:
         turned = moved[:, self.own :].reshape(len(moved), self.common, 2, 6)
         by_value = (turned[:, :, 0] - turned[:, :, 1]) * self.spread[:, None]
         own = np.concatenate([moved[:, : self.own].swapaxes(1, 2), self.held], axis=2)
-        return Disturbance(own, by_value.swapaxes(1, 2))
+        common = by_value.swapaxes(1, 2)
+        if self.behind is None:
+            return Disturbance(own, common)
+        opened = self.model.openings(stiffness).reshape(*moved.shape[:2], -1)[:, : self.own]
+        wound = self.behind.spread(opened)
+        still = [np.zeros((len(wound), *one.shape[1:])) for one in (self.held, common)]
+        return Disturbance(
+            np.concatenate([own, np.concatenate([wound, still[0]], axis=2)]),
+            np.concatenate([common, still[1]]),  # the error of a joint's reading is the same in all of a pose
+        )
 
 
 def build_response(
-    robot: Robot, measurements: Measurements, errors: InputErrors, parameters: tuple[str, ...]
+    robot: Robot,
+    measurements: Measurements,
+    errors: InputErrors,
+    parameters: tuple[str, ...],
+    behind: WindUp | None = None,
 ) -> Response:
     """Return what errors of the inputs do to the rows of a table.
 
-    `parameters`: the open stiffness values.
+    `parameters`: the open stiffness values. `behind`: contrasts of encoders that stand behind the rows.
     """
     own = _wrenches(robot, measurements, errors)
     spread = errors.of_variables(robot)
@@ -110,7 +125,7 @@ def build_response(
     rows = replace(rows, wrench=wrench.reshape(-1, 6), q=rows.q + np.tile(steps, (n, 1)))
     model = reduce_to_ports(robot, rows, parameters, gravity=False).along(rows)
     held = rigid_motion(robot, measurements) * errors.of_hold(robot)
-    return Response(model, a, b, spread[varied] / (2 * STEP), held)
+    return Response(model, a, b, spread[varied] / (2 * STEP), held, behind)
 
 
 def rigid_motion(robot: Robot, measurements: Measurements) -> Array:

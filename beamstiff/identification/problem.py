@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.identification.input_errors import rigid_motion
 from beamstiff.identification.whitening import (
     Disturbance,
     Whitening,
@@ -18,6 +19,7 @@ from beamstiff.identification.whitening import (
     of_blocks,
     whitening,
 )
+from beamstiff.identification.wind_up import COMPONENT, WindUp, between_loads, wind_up
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -34,7 +36,10 @@ LEAST_LOAD = 1e-50  # N or N m; below, squares leave the range of numbers
 
 @dataclass(frozen=True)
 class Problem:
-    """Residuals ``W (measured - predicted)`` over the measured components."""
+    """Residuals ``W (measured - predicted)`` over the measured components.
+
+    Of N rows: those of the table, and behind them the contrasts of encoders behind the gears (`wind_up`).
+    """
 
     model: PortModel  # m open stiffness values, N rows
     measured: Array  # (N, 6): displacement ``[d, r]``
@@ -51,6 +56,18 @@ class Problem:
     notes: tuple[str, ...] = ()  # what was left aside, in sentences
     # what errors of the loads and of the joint readings add to the noise
     disturbance: Disturbance | None = None
+    behind: WindUp | None = None  # of the whole table: its last rows
+
+    @property
+    def readings(self) -> int:
+        """Number of rows that are the table's."""
+        return len(self.measured) - (0 if self.behind is None else len(self.behind.port))
+
+    def without(self, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which rows (N,) have nothing of the table's rows `out`."""
+        if self.behind is None:
+            return ~out
+        return ~np.concatenate([out, abs(self.behind.contrast) @ out > 0])
 
     @property
     def count(self) -> int:
@@ -87,6 +104,7 @@ class Problem:
             load=self.load[at],
             whitening=whitening(sigma, used, sharing),
             disturbance=None,
+            behind=None,
         )
         if self.disturbance is None:
             return undisturbed
@@ -146,7 +164,11 @@ def build_problem(
             "sigma_rotation), that of others is; expected it for all, or for none"
         )
     model = reduce_to_ports(robot, measurements, parameters).along(measurements)
-    if used.sum() < len(model.parameters) + (
+    behind = None
+    if np.isfinite(measurements.link).any():
+        behind, note = _behind(robot, measurements, model, bool(stated.any()))
+        notes += note
+    if used.sum() + (0 if behind is None else len(behind.port)) < len(model.parameters) + (
         not stated.any()
     ):  # noise that is not stated is one more unknown
         count, rows, sought = int(used.sum()), int(used.any(axis=1).sum()), model.parameters
@@ -159,7 +181,7 @@ def build_problem(
             f"{', or '.join(advice)}"
         )
     spread = np.where(used, sigma, 1.0) if stated.any() else np.full(used.shape, UNIT_NOISE)
-    return Problem(
+    problem = Problem(
         model=model,
         measured=np.where(used, measurements.displacement, 0.0),
         used=used,
@@ -171,4 +193,38 @@ def build_problem(
         whitening=whitening(spread, used, measurements.sharing),
         source=source,
         notes=tuple(notes),
+    )
+    return problem if behind is None else _with_wind_up(problem, behind)
+
+
+def _behind(
+    robot: Robot, measurements: Measurements, model: PortModel, stated: bool
+) -> tuple[WindUp | None, tuple[str, ...]]:
+    """Return what encoders behind the gears say, None where that is nothing; and sentences about it."""
+    if not stated:
+        return None, ("the encoders behind the gears are not used: the noise of the tool is not stated",)
+    moved = rigid_motion(robot, measurements)
+    found = wind_up(robot, measurements, model, moved, between_loads, "differences within postures")
+    return found if len(found.port) else None, found.notes
+
+
+def _with_wind_up(problem: Problem, behind: WindUp) -> Problem:
+    """Return the problem with contrasts of encoders behind the gears as further rows."""
+    more = len(behind.port)
+    first = behind.contrast.indices[behind.contrast.indptr[:-1]]
+    measured, used, sigma = np.zeros((more, 6)), np.zeros((more, 6), dtype=np.bool_), np.ones((more, 6))
+    measured[:, COMPONENT], used[:, COMPONENT], sigma[:, COMPONENT] = behind.value, True, behind.sigma
+    sigma, used = np.concatenate([problem.sigma, sigma]), np.concatenate([problem.used, used])
+    sharing = np.concatenate([problem.sharing, np.full(more, -1)])
+    return replace(
+        problem,
+        model=behind.added(problem.model),
+        measured=np.concatenate([problem.measured, measured]),
+        used=used,
+        sigma=sigma,
+        sharing=sharing,
+        pose=np.concatenate([problem.pose, problem.pose[first]]),
+        load=np.concatenate([problem.load, np.full(more, -1)]),
+        whitening=whitening(sigma, used, sharing),
+        behind=behind,
     )

@@ -65,6 +65,10 @@ def sensitivity(
     source. `progress`: called with the number of refits made.
     """
     problem = statement.problem
+    if problem.behind is not None:
+        raise BeamstiffError(
+            f"{problem.source}: found encoders behind the gears, whose errors are not drawn; leave them out"
+        )
     if len(measurements) != len(problem.measured):
         raise BeamstiffError(
             f"{measurements.source}: found {len(measurements)} rows, expected the {len(problem.measured)} of "

@@ -122,7 +122,7 @@ def build_identification(
             f"{problem.source}: found no noise (sigma_position, sigma_rotation), expected it beside the "
             "errors of loads and joint values"
         )
-    response = build_response(robot, concatenate(measurements), errors, names)
+    response = build_response(robot, concatenate(measurements), errors, names, problem.behind)
     statement = replace(statement, response=response)
     return statement.weighed(start)
 

@@ -45,11 +45,13 @@ class HeldOut:
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
     """Return the errors on held-out groups of rows, fold by fold.
 
-    `groups` (N,): rows of one group are left out together: poses, or loads. `folds`: at most so many fits.
+    `groups` (N,): rows of one group are left out together: poses, or loads; those behind the table's rows
+    go with theirs. `folds`: at most so many fits.
     `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where
     too few rows are left to fit.
     """
-    residual = np.full(objective.problem.used.shape, np.nan)
+    groups = groups[: objective.problem.readings]
+    residual = np.full((len(groups), 6), np.nan)
     try:
         for out, test, theta in without_folds(objective, groups, folds, begin):
             gap = test.measured - test.model.predict(objective.parameters.stiffness(theta))
@@ -71,7 +73,7 @@ def without_folds(
         )
     for fold in range(min(folds, names.size)):
         out: NDArray[np.bool_] = np.isin(groups, names[fold :: min(folds, names.size)])
-        training = replace(objective, problem=problem.rows(~out))
+        training = replace(objective, problem=problem.rows(problem.without(out)))
         if training.problem.count < begin.size + 1 or not training.problem.model.force.any():
             raise BeamstiffError(f"{problem.source}: with a fold held out, too little is left to fit")
-        yield out, problem.rows(out), refit(training, begin)
+        yield out, problem.rows(np.flatnonzero(out)), refit(training, begin)

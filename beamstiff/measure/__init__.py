@@ -17,6 +17,7 @@ from beamstiff.measure.samples import (
     pooled_sigma,
     repeated_states,
 )
+from beamstiff.measure.swapped_labels import mend_labels
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.wrench import (
     transport_wrench,
@@ -40,6 +41,7 @@ __all__ = [
     "history_order",
     "make_measurements",
     "measurements_to_csv",
+    "mend_labels",
     "parse_measurements",
     "pooled_sigma",
     "read_measurements",

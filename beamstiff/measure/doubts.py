@@ -62,7 +62,7 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
         *position_doubts(measurements, robot),
-        *label_doubts(measurements),
+        *label_doubts(measurements, robot),
     )
 
 

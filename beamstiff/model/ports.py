@@ -81,7 +81,7 @@ class PortModel:
         own = np.tensordot(values, self.springs, 1)
         if values.ndim == 1 and self._sound(own):
             return self.clamped + moved_with_slopes(own, self.springs[:0], *self._rows)[0]
-        return self.displaced(self._opened(stiffness))
+        return self.displaced(self.openings(stiffness))
 
     def derivatives(self, stiffness: Array, by: Parametrisation = "stiffness") -> tuple[Array, Array]:
         """Return predictions (N, 6) and their derivatives (N, 6, m) at stiffness values (m,).
@@ -103,7 +103,7 @@ class PortModel:
         if values.ndim == 1 and self._sound(own):
             moved, by_value = moved_with_slopes(own, self.springs, *self._rows)
             return self.clamped + moved, by_value * _factor(values, power, by)
-        opened = self._opened(stiffness)
+        opened = self.openings(stiffness)
         carried = self.inverse(stiffness)[self.pose] @ self.motion
         stretched = np.tensordot(opened, self.springs, ([1], [2]))  # (N, m, p)
         by_value = -carried.swapaxes(-1, -2) @ stretched.swapaxes(-1, -2)
@@ -117,7 +117,7 @@ class PortModel:
         """Return the displacements (..., N, 6) where the ports open by (..., N, p)."""
         return self.clamped + (self.motion.swapaxes(-1, -2) @ opened[..., None])[..., 0]
 
-    def _opened(self, stiffness: Array) -> Array:
+    def openings(self, stiffness: Array) -> Array:
         """Return by how much the ports open in every row, ``M^-1 (B_w w + g)``, (..., N, p)."""
         slot, columns = self._columns
         if columns.shape[-1] > columns.shape[-2]:

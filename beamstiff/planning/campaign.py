@@ -14,6 +14,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.planning.candidates import Noise, force_loads
 from beamstiff.planning.designs import Design
+from beamstiff.planning.moving import nearest_next
 from beamstiff.planning.poses import rounded_postures
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -35,21 +36,28 @@ def by_pose(tests: Measurements, information: Array) -> Array:
     return np.asarray(information.reshape(poses, -1, m, m).sum(axis=1))
 
 
-def plan_of(tests: Measurements, design: Design, noise: Noise, whole_poses: bool = False) -> Plan:
+def plan_of(
+    tests: Measurements,
+    design: Design,
+    noise: Noise,
+    whole_poses: bool = False,
+    speed: Array | float = 1.0,
+) -> Plan:
     """Return the campaign of a design.
 
     `tests`: the candidates, as from `candidate_tests`. `design`: what is chosen of them, or of their poses.
+    `speed` (A,): of the joints, by which the nearest pose is the one that is soonest driven to.
     """
     rows = design.chosen
     if whole_poses:
         rows = np.arange(len(tests)).reshape(int(tests.pose.max()) + 1, -1)[rows].reshape(-1)
-    return Plan(_in_order(subset(tests, rows), noise), design, noise)
+    return Plan(_in_order(subset(tests, rows), noise, speed), design, noise)
 
 
-def _in_order(tests: Measurements, noise: Noise) -> Measurements:
+def _in_order(tests: Measurements, noise: Noise, speed: Array | float) -> Measurements:
     """Return the tests pose by pose, each pose next to the nearest one not yet visited, numbered anew."""
     first = np.unique(tests.pose, return_index=True)[1]
-    route = _nearest_next(tests.q[first])
+    route = nearest_next(tests.q[first] / speed)
     rank = {int(tests.pose[first[at]]): place for place, at in enumerate(route)}
     pose = np.array([rank[int(number)] for number in tests.pose])
     order = np.argsort(pose, kind="stable")
@@ -62,17 +70,6 @@ def _in_order(tests: Measurements, noise: Noise) -> Measurements:
         sigma_position=noise.position,
         sigma_rotation=noise.rotation,
     )
-
-
-def _nearest_next(poses: Array) -> list[int]:
-    """Return a way through all poses: from the first always to the nearest, by the largest joint motion."""
-    route, left = [0], set(range(1, len(poses)))
-    while left:
-        rest = sorted(left)
-        away = np.abs(poses[rest] - poses[route[-1]]).max(axis=1, initial=0.0)
-        route.append(rest[int(np.argmin(away))])
-        left.remove(route[-1])
-    return route
 
 
 def plan_csv(campaign: Plan, robot: Robot) -> str:

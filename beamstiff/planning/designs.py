@@ -55,12 +55,16 @@ class Design:
     criterion: Criterion
     chosen: NDArray[np.int64]  # (n,) int: candidates; one may stand there several times
     value: float
-    # the criterion is at least this share of what any choice of n tests could have: the certificate
-    efficiency: float
+    bound: float  # what the criterion of no choice of n tests can exceed
     names: tuple[str, ...]
     covariance: Array  # (m, m): of the logarithms of the parameters
     sensitivity: Array  # (N,): ``tr(G M_i)`` of every candidate: above 1/n, more of it would help
     indices: Observability
+
+    @property
+    def efficiency(self) -> float:
+        """At least this share of what any choice of n tests could have: the certificate."""
+        return min(1.0, self.value / self.bound)
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -133,21 +137,31 @@ def choose_tests(
     values = criterion_of(np.array([scaled[choice].sum(axis=0) for choice in found]), criterion)
     chosen = found[int(np.argmax(values > (1 - 1e-9) * values.max()))]  # the first of equals
     total = scaled[chosen].sum(axis=0)
-    value = float(criterion_of(total, criterion))
-    if value <= 1e-12 * criterion_of(scaled.sum(axis=0), criterion):
+    if criterion_of(total, criterion) <= 1e-12 * criterion_of(scaled.sum(axis=0), criterion):
         raise BeamstiffError(
             f"{count} of these tests cannot determine the {len(names)} parameters {listed(names)}: take more"
         )
     bound = upper_bound(scaled, count, criterion, repeats, total)
+    return design_of(chosen, information, names, criterion, bound * scale)
+
+
+def design_of(
+    chosen: Sequence[int], information: Array, names: Sequence[str], criterion: Criterion, bound: float
+) -> Design:
+    """Return a design of tests; no choice of as many exceeds `bound` by the criterion."""
+    scale = float(np.trace(information.mean(axis=0))) / len(names)
+    scaled = information / scale
+    total = scaled[list(chosen)].sum(axis=0)
+    value = float(criterion_of(total, criterion)) * scale
     return Design(
         criterion=criterion,
         chosen=np.array(chosen, dtype=np.int64),
-        value=value * scale,
-        efficiency=min(1.0, value / bound),
+        value=value,
+        bound=bound,
         names=tuple(names),
         covariance=np.linalg.inv(total) / scale,
         sensitivity=_sensitivity(total, scaled, criterion),
-        indices=observability(np.linalg.cholesky(total).T * np.sqrt(scale), count),
+        indices=observability(np.linalg.cholesky(total).T * np.sqrt(scale), len(chosen)),
     )
 
 

@@ -80,8 +80,12 @@ def campaign_text(plan: MeasurementPlan) -> str:
         f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
         f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
     )
-    against = _against(campaign, plan.at_random, chosen)
-    lines.append(against)
+    lines.append(_against(campaign, plan.at_random, chosen))
+    if plan.moving is not None:
+        lines.append(
+            f"Moving between these poses takes {plan.moving[1]:.3g} s, between those of the most telling "
+            f"tests {plan.moving[0]:.3g} s."
+        )
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
     needed = ((error, enough.tests_for(error)) for error in WANTED)
     sizes = ", ".join(

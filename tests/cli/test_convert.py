@@ -175,3 +175,28 @@ def test_a_table_says_that_it_drops_a_coupling(run: Run, folder: Path) -> None:
     result = run("convert", "coupled.yaml", "--convention", "modified", "--out", "coupled.csv")
     assert result.exit_code == 0, result.output
     assert "not limits, that q0 equals -q1" in result.stderr
+
+
+def test_exchanged_names_of_reflectors_are_put_back(succeed: Run, refused: Refused, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    text = text.replace(
+        "  - {name: tip,", "  - {name: m1, frame: f1}\n  - {name: m2, frame: f1}\n  - {name: tip,"
+    )
+    text = text.replace(
+        "[hub, tip]}", "[hub, tip]}, {name: a, nodes: [hub, m1]}, {name: b, nodes: [hub, m2]}"
+    )
+    (folder / "marked.yaml").write_text(text)
+    names = ["m1", "m2", "tip"] * 4 + ["m2", "m1", "tip"]
+    cells = [f"{k // 3},{('0.1,0,0', '0,0.2,0', '0,0,0.4')[k % 3]},{name}\n" for k, name in enumerate(names)]
+    (folder / "poses.csv").write_text("q1 [deg],x,y,z,point\n" + "".join(cells))
+    arguments = ("convert", "poses.csv", "--mend-labels", "--out", "mended.csv")
+    result = succeed(*arguments, "--like", "marked.yaml")
+    assert "poses.csv:14, poses.csv:15: m2 is m1, m1 is m2" in result.stderr
+    assert "the names of 4 of 5 states" in result.stderr
+    mended = read_measurements(folder / "mended.csv", load_robot(folder / "marked.yaml"))
+    assert mended.point.tolist() == ["m1", "m2", "tip"] * 5
+    refused([*arguments], "--mend-labels: goes with --like ROBOT")
+    refused(
+        [*arguments[:1], "crane.csv", *arguments[2:], "--like", "crane.yaml"],
+        "crane.csv: found no reflectors",
+    )

@@ -166,3 +166,12 @@ def test_progress_is_for_terminals_only(folder: Path) -> None:
             env=os.environ | environment, capture_output=True, text=True, check=True,
         )  # fmt: skip
         assert ("choosing tests from" in result.stderr) == (wanted == "1")
+
+
+def test_time_for_moving_is_told_and_wants_a_speed(told: Run, refused: Refused) -> None:
+    answer = told(*CRANE, "--tests", "6", "--speed", "30deg/s")
+    q = np.array([test["q"]["q1"] for test in answer["tests"]])
+    moving = answer["moving_s"]
+    assert moving["chosen"] == pytest.approx(np.abs(np.diff(q)).sum() / np.radians(30))
+    assert moving["chosen"] <= moving["most_telling"]
+    refused([*CRANE, "--speed", "30deg"], "--speed: found '30deg', expected a speed such as 30deg/s")

@@ -19,6 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.identify import identify
 from beamstiff.identification.problem import Problem, build_problem
+from beamstiff.identification.wind_up import without_encoders
 from beamstiff.measure.table import Measurements
 from beamstiff.model.varying import displaced, displaced_with_slopes
 from beamstiff.robot.description import Robot
@@ -62,7 +63,8 @@ def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | No
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]
     names = tuple(item.name for item, own in zip(found.parameters, felt, strict=True) if own)
-    problem, compliance = build_problem(found.robot, table, names), 1.0 / found.stiffness[felt]
+    compliance = 1.0 / found.stiffness[felt]
+    problem = build_problem(found.robot, without_encoders(table), names)
     _, slopes = displaced_with_slopes(problem.model, np.tile(compliance, (len(table), 1)))
     shown = np.abs(problem.whitening @ slopes[problem.used]).max(axis=0)  # standard deviations
     compliance = compliance / np.where(shown > 0, np.minimum(shown, 1.0), 1.0)
