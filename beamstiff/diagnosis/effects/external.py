@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.effects.effect import Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Quantities, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
@@ -29,6 +29,16 @@ def each_by_each(frame: Array, vector: Array) -> Array:
     own = np.einsum("nai,na->ni", frame, vector)
     result: Array = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
     return result
+
+
+def shift_alone(columns: Array) -> Array:
+    """Return shifts or forces (N, 3, c) without rotations or moments, (N, 6, c)."""
+    return np.pad(columns, ((0, 0), (0, 3), (0, 0)))
+
+
+def turn_alone(columns: Array) -> Array:
+    """Return rotations or moments (N, 3, c) without shifts or forces, (N, 6, c)."""
+    return np.pad(columns, ((0, 0), (3, 0), (0, 0)))
 
 
 def tool_axes(baseline: Baseline) -> Array:
@@ -146,7 +156,7 @@ def anew(
     name: str,
     baseline: Baseline,
     columns: Array,
-    quantities: tuple[Quantity, ...],
+    quantities: Quantities,
     times: Callable[[Baseline], NDArray[np.bool_]] = by_posture,
 ) -> Iterator[Shape]:
     """Yield the shape of columns (N, 6, c) that are others each time, about common ones.
