@@ -101,5 +101,5 @@ def of_slide(baseline: Baseline, axis: Axis) -> Shape:
     follow = Following(baseline, variable.name)
     low, high = variable.limits or (follow.fitted.min(), follow.fitted.max())
     size = drive_compliance(axis) / (float(high - low) or 1.0)
-    column = scaled_torque(baseline, axis, follow.varying(lambda q: q))
-    return Shape(NAME, column[..., None], (Quantity("length_compliance", "1/N", size),), prior_factor=3.0)
+    column = scaled_torque(baseline, axis, follow.varying(lambda q: q)[:, None])
+    return Shape(NAME, column, (Quantity("length_compliance", "1/N", size),), prior_factor=3.0)
