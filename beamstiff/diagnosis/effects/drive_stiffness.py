@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, counted
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_slips, counted
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
@@ -18,8 +18,7 @@ FINE = np.arange(0, 2 * np.pi, np.pi / 12)
 
 def scaled_torque(baseline: Baseline, axis: Axis, factors: Array) -> Array:
     """Return the displacements (N, 6, c) of slips of `factors` (N, c) times the torque."""
-    slips = factors * counted(baseline, axis)[:, None]
-    return axis.shift[:, :, None] * slips[:, None]
+    return by_slips(axis.shift, factors * counted(baseline, axis)[:, None])
 
 
 def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:

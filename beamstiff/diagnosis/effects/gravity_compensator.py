@@ -21,7 +21,7 @@ from beamstiff.diagnosis.effects.effect import (
     named,
     stated_scale,
 )
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_slips, drive_compliance, drives
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.fields import RIGID
 
@@ -73,7 +73,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     def wound(torque: np.ndarray) -> np.ndarray:
         """Return what torques (N, k) wind up, (N, 6, k): absolute positions alone show it."""
-        moved = axis.shift[:, :, None] * (-torque * compliance)[:, None]
+        moved = by_slips(axis.shift, -torque * compliance)
         return moved if baseline.absolute else np.zeros_like(moved)
 
     def numbered(what: str, unit: str, size: float, modes: np.ndarray) -> Quantities:

@@ -19,6 +19,7 @@ from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, 
 from beamstiff.diagnosis.effects.torque_laws import (
     Axis,
     axis_at,
+    by_slips,
     drive_compliance,
     drives,
     torque_scale,
@@ -178,8 +179,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
         def every(limits: Sequence[tuple[float, float]], of: Array | None = None) -> Array:
             held = held_shares(baseline, axis, ways, wound, limits, of)  # noqa: B023
-            result: Array = -axis.shift[:, :, None, None] * held[:, None]
-            return result.reshape(*result.shape[:2], -1)
+            return by_slips(-axis.shift, held.reshape(len(held), -1))
 
         def named(limits: Sequence[tuple[float, float]], then: str = "") -> tuple[Quantity, ...]:
             return tuple(

@@ -127,6 +127,11 @@ def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Arr
     return result
 
 
+def by_slips(shift: Array, slips: Array) -> Array:
+    """Return the displacements (N, 6, c) of slips (N, c), of a shift (N, 6) per unit."""
+    return shift[:, :, None] * slips[:, None]
+
+
 def loaded_less_unloaded(
     baseline: Baseline, load: Array, dead: Array, law: Callable[[Array], Array]
 ) -> Array:
