@@ -261,7 +261,7 @@ def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
         return {}
     torque = counted(baseline, axis) / axis.typical
     gains = {UNSTEADY: by_slips(axis.shift, torque[:, None] * there)}
-    return gains | ({ASTRAY: by_slips(axis.shift, 1.0 * there)} if baseline.absolute else {})
+    return gains | ({ASTRAY: by_slips(axis.shift, there.astype(np.float64))} if baseline.absolute else {})
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:
