@@ -225,8 +225,7 @@ def _from(state: State, rows: Integers, other: State) -> State:
 
 def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
     shift = ((state.turned[rows, body] - np.eye(3)) @ arm[..., None])[..., 0]
-    moved: Array = state.moved[rows, body] + shift
-    return moved
+    return state.moved[rows, body] + shift
 
 
 def _load(

@@ -75,8 +75,7 @@ def clock(baseline: Baseline) -> Array:
     """Return when each row was read, (N,): its time, else its place in the order, from 0 to about 1."""
     rows, fitted = baseline.rows, clock_of(baseline)
     if fitted.duration > 0:
-        read: Array = np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
-        return read
+        return np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
     result = np.empty(len(rows))
     result[history_order(rows)] = np.arange(len(rows)) / max(fitted.rows - 1, 1)
     return result
@@ -188,5 +187,4 @@ def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
 
 def since_pose(baseline: Baseline, course: Array) -> Array:
     """Return by how much a course (N,) has moved on since the first reading of a row's pose, (N,)."""
-    result: Array = course - course[first_of_pose(baseline)]
-    return result
+    return course - course[first_of_pose(baseline)]

@@ -122,8 +122,7 @@ def _changed(baseline: Baseline, name: str, by: float) -> tuple[Robot, Measureme
 
 def _deflection_change(baseline: Baseline, name: str) -> Array:
     low, high = (predict_displacements(*_changed(baseline, name, by)) for by in (-STEP, STEP))
-    result: Array = (high - low) / (2 * STEP)
-    return result
+    return (high - low) / (2 * STEP)
 
 
 def pose_change(baseline: Baseline, name: str) -> Array:

@@ -140,8 +140,7 @@ def held_shares(
         whole=baseline.absolute,
         kept=kept,
     )
-    result: Array = held / axis.typical
-    return result
+    return held / axis.typical
 
 
 def history(

@@ -139,8 +139,7 @@ def _section(arm: float, a: int, b: int) -> Array:
     moment[1, 2], moment[2, 1] = -arm, arm
     turn = np.zeros((3, 3))
     turn[a, b] = turn[b, a] = 1.0
-    result: Array = moment.T @ turn @ moment
-    return result
+    return moment.T @ turn @ moment
 
 
 def _sizes(length: float, soft: float) -> Array:

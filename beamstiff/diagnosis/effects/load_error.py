@@ -44,8 +44,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     def moved(error: Array) -> Array:
         """Return what errors (N, 6, c) of the wrench displace."""
-        result: Array = baseline.response @ error
-        return result
+        return baseline.response @ error
 
     def misread(error: Callable[[Array], Array]) -> Array:
         """Return what the same errors (N, 3, c) of a force and of a moment (N, 3) displace."""

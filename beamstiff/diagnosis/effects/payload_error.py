@@ -26,8 +26,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     def off(shifts: Array) -> Array:
         """Return what the weight of 1 kg does (N, 6, c) where its centre shifts (N, 3, c)."""
-        result: Array = response @ turn_alone(np.cross(shifts, gravity[None, :, None], axis=1))
-        return result
+        return response @ turn_alone(np.cross(shifts, gravity[None, :, None], axis=1))
 
     weight = shift_alone(np.broadcast_to(gravity[:, None], (len(axes), 3, 1)))
     tcp = np.full(len(baseline.rows), baseline.nominal.tcp)
@@ -59,8 +58,7 @@ def _centre(robot: Robot) -> Array:
     kilograms = sum(mass.mass for mass in carried)
     if not kilograms:
         return np.zeros(3)
-    result: Array = sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / kilograms
-    return result
+    return sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / kilograms
 
 
 EFFECT = Effect(

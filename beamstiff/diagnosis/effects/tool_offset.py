@@ -57,8 +57,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
 def _acting(response: Array, at: Array, force: Array) -> Array:
     """Return what a force (N, 3) moves more where it acts off by unit levers (N, 3, k), (N, 6, k)."""
-    result: Array = response @ turn_alone(np.cross(at, force[:, :, None], axis=1))
-    return result
+    return response @ turn_alone(np.cross(at, force[:, :, None], axis=1))
 
 
 def _hung(baseline: Baseline, load: Term, loaded: Array) -> list[Shape]:
@@ -180,8 +179,7 @@ def _following(frame: Array, loaded: Array, force: Array) -> Array:
     size = np.linalg.norm(force, axis=1, keepdims=True)
     moved = each_by_each(frame, force / np.where(size > 0, size, 1.0))
     here = np.abs(loaded).max(axis=(1, 2), keepdims=True) > 0
-    result: Array = np.where(here, moved, 0.0)
-    return result
+    return np.where(here, moved, 0.0)
 
 
 EFFECT = Effect(

@@ -123,8 +123,7 @@ def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Arr
 
     Displacements are loaded less unloaded, and the dead weight acts in both.
     """
-    result: Array = axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
-    return result
+    return axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
 
 
 def by_slips(shift: Array, slips: Array) -> Array:
@@ -222,8 +221,7 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
     Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
     """
     slip = loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], np.abs)
-    result: Array = place.shift[:, :, at] * slip[:, None]
-    return result
+    return place.shift[:, :, at] * slip[:, None]
 
 
 def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:

@@ -190,8 +190,7 @@ def _bent(baseline: Baseline, place: Place, law: Callable[[Array], Array]) -> Ar
     usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
     usual = np.where(usual > 0, usual, 1.0)
     slips = loaded_less_unloaded(baseline, place.load, place.dead, lambda load: law(load / usual))
-    result: Array = place.shift * slips[:, None]
-    return result
+    return place.shift * slips[:, None]
 
 
 def _of_drive(baseline: Baseline, name: str) -> list[Array]:

@@ -344,5 +344,4 @@ def _values(robot: Robot, names: Sequence[str], start: Array) -> Array:
 
 def _sigma(rows: Measurements) -> Array:
     usual = np.repeat([POSITION_NOISE, ROTATION_NOISE], 3)
-    result: Array = np.where(np.isfinite(rows.sigma) & (rows.sigma > 0), rows.sigma, usual)
-    return result
+    return np.where(np.isfinite(rows.sigma) & (rows.sigma > 0), rows.sigma, usual)
