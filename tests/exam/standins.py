@@ -46,22 +46,14 @@ class StandIn:
 
 
 def always_none(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
+    robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
 ) -> StandIn:
     """Say that nothing is missing."""
     return StandIn("none", None)
 
 
 def anything(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
+    robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
 ) -> StandIn:
     """Name an effect and a place at random, from a generator that the readings seed."""
     readings = np.nan_to_num(measurements.measured)
@@ -70,11 +62,7 @@ def anything(
 
 
 def broken(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
+    robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
 ) -> StandIn:
     """Break off."""
     raise ZeroDivisionError(f"{len(measurements)} rows")
@@ -94,12 +82,7 @@ class Oracle:
         self.withheld: list[tuple[str, ...]] = []
 
     def __call__(
-        self,
-        robot: Robot,
-        measurements: Measurements,
-        *,
-        without: Sequence[str] = (),
-        seed: int = 0,
+        self, robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
     ) -> StandIn:
         case = self.cases[measurements.q.tobytes()]
         self.withheld.append(tuple(without))
