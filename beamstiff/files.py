@@ -23,19 +23,7 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     `largest`: bytes; a larger file is refused before it is read. Raises BeamstiffError when the file is
     missing, unreadable, too large, empty or no UTF-8 text.
     """
-    if os.path.isdir(path):
-        raise BeamstiffError(f"{path}: is a folder, expected a file")
-    try:
-        with Path(path).open("rb") as file:
-            data = file.read(largest + 1)
-    except FileNotFoundError:
-        raise BeamstiffError(f"{path}: no such file{_neighbour(Path(path))}") from None
-    except PermissionError:
-        raise BeamstiffError(f"{path}: cannot be read: no permission") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise BeamstiffError(f"{path}: cannot be read: {_reason(error)}") from None
-    if len(data) > largest:
-        raise BeamstiffError(f"{path}: larger than {largest / 1e6:g} MB, which is the most that is read")
+    data = read_data(path, largest)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise BeamstiffError(f"{path}:1: found UTF-16 text, expected UTF-8: save it as UTF-8")
     if (null := data.find(b"\0")) >= 0:
@@ -52,6 +40,24 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
     if not text.strip():
         raise BeamstiffError(f"{path}: is empty")
     return text
+
+
+def read_data(path: str | Path, largest: int = LARGEST) -> bytes:
+    """Return the bytes of a file; raises BeamstiffError when it is missing, unreadable or too large."""
+    if os.path.isdir(path):
+        raise BeamstiffError(f"{path}: is a folder, expected a file")
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(largest + 1)
+    except FileNotFoundError:
+        raise BeamstiffError(f"{path}: no such file{_neighbour(Path(path))}") from None
+    except PermissionError:
+        raise BeamstiffError(f"{path}: cannot be read: no permission") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        raise BeamstiffError(f"{path}: cannot be read: {_reason(error)}") from None
+    if len(data) > largest:
+        raise BeamstiffError(f"{path}: larger than {largest / 1e6:g} MB, which is the most that is read")
+    return data
 
 
 def check_writable(path: str | Path) -> None:

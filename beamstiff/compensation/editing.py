@@ -5,7 +5,6 @@ is lost. A number keeps its sign of plus, its leading zeros, its exponent and it
 these only where the change would not fit into them.
 """
 
-import os
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
@@ -14,12 +13,12 @@ from decimal import Decimal
 from functools import lru_cache
 from pathlib import Path
 
-from beamstiff.errors import BeamstiffError, suggest
+from beamstiff.errors import BeamstiffError
+from beamstiff.files import read_data
 
 ENCODING = "latin-1"
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 UNCHANGED = 1e-3  # of the last decimal needed: what is rounding of the way there and back
-LARGEST = 200_000_000  # bytes
 LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n|\Z)")
 
 _PARTS = re.compile(
@@ -52,20 +51,7 @@ class Slot:
 
 def read_bytes(path: str | Path) -> str:
     """Return a file as text of which every byte is a character."""
-    where = Path(path)
-    if os.path.isdir(where):
-        raise BeamstiffError(f"{path}: is a folder, expected a file")
-    try:
-        with where.open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except FileNotFoundError:
-        near = [entry.name for entry in where.parent.iterdir()] if where.parent.is_dir() else []
-        raise BeamstiffError(f"{path}: no such file{suggest(where.name, near)}") from None
-    except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise BeamstiffError(f"{path}: cannot be read: {reason}") from None
-    if len(data) > LARGEST:
-        raise BeamstiffError(f"{path}: larger than {LARGEST / 1e6:g} MB, which is the most that is read")
+    data = read_data(path)
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
         raise BeamstiffError(f"{path}: found UTF-16 or binary data, expected a text of one byte a character")
     if not data.strip():

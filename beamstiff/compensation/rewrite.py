@@ -65,8 +65,7 @@ class Compensated(Shown):
     def known(self) -> NDArray[np.bool_]:
         """(N,) bool array: targets that the robot can follow, corrected or not."""
         unknown = np.isnan(self.correction.before) | np.isnan(self.after)
-        known: NDArray[np.bool_] = np.logical_not(unknown.any(axis=1))
-        return known
+        return np.logical_not(unknown.any(axis=1))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""

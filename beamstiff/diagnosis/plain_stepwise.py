@@ -16,12 +16,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposed import diagnosis_of
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import REPEATED, SLIP, Form, forms_of
-from beamstiff.diagnosis.decomposition.open_model import (
-    OpenModel,
-    open_geometry,
-    open_stiffness,
-    orthonormal,
-)
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness, orthonormal
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.effects.external import tool_axes
 from beamstiff.diagnosis.prior import Prior

@@ -277,11 +277,7 @@ class Diagnosis(Shown):
             ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
-                name: {
-                    "given": given,
-                    "value": stiffness_text(value),
-                    "touched": name not in self.untouched,
-                }
+                name: {"given": given, "value": stiffness_text(value), "touched": name not in self.untouched}
                 for name, (given, value) in self.fitted_stiffness.items()
             },
             "next": [dict(item) for item in self.next],
@@ -345,11 +341,7 @@ class Diagnosis(Shown):
             "shape": one.shape,
         }
         if one.shrink is None:
-            return result | {
-                "rms_after_mm": 1e3 * self.rms,
-                "shrink": 0.0,
-                "shrink_interval": [0.0, 0.0],
-            }
+            return result | {"rms_after_mm": 1e3 * self.rms, "shrink": 0.0, "shrink_interval": [0.0, 0.0]}
         return result | {
             "rms_after_mm": 1e3 * one.shrink.after,
             "shrink": one.shrink.shrink,

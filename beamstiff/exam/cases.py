@@ -151,17 +151,8 @@ def draw_case(exam: Exam, case: int) -> Case:
         except BeamstiffError as error:
             why = str(error)
             continue
-        return _drawn(exam, rng, robot, Drawn(case, kind, truths))
+        return _drawn(exam, rng, robot, case, kind, truths)
     raise BeamstiffError(f"exam: case {case}: no robot can have {effect!r}: {why}")
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """What is wrong in a case, of any size yet."""
-
-    case: int
-    kind: Kind
-    truths: tuple[Truth, ...]
 
 
 def _draw_truths(
@@ -185,8 +176,11 @@ def _draw_truths(
     raise BeamstiffError(f"robot {robot.name!r} has no second effect at another place beside {first.label}")
 
 
-def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> Case:
-    wish = _draw_wish(exam, rng, drawn)
+def _drawn(
+    exam: Exam, rng: np.random.Generator, robot: Robot, case: int, kind: Kind, truths: tuple[Truth, ...]
+) -> Case:
+    """Return a case of some effects, whose sizes are found here."""
+    wish = _draw_wish(exam, rng, truths)
     if exam.plan is not None:
         campaign = planned(rng, exam.plan, exam.noise)
         if not simulated_alike(robot, campaign.q).all():
@@ -199,18 +193,18 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
     machine = robot.with_parameters(draw_stiffness(rng, robot))
     fresh = draw_fresh(rng, robot, campaign)
     if exam.plan is not None:  # what the plan could find of all that there may be
-        sizes = tuple(round(float(rng.random()), DIGITS) for _ in drawn.truths)
-        pairs = zip(drawn.truths, sizes, strict=True)
+        sizes = tuple(round(float(rng.random()), DIGITS) for _ in truths)
+        pairs = zip(truths, sizes, strict=True)
         truths = tuple(resized(truth, robot, size, int(rng.integers(2**31))) for truth, size in pairs)
     else:
-        found = sized(rng, robot, machine, campaign, drawn.truths, drawn.kind)
+        found = sized(rng, robot, machine, campaign, truths, kind)
         truths, sizes = tuple(one.truth for one in found), tuple(one.size for one in found)
     label = Label(
-        case=drawn.case,
-        kind=drawn.kind,
+        case=case,
+        kind=kind,
         truths=tuple(truth.label for truth in truths),
         sizes=sizes,
-        withheld=(truths[0].effect,) if drawn.kind == "removed" else (),
+        withheld=(truths[0].effect,) if kind == "removed" else (),
         robot=robot.name,
         design="plan" if exam.plan is not None else wish.design,
         data=campaign.kind,
@@ -222,8 +216,8 @@ def _drawn(exam: Exam, rng: np.random.Generator, robot: Robot, drawn: Drawn) -> 
     return Case(label, robot, machine, truths, campaign, fresh)
 
 
-def _draw_wish(exam: Exam, rng: np.random.Generator, drawn: Drawn) -> Wish:
-    effects = [truth.effect for truth in drawn.truths] or ["none"]
+def _draw_wish(exam: Exam, rng: np.random.Generator, truths: tuple[Truth, ...]) -> Wish:
+    effects = [truth.effect for truth in truths] or ["none"]
     absolute = max(ABSOLUTE.get(effect, ABSOLUTE_ELSE) for effect in effects)
     data: Data = "absolute" if rng.random() < absolute else "displacement"
     design: Design = "lean" if rng.random() < exam.lean else "rich"

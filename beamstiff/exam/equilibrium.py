@@ -239,8 +239,7 @@ def _unbalanced(
 
 
 def _turned(state: State, bodies: Integers, arms: Array) -> Array:
-    turned: Array = (state.turned[:, bodies] @ arms[..., None])[..., 0]
-    return turned
+    return (state.turned[:, bodies] @ arms[..., None])[..., 0]
 
 
 def _step(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers
-from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, bodies_of
+from beamstiff.exam.machine import Machine, Profile, bodies_of
 from beamstiff.exam.placing import Placed
 
 SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometry may move them apart
@@ -81,11 +81,7 @@ def topology_of(machine: Machine) -> Topology:
     body_of = bodies_of(machine)
     index = {node.name: at for at, node in enumerate(machine.nodes)}
 
-    def pairs(parts: Sequence[Any]) -> Integers:
-        found = [[body_of[name] for name in part.nodes] for part in parts]
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-    members = np.concatenate([pairs(machine.hinges), pairs(machine.bars)])
+    members = _ends([*machine.hinges, *machine.bars], body_of)
     locked = np.ones(max(body_of.values()) + 1, dtype=np.bool_)
     locked[members.ravel()] = False
     joined = {name for _, nodes in machine.rigids for name in nodes}
@@ -98,7 +94,7 @@ def topology_of(machine: Machine) -> Topology:
         index=index,
         bodies=len(locked),
         members=members,
-        rods=pairs(machine.rods),
+        rods=_ends(machine.rods, body_of),
         locked=locked.astype(np.float64),
         loads=np.array([body_of[name] for name in carrying], dtype=np.int64),
     )
@@ -114,8 +110,7 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
     arms = nodes - nodes[:, [first_of_body[int(body)] for body in topology.body]]
 
     hinges, bars = machine.hinges, machine.bars
-    ends = np.array([[index[n] for n in part.nodes] for part in _parts(machine)], dtype=np.int64)
-    ends = ends.reshape(-1, 2)
+    ends, rod_ends = _ends([*hinges, *bars], index), _ends(machine.rods, index)
     axes = np.zeros((poses, len(ends), 3, 3))
     rest = np.zeros((poses, len(ends), 3))
     stiffness = np.zeros((poses, len(ends), 6, 6))
@@ -133,9 +128,6 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
         axes[:, at] = _bar_axes(rest[:, at] / length[:, None], up)
         stiffness[:, at] = tip_stiffness(bar.profile, length)
         bending[:, at - len(hinges)] = _shortening(length)
-    rod_ends = np.array([[index[n] for n in rod.nodes] for rod in machine.rods], dtype=np.int64).reshape(
-        -1, 2
-    )
     load_arm, load, moment = _weights(machine, index, placed, nodes, arms)
     return Layout(
         arms=arms,
@@ -170,8 +162,10 @@ def tip_stiffness(profile: Profile, length: Array) -> Array:
     return 0.5 * (k + np.swapaxes(k, -1, -2))
 
 
-def _parts(machine: Machine) -> list[Hinge | Bar]:
-    return [*machine.hinges, *machine.bars]
+def _ends(parts: Sequence[Any], of_node: Mapping[str, int]) -> Integers:
+    """Return what both nodes of every part are, (parts, 2)."""
+    found = [[of_node[name] for name in part.nodes] for part in parts]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def _finite(stiffness: Array) -> Array:

@@ -181,13 +181,6 @@ class Machine:
         found = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
         return found + [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
 
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """All laws of the machine."""
-        of_rods = tuple(rod.law for rod in self.rods if rod.law is not None)
-        of_meshes = tuple(mesh.law for mesh in self.meshes)
-        return tuple(law for hinge in self.hinges for law in hinge.laws.values()) + of_rods + of_meshes
-
 
 def machine_of(robot: Robot) -> Machine:
     """Return the machine that is just as the robot's description says."""

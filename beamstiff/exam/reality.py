@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.machine import Machine
@@ -71,10 +72,16 @@ class Reality:
         return dataclasses.replace(self, readings=(*self.readings, change))
 
 
-def places_of(machine: Machine, campaign: SimulatedCampaign, placed: Placed) -> Array:
-    """Return where the point of every row is, (N, 3), m, on the placed machine."""
-    places = np.empty((len(campaign), 3))
-    for name in np.unique(campaign.point):
-        rows = campaign.point == name
+def places_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
+    """Return where the node of every row is, (N, 3), m, on the placed machine."""
+    places = np.empty((len(nodes), 3))
+    for name in np.unique(nodes):
+        rows = nodes == name
         places[rows] = placed.node(machine.node(str(name)))[rows]
     return places
+
+
+def axes_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
+    """Return the axes of the frame of every row's node, (N, 3, 3), on the placed machine."""
+    frames = [machine.node(str(name)).frame for name in nodes]
+    return np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])

@@ -3,13 +3,16 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, TypeAdapter
 
 from beamstiff.exam.names import FAILED, NONE, UNKNOWN, is_named, key_of, normal
 
 Kind = Literal["null", "single", "pair", "outside", "removed"]
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "removed")
+Gap = Annotated[float, BeforeValidator(lambda gap: float("nan") if gap is None else gap)]  # null in JSON
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,8 @@ class Record:
 
     label: Label
     answer: Answer
-    gap: float
-    gaps: tuple[float, ...]
+    gap: Gap
+    gaps: tuple[Gap, ...]
     shrink: float | None
     controls: Mapping[str, str]
     label_sha256: str
@@ -154,26 +157,18 @@ def failed() -> Answer:
     return Answer(verdict=key_of(FAILED, None), probability=0.0, probabilities={})
 
 
+_RECORD = TypeAdapter(Record)
+
+
 def record_from(data: Mapping[str, Any]) -> Record:
     """Return the record that `Record.to_dict` made plain data of."""
-    values = {**data}
-    values["label"] = made(Label, data["label"])
-    values["answer"] = made(Answer, data["answer"])
-    values["gap"] = float("nan") if data["gap"] is None else data["gap"]
-    values["gaps"] = tuple(float("nan") if gap is None else gap for gap in data["gaps"])
-    return Record(**values)
+    return _RECORD.validate_python(data)
 
 
 def sha256(value: Any) -> str:
     """Return the SHA-256 of plain data, written as JSON with sorted keys and no blanks."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
-
-
-def made(kind: type[Any], data: Mapping[str, Any]) -> Any:
-    """Return an object of a dataclass from plain data; lists become tuples, unknown names are left out."""
-    names = {field.name for field in fields(kind)}
-    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names})
 
 
 def _number(value: float) -> float | None:

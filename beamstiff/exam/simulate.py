@@ -16,7 +16,7 @@ from beamstiff.exam.laws import Memory, Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
 from beamstiff.exam.machine import drives_of, joints_of, machine_of
 from beamstiff.exam.placing import Placed, place, skeleton_of
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, axes_of
 from beamstiff.exam.rotations import turned_by
 from beamstiff.exam.strain import State
 from beamstiff.measure.table import Measurements, make_measurements
@@ -93,8 +93,7 @@ def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Arr
     """Return the six values (N, 6) that the rows read on a machine in these equilibria."""
     machine, nodes = reality.machine, solved.topology.index
     point = np.array([nodes[name] for name in campaign.point])
-    frames = [machine.node(str(name)).frame for name in campaign.point]
-    axes = np.stack([solved.placed.rotations[frame][row] for row, frame in enumerate(frames)])
+    axes = axes_of(machine, campaign.point, solved.placed)
     away = np.array(reality.target if campaign.kind == "displacement" else reality.marked)
     away = np.where((campaign.point == machine.tcp)[:, None], axes @ away, 0.0)  # the tool's own reflector
     arm = solved.layout.arms[np.arange(len(point)), point] + away
@@ -226,8 +225,7 @@ def _from(state: State, rows: Integers, other: State) -> State:
 
 def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
     shift = ((state.turned[rows, body] - np.eye(3)) @ arm[..., None])[..., 0]
-    moved: Array = state.moved[rows, body] + shift
-    return moved
+    return state.moved[rows, body] + shift
 
 
 def _load(
@@ -240,8 +238,7 @@ def _load(
     if unknown:
         raise BeamstiffError(f"campaign: found the node {unknown[0]!r}, which the robot does not have")
     node = np.array([topology.index[name] for name in campaign.load_point])
-    frames = [reality.machine.node(str(name)).frame for name in campaign.load_point]
-    axes = np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])
+    axes = axes_of(reality.machine, campaign.load_point, placed)
     lever = np.where(
         (campaign.load_point == reality.machine.tcp)[:, None], axes @ np.array(reality.lever), 0.0
     )

@@ -30,8 +30,7 @@ class State:
         """Return the displacement of points of bodies."""
         turned = self.turned[:, body]  # type: ignore[index]
         shift = ((turned - np.eye(3)) @ arm[..., None])[..., 0]
-        result: Array = self.moved[:, body] + shift  # type: ignore[index]
-        return result
+        return self.moved[:, body] + shift  # type: ignore[index]
 
 
 @dataclass(frozen=True, eq=False)

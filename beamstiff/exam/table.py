@@ -41,14 +41,6 @@ class Row:
         return "required" if sign * value >= sign * self.required else "missed"
 
 
-@dataclass(frozen=True)
-class Group:
-    """Cases of one sort, by the name of the sort."""
-
-    name: str
-    records: tuple[Record, ...]
-
-
 ALARMS = "false alarms on null data"
 COVERED = "verdict set holds the truth"
 COVERED_NAMES = "the same, of verdicts that name an effect"
@@ -123,25 +115,21 @@ def by_design(records: Records) -> tuple[list[Record], list[Record]]:
     return [record for record in records if record.label.design != "lean"], lean
 
 
-def groups(records: Records) -> list[Group]:
+def groups(records: Records) -> dict[str, list[Record]]:
     """Return the cases by design; all but lean ones by robot, readings, data, claim and forms as well."""
     found: dict[str, list[Record]] = {}
     for record in records:
         label = record.label
         sorts = [f"{label.design}, all"]
         if label.design != "lean":
-            rest = [
-                label.robot,
-                f"{label.readings} components",
-                label.data,
-                f"noise claimed: {label.claimed}",
-            ]
+            claimed = f"noise claimed: {label.claimed}"
+            rest = [label.robot, f"{label.readings} components", label.data, claimed]
             if label.truths:
                 rest.append(f"forms of author {label.author}")
             sorts += [f"{label.design}, {sort}" for sort in rest]
         for sort in sorts:
             found.setdefault(sort, []).append(record)
-    return [Group(name, tuple(cases)) for name, cases in sorted(found.items())]
+    return dict(sorted(found.items()))
 
 
 def banded(records: Records) -> list[tuple[str, list[Record]]]:
@@ -161,8 +149,8 @@ def table_dict(records: Records) -> dict[str, object]:
         "cases": len(records),
         "failed": sum(record.error is not None for record in records),
         "headline": {
-            group.name: _rows(headline(group.records, lean=group.name.startswith("lean")))
-            for group in (Group("all", tuple(records)), *groups(records))
+            name: _rows(headline(cases, lean=name.startswith("lean")))
+            for name, cases in {"all": records, **groups(records)}.items()
         },
         "controls": _rows(controls(told)),
         "effects": [

@@ -147,8 +147,7 @@ def _strut_ways(structure: Structure, posture: Posture, struts: Index) -> Array:
     index = structure.kinematics.node_index
     pairs = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
     ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    ways: Array = posture.node_positions[:, ends[:, 1]] - posture.node_positions[:, ends[:, 0]]
-    return ways
+    return posture.node_positions[:, ends[:, 1]] - posture.node_positions[:, ends[:, 0]]
 
 
 def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:

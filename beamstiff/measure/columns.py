@@ -153,10 +153,7 @@ def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
     known = [*(variable.name for variable in robot.actuated), *RESERVED]
     bare = re.split(r"[\s(/_]", name.strip())[0]
     if re.fullmatch(r"[-+.\d\s]+([eE][-+]?\d+)?", name):
-        wrong(
-            "",
-            f"found {shown(name)}, expected a line with the names of the columns before the numbers",
-        )
+        wrong("", f"found {shown(name)}, expected a line with the names of the columns before the numbers")
     if ";" in name or "\t" in name:
         wrong("", f"found {shown(name)} as one column, expected one separator throughout, a comma")
     lower = {candidate.lower(): candidate for candidate in known}

@@ -356,13 +356,7 @@ def _poses(q: Array) -> list[int]:
 
 
 def _in_base(
-    load: Signal,
-    wrench: Array,
-    q: Array,
-    joints: Signal,
-    robot: Robot | None,
-    name: str,
-    notes: list[str],
+    load: Signal, wrench: Array, q: Array, joints: Signal, robot: Robot | None, name: str, notes: list[str]
 ) -> Array:
     """Return wrenches (W, 6) on the tool at the TCP, base frame."""
     if np.isnan(wrench).any():

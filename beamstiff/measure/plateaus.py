@@ -113,8 +113,7 @@ def _moving_cells(signal: Signal, noise: Array, edges: Array) -> Flags:
     change = np.zeros(len(edges) + 1)
     np.add.at(change, low.clip(0, len(edges) - 1), 1)
     np.add.at(change, high.clip(0, len(edges) - 1), -1)
-    flags: Flags = np.cumsum(change)[: len(edges) - 1] > 0
-    return flags
+    return np.cumsum(change)[: len(edges) - 1] > 0
 
 
 def _runs(flags: Flags) -> list[tuple[int, int]]:

@@ -309,8 +309,7 @@ def _check_angles(columns: Sequence[Column], raw: RawTable) -> None:
         raw.fail_in_metadata("orientation", f"found {said}, expected columns A B C beside x y z")
     if any(f"sigma_{name}" in names for name in "abc"):
         raw.fail_in_metadata(
-            "orientation",
-            f"found {said} with sigma_a, sigma_b or sigma_c, expected '# sigma_rotation'",
+            "orientation", f"found {said} with sigma_a, sigma_b or sigma_c, expected '# sigma_rotation'"
         )
 
 

@@ -54,10 +54,7 @@ class Noise:
 
 
 def candidate_poses(
-    kinematics: Kinematics,
-    count: int,
-    seed: int,
-    region: Sequence[tuple[float, float]] | None = None,
+    kinematics: Kinematics, count: int, seed: int, region: Sequence[tuple[float, float]] | None = None
 ) -> Array:
     """Return random poses within the joint limits whose loops close and whose TCP is in a region, (count, A).
 

@@ -187,12 +187,12 @@ def groups_table(records: Records) -> Table:
     heads = ("singles", "exact", "family", "set holds it", "of names", "set size", "calibration")
     title = "By sort of case (singles with gap >= 1 sigma)"
     result = table(title, "cases", "all", "nulls", "alarms", *heads)
-    for group in groups(records):
-        singles = score.clear_singles(group.records)
-        nulls = score.false_alarms(group.records)
+    for name, cases in groups(records).items():
+        singles = score.clear_singles(cases)
+        nulls = score.false_alarms(cases)
         result.add_row(
-            group.name,
-            str(len(group.records)),
+            name,
+            str(len(cases)),
             str(nulls.count),
             share(nulls),
             str(len(singles)),
@@ -201,7 +201,7 @@ def groups_table(records: Records) -> Table:
             share(score.coverage(singles)),
             share(score.coverage_of_names(singles)),
             _plain(score.set_size(singles)),
-            _plain(calibration_error(group.records)),
+            _plain(calibration_error(cases)),
         )
     return result
 

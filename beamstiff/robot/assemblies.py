@@ -294,8 +294,7 @@ def _unwound(system: LoopSystem, postures: Array, guess: Array) -> Array:
     first = system.actuated
     passive = postures[:, first:]
     turns = np.where(system.turning[first:], np.round((passive - guess[first:]) / (2 * np.pi)), 0.0)
-    unwound: Array = passive - 2 * np.pi * turns
-    return unwound
+    return passive - 2 * np.pi * turns
 
 
 def _same(system: LoopSystem, one: Array, others: Array) -> Mask:

@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from beamstiff.errors import BeamstiffError, shown
-from beamstiff.robot.fields import Described, DescriptionError, Name, Number, Truth, Vector
-from beamstiff.units import quantity
+from beamstiff.robot.fields import Described, DescriptionError, Name, Number, PositiveNumber, Truth, Vector
 
 VERSION = 1  # of the key `model`
 KINDS = ("fuzzy", "grid", "gray box", "gaussian process")
@@ -21,22 +20,14 @@ Numbers = tuple[Number, ...]
 Table = tuple[Numbers, ...]
 
 
-def _positive(value: Any) -> float:
-    found = quantity(value, "number")
-    if found <= 0:
-        raise BeamstiffError(f"found {shown(value)}, expected a positive number")
-    return found
-
-
 def _whole(value: Any) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise BeamstiffError(f"found {shown(value)}, expected a whole number, 0 or more")
     return value
 
 
-Positive = Annotated[float, BeforeValidator(_positive)]
 Whole = Annotated[int, BeforeValidator(_whole)]
-PositiveTable = tuple[tuple[Positive, ...], ...]
+PositiveTable = tuple[tuple[PositiveNumber, ...], ...]
 
 
 def _same(path: str, found: int, expected: int, each: str) -> None:
@@ -94,7 +85,7 @@ class CubeGrid(Described):
     """Cubes side by side: least corner, m, side, m, and how many along x, y and z, the last fastest."""
 
     low: Vector
-    size: Positive
+    size: PositiveNumber
     counts: tuple[Whole, Whole, Whole]
     rows: tuple[Whole, ...]  # measured in each
 
@@ -137,10 +128,10 @@ class TaughtProcess(Described):
     follows: tuple[Name, ...]
     own_spread: Numbers
     spread: Numbers
-    own_length: Positive
-    lengths: tuple[Positive, ...]
-    scale: tuple[Positive, ...]
-    noise: Positive
+    own_length: PositiveNumber
+    lengths: tuple[PositiveNumber, ...]
+    scale: tuple[PositiveNumber, ...]
+    noise: PositiveNumber
     misfit: tuple[Number, Number, Number, Number, Number, Number]
     postures: Table
     posture: tuple[Whole, ...]

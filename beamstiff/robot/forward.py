@@ -55,8 +55,7 @@ def forward(kinematics: Kinematics, values: Array) -> Array:
 def node_positions(kinematics: Kinematics, transforms: Array) -> Array:
     """Return where every node is in the base frame, (P, N, 3), m, from the transforms of the frames."""
     at = transforms[:, kinematics.node_frame]
-    positions: Array = (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
-    return positions
+    return (at[..., :3, :3] @ kinematics.node_at[:, :, None])[..., 0] + at[..., :3, 3]
 
 
 def chain_to(kinematics: Kinematics, frame: int) -> list[int]:

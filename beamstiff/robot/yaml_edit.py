@@ -23,13 +23,13 @@ from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import JointStiffness, Strut
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import flow_text, item_rows, model_rows, robot_to_yaml, rows_of
+from beamstiff.robot.yaml_text import LOADER
 from beamstiff.units import NUMBER, unit_size
 
 NOISE = 1e-14  # relative: what conversions of units and 1/(1/k) leave behind
 GUARD = 100.0  # rounding moves a value by no more than this part of its standard deviation
 
 Edit: TypeAlias = tuple[int, int, str]  # from one character to another, and the text between them
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 # "1047 mm", "q2 - 90 deg", "q2 + 0.001": the last number, with what stands before it
 _LAST = re.compile(
     rf"(?P<head>(?:.*?[^\s*/])??\s*)(?P<sign>[+-]?)\s*(?P<number>{NUMBER.removeprefix('[+-]?')})"
@@ -64,7 +64,7 @@ def edited_yaml(
     """Return a robot file's text with what differs in `robot`; None where that cannot be said in place."""
     try:
         old = parse_robot(text, str(source))
-        edits = set(_edits(yaml.compose(text, Loader=_LOADER), old, robot, "", text, std))
+        edits = set(_edits(yaml.compose(text, Loader=LOADER), old, robot, "", text, std))
         result = _applied(text, edits)
         return result if _same(parse_robot(result), robot, std) else None
     except (BeamstiffError, _NotInPlaceError):

@@ -23,7 +23,7 @@ MOST_REPEATED = 1_000_000  # values that aliases stand for
 _Place: TypeAlias = tuple[int, dict[Any, Any]]
 _Path: TypeAlias = tuple[str | int, ...]
 
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _WORDS = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -66,7 +66,7 @@ def parse_yaml(text: str, name: str = "<text>") -> tuple[Any, Lines]:
     if character := _UNPRINTABLE.search(text):
         line = text.count("\n", 0, character.start()) + 1
         raise BeamstiffError(f"{name}:{line}: found the character {character[0]!r}, expected printable text")
-    builder = _Builder(iter(yaml.parse(text, Loader=_LOADER)), name)
+    builder = _Builder(iter(yaml.parse(text, Loader=LOADER)), name)
     try:
         return builder.document()
     except yaml.MarkedYAMLError as error:

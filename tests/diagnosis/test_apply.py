@@ -9,11 +9,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot
 from beamstiff.diagnosis.added_effect import needed_scales
-from beamstiff.diagnosis.apply import (
-    effects_displacement,
-    extended,
-    predict_with_effects,
-)
+from beamstiff.diagnosis.apply import effects_displacement, extended, predict_with_effects
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Weighted, fitted
@@ -313,10 +309,7 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
                 found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12)
             )
             np.testing.assert_allclose(
-                predict(robot, rows),
-                there.predicted + expected,
-                rtol=0,
-                atol=1e-9 * np.abs(expected).max(),
+                predict(robot, rows), there.predicted + expected, rtol=0, atol=1e-9 * np.abs(expected).max()
             )
 
 

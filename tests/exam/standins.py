@@ -45,37 +45,19 @@ class StandIn:
         return self.predict(measurements)
 
 
-def always_none(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
-) -> StandIn:
+def always_none(*_: object, **__: object) -> StandIn:
     """Say that nothing is missing."""
     return StandIn("none", None)
 
 
-def anything(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
-) -> StandIn:
+def anything(robot: Robot, measurements: Measurements, **_: object) -> StandIn:
     """Name an effect and a place at random, from a generator that the readings seed."""
     readings = np.nan_to_num(measurements.measured)
     rng = np.random.default_rng(np.frombuffer(np.ascontiguousarray(readings).tobytes(), dtype=np.uint32)[:64])
     return StandIn(EFFECTS[rng.integers(len(EFFECTS))], PLACES[rng.integers(len(PLACES))], 0.05)
 
 
-def broken(
-    robot: Robot,
-    measurements: Measurements,
-    *,
-    without: Sequence[str] = (),
-    seed: int = 0,
-) -> StandIn:
+def broken(robot: Robot, measurements: Measurements, **_: object) -> StandIn:
     """Break off."""
     raise ZeroDivisionError(f"{len(measurements)} rows")
 
@@ -94,12 +76,7 @@ class Oracle:
         self.withheld: list[tuple[str, ...]] = []
 
     def __call__(
-        self,
-        robot: Robot,
-        measurements: Measurements,
-        *,
-        without: Sequence[str] = (),
-        seed: int = 0,
+        self, robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
     ) -> StandIn:
         case = self.cases[measurements.q.tobytes()]
         self.withheld.append(tuple(without))

@@ -47,7 +47,7 @@ def test_cases_are_grouped_by_design_and_rich_ones_by_robot_and_readings() -> No
         answered("none", NONE, robot="ir663", readings=3),
         answered("none", NONE, robot="ir663", readings=3, design="lean"),
     ]
-    sizes = {group.name: len(group.records) for group in groups(records)}
+    sizes = {name: len(cases) for name, cases in groups(records).items()}
     assert sizes == {
         "lean, all": 1,
         "rich, all": 2,
@@ -62,7 +62,7 @@ def test_cases_are_grouped_by_design_and_rich_ones_by_robot_and_readings() -> No
 
 def test_effects_of_forms_that_the_diagnosis_does_not_know_are_a_group_of_their_own() -> None:
     records = [answered(), answered(author=2), answered("none"), answered(author=2, design="lean")]
-    sizes = {group.name: len(group.records) for group in groups(records)}
+    sizes = {name: len(cases) for name, cases in groups(records).items()}
     assert (sizes["rich, all"], sizes["rich, forms of author 1"], sizes["rich, forms of author 2"]) == (
         3,
         1,

@@ -10,9 +10,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let every map take a hundredth of a millisecond a pose."""
 
     def cost(
-        work: dict[str, object],
-        processes: int,
-        scheduler: str | None = None,
+        work: dict[str, object], processes: int, scheduler: str | None = None
     ) -> tuple[map_scaling.Cost, float]:
         poses = 1
         for axis in work["over"].values():

@@ -74,11 +74,7 @@ def test_a_camera_on_the_robot_that_turns_sees_the_tag_move(robot: Robot) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "# camera: on robot",
-            "# camera: on tripod",
-            "found 'on tripod', expected on robot or fixed",
-        ),
+        ("# camera: on robot", "# camera: on tripod", "found 'on tripod', expected on robot or fixed"),
         ("# tag_size: 100 mm\n", "", "pixel_noise: expected all of pixel_noise focal_length tag_size"),
         ("# focal_length: 900", "# focal_length: -3", "focal_length: found '-3', expected a positive number"),
         ("x,y,z,a,b,c", "x,y,z,remark,point,pose", "expected x y z and an orientation"),

@@ -20,7 +20,7 @@ def loader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     name: str = request.param
     if name == "libyaml" and not yaml.__with_libyaml__:
         pytest.skip("this PyYAML has no libyaml")
-    monkeypatch.setattr(yaml_text, "_LOADER", yaml.CSafeLoader if name == "libyaml" else yaml.SafeLoader)
+    monkeypatch.setattr(yaml_text, "LOADER", yaml.CSafeLoader if name == "libyaml" else yaml.SafeLoader)
     return name
 
 

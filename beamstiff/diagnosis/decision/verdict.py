@@ -278,11 +278,7 @@ def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
 
 
 def _two(
-    search: Search,
-    pair: Pair,
-    effects: Mapping[str, float],
-    shares: dict[str, float],
-    real: float,
+    search: Search, pair: Pair, effects: Mapping[str, float], shares: dict[str, float], real: float
 ) -> Judged:
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
     evidence = pair.log_weight - search.log_weight[UNKNOWN]

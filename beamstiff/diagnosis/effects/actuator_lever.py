@@ -23,7 +23,7 @@ from beamstiff.diagnosis.effects.drive_stiffness import (
     scaled_torque,
     values_fitted,
 )
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, named
 from beamstiff.diagnosis.effects.free_length import of_slide, of_struts, screws
 from beamstiff.diagnosis.effects.torque_laws import axis_at, drive_compliance, drives, unit_of
 from beamstiff.diagnosis.residual.baseline import Baseline
@@ -92,38 +92,33 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         ]
         return np.stack(columns, -1) if columns else np.zeros((len(q), 0))
 
-    gain = Quantity("mean_compliance", unit, compliance)
-    factors = follow.varying(lambda q: laws(q, cranks, NEAR_DEAD)).T
-    columns = [scaled_torque(baseline, axis, factor) for factor in factors]
-
     def any_of(name: str, some: list[Crank], least: float) -> Shape:
-        modes = follow.family(lambda q: laws(q, some, least)).T
-        whole = [scaled_torque(baseline, axis, mode) for mode in modes]
-        names = (Quantity(f"compliance_mode_{k + 1}", unit, VARIES * compliance) for k in range(len(whole)))
-        return Shape(name, np.stack(whole, -1), tuple(names), prior_factor=3.0, weight=0.5)
+        modes = follow.family(lambda q: laws(q, some, least))
+        numbers = [f"{k + 1}" for k in range(modes.shape[1])]
+        quantities = named("compliance_mode", unit, VARIES * compliance, numbers)
+        return Shape(name, scaled_torque(baseline, axis, modes), quantities, prior_factor=3.0, weight=0.5)
 
+    gain = Quantity("mean_compliance", unit, compliance)
+    slips = scaled_torque(baseline, axis, follow.varying(lambda q: laws(q, cranks, NEAR_DEAD)))
     gentle = _possible(follow, FINE_RATIOS, FINE, GEARS, GENTLE)
     result = [
         Shape(
             f"crank {ratio:g}, {np.degrees(phase):.0f} deg",
-            column[..., None],
+            slips[..., at : at + 1],
             (gain,),
             prior_factor=3.0,
             weight=1.0 / len(cranks),
         )
-        for (ratio, phase, _, _), column in zip(cranks, columns, strict=True)
+        for at, (ratio, phase, _, _) in enumerate(cranks)
     ]
-    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], -1)).T
-    waves = np.stack([scaled_torque(baseline, axis, factor) for factor in turn], -1)
-    parts = tuple(
-        Quantity(f"compliance_{wave}{often}", unit, size * VARIES * compliance)
-        for often, size in (("", 1.0), ("_twice", TWICE))
-        for wave in ("cosine", "sine")
-    )
+    turn = follow.varying(lambda q: np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], -1))
+    waves = scaled_torque(baseline, axis, turn)
+    once = named("compliance", unit, VARIES * compliance, ("cosine", "sine"))
+    twice = named("compliance", unit, TWICE * VARIES * compliance, ("cosine_twice", "sine_twice"))
     return [
         *result,
-        Shape("once a turn", waves[..., :2], parts[:2], prior_factor=3.0),
-        Shape("once and twice a turn", waves, parts, prior_factor=3.0, weight=0.5),
+        Shape("once a turn", waves[..., :2], once, prior_factor=3.0),
+        Shape("once and twice a turn", waves, (*once, *twice), prior_factor=3.0, weight=0.5),
         any_of("any crank", family, NEARER_DEAD),
         *([any_of("any gentle crank", gentle, GENTLE)] if gentle else []),
     ]

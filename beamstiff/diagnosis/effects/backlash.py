@@ -55,44 +55,46 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         name = f"{kind} within {width:g}, asymmetric"
         return Shape(name, np.stack(both, -1), ways, prior_factor=spread, weight=weight)
 
-    sided = [to_sides(_one_side, width) for width in WIDTHS]
-    flanks = [up + down for up, down in sided]
+    sided = {width: to_sides(_one_side, width) for width in WIDTHS}
+    flanks = {width: up + down for width, (up, down) in sided.items()}
     result = []
-    for width, odd, both in zip(WIDTHS, flanks, sided, strict=True):
+    for width, both in sided.items():
         one, spread = sized(width)
+        odd = (flanks[width], (one,))
         result += [
-            Shape(f"flank within {width:g}", odd[..., None], (one,), prior_factor=spread, weight=2.0),
+            Shape.of(f"flank within {width:g}", odd, prior_factor=spread, weight=2.0),
             off_rest("flank", both, width),
         ]
     result += [off_rest("flank", to_sides(_one_side, width), width, RARELY) for width in BETWEEN]
     result += [off_rest("straight flank", to_sides(_straight, width), width, RARELY) for width in STRAIGHT]
     way = replace(half, size=0.5 * half.size)
-    halves = tuple(replace(way, name=f"half_width_{width:g}") for width in WIDTHS)
-    result.append(
-        Shape("flanks one after another", np.stack(flanks, -1), halves, prior_factor=6.0, weight=0.5)
-    )
-    sides = tuple(replace(way, name=f"width_{width:g}_{side}") for width in WIDTHS for side in SIDES)
-    result.append(
-        Shape(
-            "flanks one after another, other ones to each side",
-            np.stack([one for both in sided for one in both], -1),
-            sides,
-            prior_factor=6.0,
-            weight=0.5,
-        )
-    )
+    several = [(flank, (replace(way, name=f"half_width_{width:g}"),)) for width, flank in flanks.items()]
+    sides = [
+        (flank, (replace(way, name=f"width_{width:g}_{side}"),))
+        for width, both in sided.items()
+        for side, flank in zip(SIDES, both, strict=True)
+    ]
+    name = "flanks one after another"
+    result += [
+        Shape.of(name, *several, prior_factor=6.0, weight=0.5),
+        Shape.of(f"{name}, other ones to each side", *sides, prior_factor=6.0, weight=0.5),
+    ]
     if axis.turns and axis.joint.variable is not None:  # wheels that are worn or off their centre
         angle, usual = baseline.joint_values[axis.joint.variable], _usual_course(baseline, str(component))
         # about its mean: that is what must not be negative, as the drive moves along its torque
-        courses = [np.ones_like(angle), *(course(angle) - usual[name] for name, course in WAVES.items())]
-        for width, odd in zip(WIDTHS, flanks, strict=True):
+        courses = {name: course(angle) - usual[name] for name, course in WAVES.items()}
+        for width, flank in flanks.items():
             one, spread = sized(width)
             wave = replace(one, size=0.3 * one.size, positive=False)
+            waves = [
+                (flank * course[:, None], (replace(wave, name=f"half_width_{name}"),))
+                for name, course in courses.items()
+            ]
             result.append(
-                Shape(
+                Shape.of(
                     f"flank within {width:g}, by the angle",
-                    np.stack([odd * course[:, None] for course in courses], -1),
-                    (one, *(replace(wave, name=f"half_width_{name}") for name in WAVES)),
+                    (flank, (one,)),
+                    *waves,
                     prior_factor=spread,
                     weight=0.5,
                     against=("torque", *WAVES),

@@ -10,8 +10,8 @@ from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, 
 from beamstiff.diagnosis.effects.torque_laws import (
     by_compliance,
     by_contacts,
-    compliance_quantities,
-    coupling_quantity,
+    compliance_terms,
+    coupling_term,
     load_scales,
     softness,
 )
@@ -24,51 +24,24 @@ COUPLING = 1e-8  # 1/N: a centre of rotation some decimetres below
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     place = baseline.places.base
-
-    def column(*pairs: tuple[int, int]) -> np.ndarray:
-        return by_compliance(baseline, place, list(pairs))
-
     soft = float(np.sqrt(softness(baseline)))  # a small robot may stand on the floor of a large one
     rotation, translation, coupling = soft * ROTATION, soft * TRANSLATION, soft * COUPLING
+    turning, skewed, sliding, slanted = compliance_terms(baseline, place, rotation, translation)
+    below = [(0, 1), (1, 0)]
+    others = [(a, b) for a in range(3) for b in range(3) if (a, b) not in below]
+    coupled = [coupling_term(baseline, place, *pair, coupling) for pair in below]
+    rest = [coupling_term(baseline, place, *pair, 0.5 * coupling) for pair in others]
     tilt = Quantity("tilting_compliance", "rad/(N*m)", rotation, positive=True)
-    rotations, skews, slides, slants = compliance_quantities(rotation, translation)
-    couplings = (coupling_quantity(0, 1, coupling), coupling_quantity(1, 0, coupling))
-    others = tuple(
-        coupling_quantity(a, b, 0.5 * coupling)
-        for a in range(3)
-        for b in range(3)
-        if (a, b) not in ((0, 1), (1, 0))
-    )
-    turning = [column((3, 3)), column((4, 4)), column((5, 5))]
-    sliding = [column((0, 0)), column((1, 1)), column((2, 2))]
-    coupled = [column((0, 4)), column((1, 3))]
-    skewed = [column((3, 4)), column((3, 5)), column((4, 5))]
-    slanted = [column((0, 1)), column((0, 2)), column((1, 2))]
-    rest = [column((a, 3 + b)) for a in range(3) for b in range(3) if (a, b) not in ((0, 1), (1, 0))]
-    contacts, stiffening = by_contacts(
-        baseline, place, load_scales(baseline, baseline.fit.places.base), rotation, translation
-    )
+    scales = load_scales(baseline, baseline.fit.places.base)
+    contacts = by_contacts(baseline, place, scales, rotation, translation)
+    every = (turning, sliding, *coupled, skewed, slanted, *rest)
     found = [
-        Shape("tilt", column((3, 3), (4, 4))[..., None], (tilt,)),
-        Shape("rotation", np.stack(turning, -1), rotations),
-        Shape("soil", np.stack([*turning, *sliding, *coupled], -1), (*rotations, *slides, *couplings)),
-        Shape(
-            "all",
-            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest], -1),
-            (*rotations, *slides, *couplings, *skews, *slants, *others),
-        ),
-        Shape(
-            "rotation that stiffens",
-            np.stack([*turning, *contacts[:3]], -1),
-            (*rotations, *stiffening[:3]),
-            weight=0.5,
-        ),
-        Shape(
-            "all, stiffening",
-            np.stack([*turning, *sliding, *coupled, *skewed, *slanted, *rest, *contacts], -1),
-            (*rotations, *slides, *couplings, *skews, *slants, *others, *stiffening),
-            weight=0.5,
-        ),
+        Shape.of("tilt", (by_compliance(baseline, place, (3, 3), (4, 4)), (tilt,))),
+        Shape.of("rotation", turning),
+        Shape.of("soil", turning, sliding, *coupled),
+        Shape.of("all", *every),
+        Shape.of("rotation that stiffens", turning, contacts[0], weight=0.5),
+        Shape.of("all, stiffening", *every, *contacts, weight=0.5),
     ]
     return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
 

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import (
+    Effect,
+    Normalisation,
+    Quantity,
+    Shape,
+    Term,
+    named,
+    stated_scale,
+)
 from beamstiff.diagnosis.effects.torque_laws import (
     CONTACT,
     any_symmetric,
@@ -43,74 +51,59 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
-    place = baseline.places.joints[joint_of(baseline, str(component)).name]
-    size = _usual_tilt(baseline, str(component))
-    tilting = Quantity("tilting_compliance", "rad/(N*m)", size, positive=True)
-    both_ways = Quantity("radial_compliance", "m/N", RADIAL * size, positive=True)
-    lengthwise = Quantity("axial_compliance", "m/N", AXIAL * size, positive=True)
-    tilt = by_compliance(baseline, place, [(4, 4), (5, 5)])
-    radial = by_compliance(baseline, place, [(1, 1), (2, 2)])
-    axial = by_compliance(baseline, place, [(0, 0)])
-    by_axis = [by_compliance(baseline, place, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
-    pair = ("tilting_compliance_y", "tilting_compliance_z")
-    skew = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size, within=pair)
-    two = (
-        Quantity("tilting_compliance_y", "rad/(N*m)", size, positive=True),
-        Quantity("tilting_compliance_z", "rad/(N*m)", size, positive=True),
+    joint = joint_of(baseline, str(component))
+    place = baseline.places.joints[joint.name]
+    size, usual = _usual_tilt(baseline, str(component)), usual_moment(baseline, str(component))
+
+    def column(*pairs: tuple[int, int]) -> Array:
+        return by_compliance(baseline, place, *pairs)
+
+    def alone(columns: Array, name: str, unit: str, large: float, positive: bool = True) -> Term:
+        return columns, (Quantity(name, unit, large, positive),)
+
+    tilt = alone(column((4, 4), (5, 5)), "tilting_compliance", "rad/(N*m)", size)
+    radial = alone(column((1, 1), (2, 2)), "radial_compliance", "m/N", RADIAL * size)
+    axial = alone(column((0, 0)), "axial_compliance", "m/N", AXIAL * size)
+    radials = (
+        np.stack([column((1, 1)), column((2, 2))], -1),
+        named("radial_compliance", "m/N", RADIAL * size, "yz", positive=True),
     )
-    radials = [by_compliance(baseline, place, [pair]) for pair in ((1, 1), (2, 2))]
     # about a point that is off along the axis, forces across it tilt too
-    across, along = (by_compliance(baseline, place, [pair]) for pair in ((1, 5), (2, 4)))
-    off = Quantity("tilting_by_force", "rad/N", OFF * size)
-    offs = tuple(Quantity(f"tilting_by_force_{axis}", "rad/N", OFF * size) for axis in "yz")
-    sides = tuple(
-        Quantity(f"radial_compliance_{axis}", "m/N", both_ways.size, positive=True) for axis in "yz"
-    )
-    usual = usual_moment(baseline, str(component))
-    stiffening = _stiffening(baseline, place, usual)
-    contact = Quantity("tilt_at_usual_moment", "rad", size * usual, positive=True)
-    contacts = [replace(contact, name=f"{contact.name}_at_{degrees}_deg") for degrees in RAYS]
-    every, quantities = [*by_axis, radial, axial], (*two, skew, both_ways, lengthwise)
+    across, along = column((1, 5)), column((2, 4))
+    off = alone(across - along, "tilting_by_force", "rad/N", OFF * size, positive=False)
+    offs = (np.stack([across, along], -1), named("tilting_by_force", "rad/N", OFF * size, "yz"))
+    stiffening = alone(_stiffening(baseline, place, usual), "tilt_at_usual_moment", "rad", size * usual)
+    rays = named("tilt_at_usual_moment_at", "rad", size * usual, [f"{at}_deg" for at in RAYS], positive=True)
+
+    def by_ray(law: Callable[[Array], Array]) -> Term:
+        return np.stack(_by_axis(baseline, place, usual, law), -1), rays
+
+    tilts = _tilts(baseline, place, size)
+    every = (tilts, radial, axial)
+    turning = own_direction(baseline.nominal, joint.name) == "torsional"
+    softening = "all, softening by axis as its preload is lost at"
     found = [
-        Shape("tilt", tilt[..., None], (tilting,)),
-        Shape("tilt and radial", np.stack([tilt, radial], -1), (tilting, both_ways)),
-        Shape("tilt by axis", np.stack(by_axis, -1), (*two, skew)),
-        Shape("tilt that stiffens", np.stack([tilt, stiffening], -1), (tilting, contact)),
-        Shape("all", np.stack(every, -1), quantities),
-        Shape("all, stiffening", np.stack([*every, stiffening], -1), (*quantities, contact), weight=0.5),
+        Shape.of("tilt", tilt),
+        Shape.of("tilt and radial", tilt, radial),
+        Shape.of("tilt by axis", tilts),
+        Shape.of("tilt that stiffens", tilt, stiffening),
+        Shape.of("all", *every),
+        Shape.of("all, stiffening", *every, stiffening, weight=0.5),
         *(
-            Shape(
-                f"all, stiffening by axis{how}",
-                np.stack([*every, *_by_axis(baseline, place, usual, _contact(preload))], -1),
-                (*quantities, *contacts),
-                weight=0.5,
-            )
+            Shape.of(f"all, stiffening by axis{how}", *every, by_ray(_contact(preload)), weight=0.5)
             for how, preload in PRELOADS.items()
         ),
         *(
-            Shape(
-                f"all, softening by axis as its preload is lost at {knee:g}",
-                np.stack([*every, *_by_axis(baseline, place, usual, _unloaded(knee))], -1),
-                (*quantities, *contacts),
-                weight=0.5 / len(KNEES),
-            )
+            Shape.of(f"{softening} {knee:g}", *every, by_ray(_unloaded(knee)), weight=0.5 / len(KNEES))
             for knee in KNEES
         ),
-        Shape("tilt off its centre", np.stack([tilt, radial, across - along], -1), (tilting, both_ways, off)),
-        Shape(
-            "all, off its centre",
-            np.stack([*by_axis, *radials, axial, across, along], -1),
-            (*two, skew, *sides, lengthwise, *offs),
-            weight=0.5,
-        ),
+        Shape.of("tilt off its centre", tilt, radial, off),
+        Shape.of("all, off its centre", tilts, radials, axial, offs, weight=0.5),
+        _any(baseline, place, size, turning, "any"),
     ]
-    joint = joint_of(baseline, str(component))
-    turning = own_direction(baseline.nominal, joint.name) == "torsional"
-    found.append(_any(baseline, place, size, turning, "any"))
     if joint.variable is not None and turning:
         seat = _seat(baseline, joint)
-        by_seat = [by_compliance(baseline, seat, [pair]) for pair in ((4, 4), (5, 5), (4, 5))]
-        found.append(Shape("tilt by axis of its seat", np.stack(by_seat, -1), (*two, skew), weight=0.5))
+        found.append(Shape.of("tilt by axis of its seat", _tilts(baseline, seat, size), weight=0.5))
         found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
     counted = ("stiffen", "soften")  # against the usual moment
     return [
@@ -122,6 +115,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for one in found
     ]
+
+
+def _tilts(baseline: Baseline, place: Place, size: float) -> Term:
+    """Return the tilts of a place about both axes across its own, and what couples them."""
+    y, z = named("tilting_compliance", "rad/(N*m)", size, "yz", positive=True)
+    yz = Quantity("tilting_compliance_yz", "rad/(N*m)", 0.5 * size, within=(y.name, z.name))
+    columns = [by_compliance(baseline, place, pair) for pair in ((4, 4), (5, 5), (4, 5))]
+    return np.stack(columns, -1), (y, z, yz)
 
 
 def _seat(baseline: Baseline, joint: Joint) -> Place:

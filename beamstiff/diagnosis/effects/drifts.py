@@ -7,8 +7,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Quantity, Shape
-from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.effects.effect import Quantity, Shape, Term, named
+from beamstiff.diagnosis.effects.external import shift_alone, tool_axes
 from beamstiff.diagnosis.effects.geometry_error import fixed, pose_change
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
@@ -21,40 +21,32 @@ GROWTH = 1e-4  # over the campaign: steel that warms by 8 K
 
 def along(course: Array) -> Array:
     """Return the displacement (N, 6, 3) along x, y and z."""
-    result = np.zeros((len(course), 6, 3))
-    result[:, [0, 1, 2], [0, 1, 2]] = course[:, None]
-    return result
+    return shift_alone(course[:, None, None] * np.eye(3))
 
 
 def turning(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 3) of turning about the base axes."""
     axes = np.broadcast_to(np.eye(3), (len(course), 3, 3))
-    position = baseline.described[0]
-    result: Array = course[:, None, None] * np.concatenate(
-        [np.cross(axes, position[:, :, None], axis=1), axes], axis=1
-    )
+    turned = np.cross(axes, baseline.described[0][:, :, None], axis=1)
+    result: Array = course[:, None, None] * np.concatenate([turned, axes], axis=1)
     return result
 
 
 def growing(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 1) of growing away from the base."""
-    position = baseline.described[0]
-    result: Array = course[:, None, None] * np.concatenate([position, 0.0 * position], axis=1)[..., None]
-    return result
+    return course[:, None, None] * shift_alone(baseline.described[0][..., None])
 
 
 def lengthening(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 1) of links that lengthen, along the way from the base to the point."""
-    position = baseline.described[0]
-    reach = np.maximum(np.linalg.norm(position, axis=1, keepdims=True), 1e-9)
+    reach = np.maximum(np.linalg.norm(baseline.described[0], axis=1, keepdims=True), 1e-9)
     result: Array = growing(baseline, course) / reach[:, None]
     return result
 
 
 def of_the_tool(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 3) along the axes of the tool, as of a spindle that warms up."""
-    axes = course[:, None, None] * tool_axes(baseline)
-    return np.concatenate([axes, 0.0 * axes], axis=1)
+    return shift_alone(course[:, None, None] * tool_axes(baseline))
 
 
 def turned_over(change: Array) -> Array:
@@ -62,49 +54,47 @@ def turned_over(change: Array) -> Array:
     return np.roll(change, 3, axis=1)
 
 
-def named(what: str, unit: str, size: float) -> tuple[Quantity, ...]:
-    """Return the parameters of a drift along, or about, x, y and z."""
-    return tuple(Quantity(f"{what}_{axis}", unit, size) for axis in "xyz")
-
-
 def of_the_whole(baseline: Baseline, courses: Mapping[str, Array], label: str, since: str) -> list[Shape]:
     """Return drifts of the whole machine, each any mixture of courses (N,)."""
-    every, drifts = _each(courses, along, "drift", "m", DRIFT)
-    about, turns = _each(courses, lambda course: turning(baseline, course), "turn", "rad", TURN)
+    drifts = _each(courses, along, "drift", "m", DRIFT)
+    turns = _each(courses, lambda course: turning(baseline, course), "turn", "rad", TURN)
     names = [_word(name) for name in courses]
-    ways = (growing, lengthening)
-    grown = np.concatenate([way(baseline, course) for way in ways for course in courses.values()], -1)
-    growths = (
-        *(Quantity(f"growth_{name}", "1", GROWTH) for name in names),
-        *(Quantity(f"lengthening_{name}", "m", DRIFT) for name in names),
+    grown, longer = (
+        np.concatenate([way(baseline, course) for course in courses.values()], -1)
+        for way in (growing, lengthening)
     )
+    growths = [
+        (grown, named("growth", "1", GROWTH, names)),
+        (longer, named("lengthening", "m", DRIFT, names)),
+    ]
     found = {
-        label: (every, drifts),
-        f"{label}, turning": (np.concatenate([every, about], -1), (*drifts, *turns)),
-        f"growing, {label}": (grown, growths),
-        f"growing and turning, {label}": (np.concatenate([grown, about], -1), (*growths, *turns)),
+        label: [drifts],
+        f"{label}, turning": [drifts, turns],
+        f"growing, {label}": growths,
+        f"growing and turning, {label}": [*growths, turns],
     }
     if _turns_are_read(baseline):  # and may drift by themselves: a target turns on its holder
-        target, spins = _each(courses, lambda course: turned_over(along(course)), "target_turn", "rad", TURN)
+        spins = _each(courses, lambda course: turned_over(along(course)), "target_turn", "rad", TURN)
         found |= {
-            f"{label}, target turning": (np.concatenate([every, target], -1), (*drifts, *spins)),
-            f"growing, {label}, target turning": (np.concatenate([grown, target], -1), (*growths, *spins)),
+            f"{label}, target turning": [drifts, spins],
+            f"growing, {label}, target turning": [*growths, spins],
         }
-    return [Shape(f"{name}{since}", columns, quantities) for name, (columns, quantities) in found.items()]
+    return [Shape.of(f"{name}{since}", *terms) for name, terms in found.items()]
 
 
 def of_the_tool_alone(
     baseline: Baseline, courses: Mapping[str, Array], label: str, since: str
 ) -> list[Shape]:
     """Return drifts of the tool, each any mixture of courses (N,)."""
-    tool, drifts = _each(courses, lambda course: of_the_tool(baseline, course), "tool_drift", "m", DRIFT)
-    result = [Shape(f"tool, {label}{since}", tool, drifts)]
+
+    def turned(course: Array) -> Array:
+        return turned_over(of_the_tool(baseline, course))
+
+    drifts = _each(courses, lambda course: of_the_tool(baseline, course), "tool_drift", "m", DRIFT)
+    result = [Shape.of(f"tool, {label}{since}", drifts)]
     if _turns_are_read(baseline):
-        seat, turns = _each(
-            courses, lambda course: turned_over(of_the_tool(baseline, course)), "tool_turn", "rad", TURN
-        )
-        both = np.concatenate([tool, seat], -1)
-        result.append(Shape(f"tool, {label}, turning{since}", both, (*drifts, *turns)))
+        turns = _each(courses, turned, "tool_turn", "rad", TURN)
+        result.append(Shape.of(f"tool, {label}, turning{since}", drifts, turns))
     return result
 
 
@@ -114,11 +104,10 @@ def _turns_are_read(baseline: Baseline) -> bool:
 
 def _each(
     courses: Mapping[str, Array], change: Callable[[Array], Array], what: str, unit: str, size: float
-) -> tuple[Array, tuple[Quantity, ...]]:
-    """Return what a drift changes that follows any mixture of courses (N,), and its parameters."""
+) -> Term:
+    """Return what a drift changes that follows any mixture of courses (N,)."""
     columns = np.concatenate([change(course) for course in courses.values()], -1)
-    names = [_word(name) for name in courses]
-    return columns, tuple(item for name in names for item in named(f"{what}_{name}", unit, size))
+    return columns, named(what, unit, size, [f"{_word(name)}_{axis}" for name in courses for axis in "xyz"])
 
 
 def parts_of(baseline: Baseline) -> dict[str, dict[str, Array]]:
@@ -148,15 +137,14 @@ def by_part(
     parts: Mapping[str, Mapping[str, Array]], courses: Mapping[str, Array], label: str, since: str
 ) -> Shape:
     """Return the drift in which each part, a zero, a length or a tilt, follows the courses (N,) by itself."""
-    columns, quantities = [], []
+    terms: list[Term] = []
     for what, changes in parts.items():
+        size, unit = (DRIFT, "m") if what == "length" else (TURN, "rad")
         for course_name, course in courses.items():
             for name, change in changes.items():
-                size, unit = (DRIFT, "m") if what == "length" else (TURN, "rad")
-                columns.append(change * course[:, None])
-                quantities.append(Quantity(_word(f"{what}_{name}_{course_name}"), unit, size))
-    kinds = " and ".join(parts)
-    return Shape(f"every {kinds}, {label}{since}", np.stack(columns, -1), tuple(quantities), weight=0.5)
+                own = Quantity(_word(f"{what}_{name}_{course_name}"), unit, size)
+                terms.append((change * course[:, None], (own,)))
+    return Shape.of(f"every {' and '.join(parts)}, {label}{since}", *terms, weight=0.5)
 
 
 def _word(name: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Normalisation
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_slips, counted
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
@@ -16,11 +16,9 @@ MODES = 6
 FINE = np.arange(0, 2 * np.pi, np.pi / 12)
 
 
-def scaled_torque(baseline: Baseline, axis: Axis, factor: Array) -> Array:
-    """Return the displacement (N, 6) of a slip of `factor` (N,) times the torque."""
-    torque = axis.load + axis.dead if baseline.absolute else axis.load
-    result: Array = axis.shift * (factor * torque)[:, None]
-    return result
+def scaled_torque(baseline: Baseline, axis: Axis, factors: Array) -> Array:
+    """Return the displacements (N, 6, c) of slips of `factors` (N, c) times the torque."""
+    return by_slips(axis.shift, factors * counted(baseline, axis)[:, None])
 
 
 def fitted_angles(baseline: Baseline, variable: str) -> tuple[Array, Array]:

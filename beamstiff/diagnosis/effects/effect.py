@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -37,6 +39,17 @@ class Quantity:
     within: tuple[str, str] | None = None
 
 
+Quantities = tuple[Quantity, ...]
+Term = tuple[Array, Quantities]  # columns (N, 6, c), or one (N, 6), and their parameters
+
+
+def named(
+    what: str, unit: str, size: float, axes: Sequence[str] = "xyz", *, positive: bool = False
+) -> Quantities:
+    """Return a parameter along, or about, each axis."""
+    return tuple(Quantity(f"{what}_{axis}", unit, size, positive) for axis in axes)
+
+
 @dataclass(frozen=True, eq=False)
 class Shape:
     """A way in which an effect shows: displacement of every row, linear in its parameters.
@@ -68,6 +81,27 @@ class Shape:
     realistic: float | None = None
     against: tuple[str, ...] | None = None
     data_selected: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        *terms: Term,
+        prior_factor: float = 10.0,
+        weight: float = 1.0,
+        against: tuple[str, ...] | None = None,
+        data_selected: bool = False,
+    ) -> Shape:
+        """Return the shape of several terms side by side."""
+        return cls(
+            name,
+            np.concatenate([np.atleast_3d(columns) for columns, _ in terms], -1),
+            tuple(one for _, quantities in terms for one in quantities),
+            prior_factor=prior_factor,
+            weight=weight,
+            against=against,
+            data_selected=data_selected,
+        )
 
 
 Normalisation = dict[str, float | tuple[float, ...]]

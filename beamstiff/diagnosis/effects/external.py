@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.effects.effect import Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Quantities, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
@@ -29,6 +29,16 @@ def each_by_each(frame: Array, vector: Array) -> Array:
     own = np.einsum("nai,na->ni", frame, vector)
     result: Array = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
     return result
+
+
+def shift_alone(columns: Array) -> Array:
+    """Return shifts or forces (N, 3, c) without rotations or moments, (N, 6, c)."""
+    return np.pad(columns, ((0, 0), (0, 3), (0, 0)))
+
+
+def turn_alone(columns: Array) -> Array:
+    """Return rotations or moments (N, 3, c) without shifts or forces, (N, 6, c)."""
+    return np.pad(columns, ((0, 0), (3, 0), (0, 0)))
 
 
 def tool_axes(baseline: Baseline) -> Array:
@@ -65,8 +75,7 @@ def clock(baseline: Baseline) -> Array:
     """Return when each row was read, (N,): its time, else its place in the order, from 0 to about 1."""
     rows, fitted = baseline.rows, clock_of(baseline)
     if fitted.duration > 0:
-        read: Array = np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
-        return read
+        return np.nan_to_num((_elapsed(rows) - fitted.start) / fitted.duration)
     result = np.empty(len(rows))
     result[history_order(rows)] = np.arange(len(rows)) / max(fitted.rows - 1, 1)
     return result
@@ -146,7 +155,7 @@ def anew(
     name: str,
     baseline: Baseline,
     columns: Array,
-    quantities: tuple[Quantity, ...],
+    quantities: Quantities,
     times: Callable[[Baseline], NDArray[np.bool_]] = by_posture,
 ) -> Iterator[Shape]:
     """Yield the shape of columns (N, 6, c) that are others each time, about common ones.
@@ -178,5 +187,4 @@ def first_of_pose(baseline: Baseline) -> NDArray[np.intp]:
 
 def since_pose(baseline: Baseline, course: Array) -> Array:
     """Return by how much a course (N,) has moved on since the first reading of a row's pose, (N,)."""
-    result: Array = course - course[first_of_pose(baseline)]
-    return result
+    return course - course[first_of_pose(baseline)]

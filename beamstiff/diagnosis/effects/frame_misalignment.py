@@ -9,8 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.data_selected import best_of, left_by
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
-from beamstiff.diagnosis.effects.external import anew, clock, clock_of
+from beamstiff.diagnosis.effects.effect import (
+    Effect,
+    Normalisation,
+    Quantities,
+    Quantity,
+    Shape,
+    Term,
+    named,
+    stated_scale,
+)
+from beamstiff.diagnosis.effects.external import anew, clock, clock_of, shift_alone
 from beamstiff.diagnosis.effects.misread import SCALE, misread
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -29,58 +38,42 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
 
 def _of_displacements(baseline: Baseline) -> list[Shape]:
-    turn, turns = _turned(baseline)
-    growth = Quantity("scale", "1", SCALE)
+    turn = _turned(baseline)
     stretched = _stretched(baseline.predicted[:, :3])
-    scale = stretched[..., :3].sum(axis=-1, keepdims=True)
     return [
-        Shape("turned", turn, turns),
-        *misread(baseline, turn, turns),
-        Shape("turned and scaled", np.concatenate([turn, scale], -1), (*turns, growth), weight=0.5),
-        Shape(
-            "turned, scaled by axis and skewed",
-            np.concatenate([turn, stretched], -1),
-            (*turns, *_stretches(SCALE)),
-            weight=0.5,
-        ),
-        *_moved(baseline, "turned", turn, turns),
-        *anew("turned, another way in every posture", baseline, turn, turns),  # set up again for each
+        Shape.of("turned", turn),
+        *misread(baseline, *turn),
+        Shape.of("turned and scaled", turn, _scale(stretched, SCALE), weight=0.5),
+        Shape.of("turned, scaled by axis and skewed", turn, (stretched, _stretches(SCALE)), weight=0.5),
+        *_moved(baseline, "turned", turn),
+        *anew("turned, another way in every posture", baseline, *turn),  # set up again for each
     ]
 
 
 def _of_positions(baseline: Baseline) -> list[Shape]:
     placed, entries = _turned(baseline)
-    turn, turns = placed[..., :3], entries[:3]
-    stretched = _stretched(baseline.described[0])
-    growth = Quantity("scale", "1", PLACED_SCALE)
+    both, stretched = (placed, entries), _stretched(baseline.described[0])
+    skewed = (stretched, _stretches(PLACED_SCALE))
     return [
-        Shape("turned", turn, turns),
-        Shape("turned and shifted", placed, entries),
-        Shape("scaled", stretched[..., :3].sum(axis=-1, keepdims=True), (growth,), weight=0.3),
-        Shape(
-            "turned, shifted, scaled by axis and skewed",
-            np.concatenate([placed, stretched], -1),
-            (*entries, *_stretches(PLACED_SCALE)),
-            weight=0.3,
-        ),
-        *_moved(baseline, "turned and shifted", placed, entries),
+        Shape("turned", placed[..., :3], entries[:3]),
+        Shape.of("turned and shifted", both),
+        Shape.of("scaled", _scale(stretched, PLACED_SCALE), weight=0.3),
+        Shape.of("turned, shifted, scaled by axis and skewed", both, skewed, weight=0.3),
+        *_moved(baseline, "turned and shifted", both),
     ]
 
 
-def _turned(baseline: Baseline) -> tuple[Array, tuple[Quantity, ...]]:
-    """Return what another frame reads (N, 6, c): turned by c = 3 angles; of positions shifted too, c = 6."""
+def _turned(baseline: Baseline) -> Term:
+    """Return what another frame reads: turned by 3 angles; of positions shifted too."""
     axes = np.broadcast_to(np.eye(3), (len(baseline.rows), 3, 3))
-    size = PLACED_TURN if baseline.absolute else TURN
-    turns = tuple(Quantity(f"rotation_{axis}", "rad", size) for axis in "xyz")
     if not baseline.absolute:
         seen = baseline.predicted
         parts = [np.cross(axes, seen[:, some, None], axis=1) for some in (slice(3), slice(3, 6))]
-        return np.concatenate(parts, 1), turns
+        return np.concatenate(parts, 1), named("rotation", "rad", TURN)
     position = baseline.described[0]
     turn = np.concatenate([np.cross(axes, position[:, :, None], axis=1), axes], 1)
-    shift = np.concatenate([axes, np.zeros_like(axes)], 1)
-    shifts = tuple(Quantity(f"shift_{axis}", "m", PLACED_SHIFT) for axis in "xyz")
-    return np.concatenate([turn, shift], -1), (*turns, *shifts)
+    quantities = (*named("rotation", "rad", PLACED_TURN), *named("shift", "m", PLACED_SHIFT))
+    return np.concatenate([turn, shift_alone(axes)], -1), quantities
 
 
 def _stretched(length: Array) -> Array:
@@ -95,22 +88,23 @@ def _stretched(length: Array) -> Array:
     return result
 
 
-def _stretches(size: float) -> tuple[Quantity, ...]:
-    scales = tuple(Quantity(f"scale_{axis}", "1", size) for axis in "xyz")
-    return (*scales, *(Quantity(f"skew_{'xyz'[i]}{'xyz'[j]}", "rad", size) for i, j in SKEWED))
+def _stretches(size: float) -> Quantities:
+    return (*named("scale", "1", size), *named("skew", "rad", size, ("xy", "xz", "yz")))
 
 
-def _moved(
-    baseline: Baseline, name: str, columns: Array, quantities: tuple[Quantity, ...]
-) -> Iterator[Shape]:
-    """Yield the shape of a frame (N, 6, c) that was moved: of all its columns those after the moment too."""
+def _scale(stretched: Array, size: float) -> Term:
+    return stretched[..., :3].sum(axis=-1), (Quantity("scale", "1", size),)
+
+
+def _moved(baseline: Baseline, name: str, term: Term) -> Iterator[Shape]:
+    """Yield the shape of a frame that was moved: of all its columns those after the moment too."""
+    columns, quantities = term
     at = _moment(baseline)
     if at is not None:
         after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
         later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
-        both = np.concatenate([columns, after], -1)
         # the choice of the moment is paid for
-        yield Shape(f"{name}, {MOVED}", both, (*quantities, *later), weight=1.0 / MOMENTS, data_selected=True)
+        yield Shape.of(f"{name}, {MOVED}", term, (after, later), weight=1.0 / MOMENTS, data_selected=True)
 
 
 def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:

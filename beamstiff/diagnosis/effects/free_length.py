@@ -13,8 +13,9 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.drive_stiffness import Following, scaled_torque
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
+from beamstiff.diagnosis.effects.geometry_error import STEP
 from beamstiff.diagnosis.effects.torque_laws import Axis, drive_compliance
-from beamstiff.diagnosis.residual.baseline import JOINT_STEP, Baseline
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -63,8 +64,8 @@ def screws(baseline: Baseline) -> dict[str, Screw]:
 
     poses = np.unique(baseline.fit.rows.q, axis=0)
     poses = poses[np.linspace(0, len(poses) - 1, min(LOOKED_AT, len(poses))).astype(int)]
-    steps = JOINT_STEP * np.eye(poses.shape[1])
-    slopes = np.stack([(lengths(poses + by) - lengths(poses - by)) / (2 * JOINT_STEP) for by in steps])
+    steps = STEP * np.eye(poses.shape[1])
+    slopes = np.stack([(lengths(poses + by) - lengths(poses - by)) / (2 * STEP) for by in steps])
     mean = lengths(poses).mean(axis=0)
     found: dict[str, Screw] = {}
     for at, strut in enumerate(some):
@@ -101,5 +102,5 @@ def of_slide(baseline: Baseline, axis: Axis) -> Shape:
     follow = Following(baseline, variable.name)
     low, high = variable.limits or (follow.fitted.min(), follow.fitted.max())
     size = drive_compliance(axis) / (float(high - low) or 1.0)
-    column = scaled_torque(baseline, axis, follow.varying(lambda q: q))
-    return Shape(NAME, column[..., None], (Quantity("length_compliance", "1/N", size),), prior_factor=3.0)
+    column = scaled_torque(baseline, axis, follow.varying(lambda q: q)[:, None])
+    return Shape(NAME, column, (Quantity("length_compliance", "1/N", size),), prior_factor=3.0)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term, named
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
@@ -59,33 +59,28 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     except BeamstiffError:  # a loop that constrains more than it needs to closes with nominal values only
         return []
     unit, size = ("rad", ANGLE) if angle else ("m", LENGTH)
-    result = [Shape("offset", columns[..., None], (Quantity("offset", unit, size),))]
+    steady = (columns, (Quantity("offset", unit, size),))
+    result = [Shape.of("offset", steady)]
     variable = _turning(baseline.nominal, name) if baseline.absolute else None
     if variable is None:
         return result
     turn = baseline.rows.q[:, baseline.rows.variables.index(variable)]
 
-    def waves(of: Array, often: str, times: int, unit: str, size: float) -> list[tuple[Array, Quantity]]:
-        courses = (("sine", np.sin(times * turn)), ("cosine", np.cos(times * turn)))
-        return [
-            (of * course[:, None], Quantity(f"{often}_a_turn_{wave}", unit, size * RUNOUT))
-            for wave, course in courses
-        ]
+    def waves(of: Array, often: str, times: int, unit: str, size: float) -> Term:
+        courses = np.stack([np.sin(times * turn), np.cos(times * turn)], -1)
+        quantities = named(f"{often}_a_turn", unit, size * RUNOUT, ("sine", "cosine"))
+        return of[..., None] * courses[:, None], quantities
 
-    def shape(label: str, parts: list[tuple[Array, Quantity]], weight: float) -> Shape:
-        return Shape(
-            label, np.stack([one for one, _ in parts], -1), tuple(q for _, q in parts), weight=weight
-        )
-
-    steady = [(columns, result[0].parameters[0])]
-    once = [*steady, *waves(columns, "once", 1, unit, size)]
-    result.append(shape("offset, and once a turn", once, 0.5))
+    once = waves(columns, "once", 1, unit, size)
+    result.append(Shape.of("offset, and once a turn", steady, once, weight=0.5))
     if frame:  # what sits off the axis takes the encoder's disc along
         disc = waves(pose_change(baseline, variable), "encoder_once", 1, "rad", ANGLE)
-        result.append(shape("offset, and once a turn, of the encoder too", [*once, *disc], 0.25))
+        result.append(
+            Shape.of("offset, and once a turn, of the encoder too", steady, once, disc, weight=0.25)
+        )
     else:
         oval = waves(columns, "twice", 2, unit, size)
-        result.append(shape("offset, and once and twice a turn", [*once, *oval], 0.25))
+        result.append(Shape.of("offset, and once and twice a turn", steady, once, oval, weight=0.25))
     return result
 
 
@@ -127,8 +122,7 @@ def _changed(baseline: Baseline, name: str, by: float) -> tuple[Robot, Measureme
 
 def _deflection_change(baseline: Baseline, name: str) -> Array:
     low, high = (predict_displacements(*_changed(baseline, name, by)) for by in (-STEP, STEP))
-    result: Array = (high - low) / (2 * STEP)
-    return result
+    return (high - low) / (2 * STEP)
 
 
 def pose_change(baseline: Baseline, name: str) -> Array:

@@ -11,8 +11,17 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, drive_compliance, drives
+from beamstiff.diagnosis.effects.effect import (
+    Effect,
+    Normalisation,
+    Quantities,
+    Quantity,
+    Shape,
+    Term,
+    named,
+    stated_scale,
+)
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_slips, drive_compliance, drives
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.fields import RIGID
 
@@ -60,41 +69,42 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return np.stack([_spring(q - phase, ratio, free)[of] for ratio, free, phase in chosen], -1)
 
     def softer(stiffness: np.ndarray) -> np.ndarray:
-        return np.stack([scaled_torque(baseline, axis, -one * compliance**2) for one in stiffness], -1)
+        return scaled_torque(baseline, axis, -stiffness * compliance**2)
 
     def wound(torque: np.ndarray) -> np.ndarray:
-        """Return what torques (k, N) wind up, (N, 6, k): absolute positions alone show it."""
-        moved = -np.einsum("na,kn->nak", axis.shift, torque * compliance)
+        """Return what torques (N, k) wind up, (N, 6, k): absolute positions alone show it."""
+        moved = by_slips(axis.shift, -torque * compliance)
         return moved if baseline.absolute else np.zeros_like(moved)
+
+    def numbered(what: str, unit: str, size: float, modes: np.ndarray) -> Quantities:
+        return named(what, unit, size, [f"mode_{k + 1}" for k in range(modes.shape[-1])])
 
     spread = PRELOADED if baseline.absolute else SPREAD
     stiff, turn = 0.1 / compliance, WIND_UP / compliance
     seen = baseline.absolute or baseline.stated is not None
-    names = (("largest_torque", "N*m", turn),) if seen else ()
-    one = tuple(Quantity(*each) for each in (*names, ("largest_stiffness", "N*m/rad", stiff)))
+    pulls, stiffens = Quantity("largest_torque", "N*m", turn), Quantity("largest_stiffness", "N*m/rad", stiff)
+    factors = softer(follow.varying(lambda q: laws(q, springs)))
     result = []
-    for chosen, factor in zip(springs, follow.varying(lambda q: laws(q, springs)).T, strict=True):
-        columns = softer(factor[None])
+    for at, chosen in enumerate(springs):
+        terms: list[Term] = [(factors[..., at], (stiffens,))]
         if seen:
-            columns = np.concatenate([wound(_largest_torque(follow.angle, *chosen)[None]), columns], -1)
+            terms.insert(0, (wound(_largest_torque(follow.angle, *chosen)[:, None]), (pulls,)))
         ratio, free, phase = chosen
         name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
-        result.append(Shape(name, columns, one, prior_factor=spread, weight=1.0 / len(springs)))
-    modes = follow.family(lambda q: laws(q, family)).T
-    whole = softer(modes)
-    every = tuple(Quantity(f"stiffness_mode_{k + 1}", "N*m/rad", 0.5 * stiff) for k in range(len(modes)))
+        result.append(Shape.of(name, *terms, prior_factor=spread, weight=1.0 / len(springs)))
+    modes = softer(follow.family(lambda q: laws(q, family)))
+    whole = (modes, numbered("stiffness", "N*m/rad", 0.5 * stiff, modes))
     if not seen:
-        return [*result, Shape("any spring", whole, every, prior_factor=spread)]
-    courses = (laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))).T
-    whole = np.concatenate([wound(courses), whole], -1)
-    every = (*(Quantity(f"torque_mode_{k + 1}", "N*m", turn) for k in range(len(courses))), *every)
+        return [*result, Shape.of("any spring", whole, prior_factor=spread)]
+    courses = laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))
+    torques = (wound(courses), numbered("torque", "N*m", turn, courses))
     about = follow.angle - follow.share @ follow.fitted
-    coil = np.concatenate([wound(np.stack([np.ones_like(about), about])), whole], -1)
     more = (Quantity("torque", "N*m", turn), Quantity("torque_by_angle", "N*m/rad", turn))
+    coil = (wound(np.stack([np.ones_like(about), about], -1)), more)
     return [
         *result,
-        Shape("any spring", whole, every, prior_factor=spread),
-        Shape("any spring, and a wound one", coil, (*more, *every), prior_factor=spread),
+        Shape.of("any spring", torques, whole, prior_factor=spread),
+        Shape.of("any spring, and a wound one", coil, torques, whole, prior_factor=spread),
     ]
 
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.external import read_by_camera, tool_axes
+from beamstiff.diagnosis.effects.effect import Effect, Shape, named
+from beamstiff.diagnosis.effects.external import read_by_camera, shift_alone, tool_axes, turn_alone
 from beamstiff.diagnosis.residual.baseline import Baseline
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     axes = tool_axes(baseline) * bool(baseline.rows.camera)  # a tracker's reflector does not see it
-    shift, turn = (np.concatenate(parts, 1) for parts in ((axes, 0 * axes), (0 * axes, axes)))
-    shifts = tuple(Quantity(f"shift_{axis}", "m", 2e-3) for axis in "xyz")
-    turns = tuple(Quantity(f"turn_{axis}", "rad", 5e-3) for axis in "xyz")
+    shift, turn = (
+        (shift_alone(axes), named("shift", "m", 2e-3)),
+        (turn_alone(axes), named("turn", "rad", 5e-3)),
+    )
     return [
-        Shape("shift and turn", np.concatenate([shift, turn], -1), (*shifts, *turns)),
-        Shape("shift", shift, shifts, weight=0.5),
-        Shape("turn", turn, turns, weight=0.5),
+        Shape.of("shift and turn", shift, turn),
+        Shape.of("shift", shift, weight=0.5),
+        Shape.of("turn", turn, weight=0.5),
     ]
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term
 from beamstiff.diagnosis.effects.torque_laws import (
     axis_at,
     by_law,
@@ -14,6 +17,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     unit_of,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.se3 import Array
 
 KNEES = (0.05, 0.1, 0.25, 0.5)  # of the largest torque: where the soft wind-up ends
 FADES = (0.03, 0.05, 0.08, 0.12, 0.2)  # of the largest torque: over which a smooth one fades
@@ -26,59 +30,41 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     give = drive_compliance(axis) * largest
     scale = Quantity("softening_at_largest_torque", unit, 0.3 * give, positive=True)
 
-    def soft(name: str, at: float) -> Quantity:
-        # what winds up until a knee goes by its torque: beyond a few times the drive's compliance it is play
-        return Quantity(name, unit, SOFTER * at * give, positive=True)
-
-    def cubic(torque: np.ndarray) -> np.ndarray:
+    def cubic(torque: Array) -> Array:
         return np.asarray(-((torque / largest) ** 3))
 
-    def square(torque: np.ndarray) -> np.ndarray:
+    def square(torque: Array) -> Array:
         return np.asarray(-(torque / largest) * np.abs(torque / largest))
 
-    def knee(torque: np.ndarray, at: float) -> np.ndarray:
+    def knee(torque: Array, at: float) -> Array:
         return np.clip(torque / (at * largest), -1.0, 1.0)
 
-    result = [
-        Shape("cubic", by_law(baseline, axis, cubic)[..., None], (scale,), prior_factor=5.0),
-        Shape("square", by_law(baseline, axis, square)[..., None], (scale,), prior_factor=5.0),
-    ]
-    windups = [by_law(baseline, axis, lambda torque, at=at: knee(torque, at)) for at in KNEES]  # type: ignore[misc]
-    result += [
-        Shape(f"knee at {at:g}", column[..., None], (soft("extra_windup", at),), prior_factor=4.0)
-        for at, column in zip(KNEES, windups, strict=True)
-    ]
-
-    def fading(torque: np.ndarray, at: float) -> np.ndarray:
+    def fading(torque: Array, at: float) -> Array:
         return np.asarray(np.sign(torque) * -np.expm1(-np.abs(torque) / (at * largest)))
 
-    result += [
-        Shape(
-            f"smooth, over {at:g}",
-            by_law(baseline, axis, lambda torque, at=at: fading(torque, at))[..., None],  # type: ignore[misc]
-            (soft("extra_windup", at),),
-            prior_factor=4.0,
-        )
-        for at in FADES
-    ]
-
-    def to_side(torque: np.ndarray, at: float, side: float) -> np.ndarray:
+    def to_side(torque: Array, at: float, side: float) -> Array:
         return knee(side * np.maximum(side * torque, 0.0), at)
 
+    def wound(law: Callable[[Array], Array], at: float, name: str = "extra_windup") -> Term:
+        # what winds up until a knee goes by its torque: beyond a few times the drive's compliance it is play
+        return by_law(baseline, axis, law), (Quantity(name, unit, SOFTER * at * give, positive=True),)
+
+    knees = {at: partial(knee, at=at) for at in KNEES}
+    several = [wound(law, at, f"extra_windup_{at:g}") for at, law in knees.items()]
     sided = [
-        by_law(baseline, axis, lambda torque, at=at, side=side: to_side(torque, at, side))  # type: ignore[misc]
+        wound(partial(to_side, at=at, side=side), at, f"extra_windup_{at:g}_{name}")
         for at in KNEES
-        for side in (1.0, -1.0)
+        for name, side in (("up", 1.0), ("down", -1.0))
     ]
-    sides = tuple(soft(f"extra_windup_{at:g}_{side}", at) for at in KNEES for side in ("up", "down"))
-    several = tuple(soft(f"extra_windup_{at:g}", at) for at in KNEES)
-    result.append(Shape("several knees", np.stack(windups, -1), several, prior_factor=4.0))
-    result.append(
-        Shape(
-            "several knees, other ones to each side", np.stack(sided, -1), sides, prior_factor=4.0, weight=0.5
-        )
-    )
-    return result
+    fades = {at: partial(fading, at=at) for at in FADES}
+    return [
+        Shape.of("cubic", (by_law(baseline, axis, cubic), (scale,)), prior_factor=5.0),
+        Shape.of("square", (by_law(baseline, axis, square), (scale,)), prior_factor=5.0),
+        *(Shape.of(f"knee at {at:g}", wound(law, at), prior_factor=4.0) for at, law in knees.items()),
+        *(Shape.of(f"smooth, over {at:g}", wound(law, at), prior_factor=4.0) for at, law in fades.items()),
+        Shape.of("several knees", *several, prior_factor=4.0),
+        Shape.of("several knees, other ones to each side", *sided, prior_factor=4.0, weight=0.5),
+    ]
 
 
 EFFECT = Effect(

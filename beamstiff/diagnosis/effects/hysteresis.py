@@ -15,10 +15,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, Term, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
     Axis,
     axis_at,
+    by_slips,
     drive_compliance,
     drives,
     torque_scale,
@@ -139,8 +140,7 @@ def held_shares(
         whole=baseline.absolute,
         kept=kept,
     )
-    result: Array = held / axis.typical
-    return result
+    return held / axis.typical
 
 
 def history(
@@ -176,13 +176,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         size = give if len(ways) == 1 else 0.7 * give
         lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
 
-        def every(limits: Sequence[tuple[float, float]], of: Array | None = None) -> Array:
+        def every(limits: Sequence[tuple[float, float]], then: str = "", of: Array | None = None) -> Term:
             held = held_shares(baseline, axis, ways, wound, limits, of)  # noqa: B023
-            result: Array = -axis.shift[:, :, None, None] * held[:, None]
-            return result.reshape(*result.shape[:2], -1)
-
-        def named(limits: Sequence[tuple[float, float]], then: str = "") -> tuple[Quantity, ...]:
-            return tuple(
+            return by_slips(-axis.shift, held.reshape(len(held), -1)), tuple(
                 replace(one, name=f"{one.name}_{_limit(limit)}{then}", size=0.5 * one.size)
                 for limit in limits
                 for one in lags  # noqa: B023
@@ -190,19 +186,17 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
         steady = every(STEADY)
         for at, limit in enumerate(LIMITS):
-            one = steady[:, :, at * len(ways) : (at + 1) * len(ways)]
+            one = steady[0][:, :, at * len(ways) : (at + 1) * len(ways)]
             result.append(Shape(f"friction {limit:g}{begin}", one, tuple(lags), prior_factor=4.0))
         if len(ways) > FEW:
             continue
         kinds = {"distributed friction": (STEADY, steady, 1.0)}
         kinds["friction that grows with the torque"] = (growing, every(growing), 0.5)
-        for kind, (limits, columns, weight) in kinds.items():
-            result.append(Shape(f"{kind}{begin}", columns, named(limits), prior_factor=4.0, weight=weight))
+        for kind, (limits, term, weight) in kinds.items():
+            result.append(Shape.of(f"{kind}{begin}", term, prior_factor=4.0, weight=weight))
             if kept is not None and len(ways) == 1:
-                both = np.concatenate([columns, every(limits, kept)], -1)
-                quantities = (*named(limits), *named(limits, "_let_go"))
-                name = f"{kind}{begin}{LET_GO}"
-                result.append(Shape(name, both, quantities, prior_factor=4.0, weight=0.5 * weight))
+                name, let_go = f"{kind}{begin}{LET_GO}", every(limits, "_let_go", kept)
+                result.append(Shape.of(name, term, let_go, prior_factor=4.0, weight=0.5 * weight))
     return [one if one.name.endswith(LET_GO) else replace(one, against=("torque",)) for one in result]
 
 

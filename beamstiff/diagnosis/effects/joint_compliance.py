@@ -6,9 +6,11 @@ links. That is one cause and not several, where positions show the sum of them b
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, Term, named
 from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_law, component_of, torque_scale
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.robot.fields import RIGID
@@ -32,26 +34,22 @@ def _components(baseline: Baseline) -> list[str | None]:
     return [*found, *every]
 
 
-def _compliance(axis: Axis, name: str) -> Quantity:
+def _linear(baseline: Baseline, axis: Axis, name: str) -> Term:
     unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
-    return Quantity(name, unit, size, positive=True)
-
-
-def _all_drives(baseline: Baseline) -> Shape:
-    names = _rigid_drives(baseline)
-    axes = [axis_at(baseline, name) for name in names]
-    columns = np.stack([by_law(baseline, axis, lambda torque: torque) for axis in axes], -1)
-    compliances = [_compliance(axis, f"compliance_{name}") for axis, name in zip(axes, names, strict=True)]
-    return Shape("all drives, linear", columns, tuple(compliances), prior_factor=30.0)
+    return by_law(baseline, axis, lambda torque: torque), (Quantity(name, unit, size, positive=True),)
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     if component is None:
-        return [_all_drives(baseline)]
+        every = [
+            _linear(baseline, axis_at(baseline, name), f"compliance_{name}")
+            for name in _rigid_drives(baseline)
+        ]
+        return [Shape.of("all drives, linear", *every, prior_factor=30.0)]
     axis = axis_at(baseline, component)
-    compliance = _compliance(axis, "compliance")
+    linear = _linear(baseline, axis, "compliance")
+    column, (compliance,) = linear
     unit, size = compliance.unit, compliance.size
-    linear = by_law(baseline, axis, lambda torque: torque)
 
     def grown(torque: np.ndarray) -> np.ndarray:
         return np.asarray(-torque * np.abs(torque) / (axis.typical + np.abs(torque)))
@@ -60,29 +58,26 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return np.asarray(axis.typical * np.sign(torque) * np.abs(torque / axis.typical) ** (2.0 / 3.0))
 
     less = by_law(baseline, axis, grown)
-    any_law = [linear, less, by_law(baseline, axis, contact), by_law(baseline, axis, np.abs)]
-    parts = ("compliance_lost_at_much_torque", "compliance_at_contacts", "compliance_by_side")
-    others = tuple(Quantity(part, unit, 0.5 * size) for part in parts)
-    stiffer = Quantity("compliance_lost_at_much_torque", unit, 0.5 * size, positive=True)
+    others = np.stack([less, by_law(baseline, axis, contact), by_law(baseline, axis, np.abs)], -1)
+    parts = named("compliance", unit, 0.5 * size, ("lost_at_much_torque", "at_contacts", "by_side"))
+    stiffer = (replace(parts[0], positive=True),)
     found = [
-        Shape("linear", linear[..., None], (compliance,), prior_factor=30.0),
-        Shape(
-            "stiffening", np.stack([linear, less], -1), (compliance, stiffer), prior_factor=30.0, weight=0.5
-        ),
-        Shape("any law", np.stack(any_law, -1), (compliance, *others), prior_factor=30.0, weight=0.5),
+        Shape.of("linear", linear, prior_factor=30.0),
+        Shape.of("stiffening", linear, (less, stiffer), prior_factor=30.0, weight=0.5),
+        Shape.of("any law", linear, (others, parts), prior_factor=30.0, weight=0.5),
     ]
     if axis.turns and axis.joint.variable is not None:  # what carries it changes with the posture
         angle = baseline.joint_values[axis.joint.variable]
         courses = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
-        by_angle = np.stack([linear, *(linear * course[:, None] for course in courses)], -1)
-        names = [f"compliance_by_{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
-        waves = tuple(Quantity(name, unit, 0.3 * size) for name in names)
-        found.append(Shape("by its angle", by_angle, (compliance, *waves), prior_factor=30.0, weight=0.5))
+        names = [f"{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
+        by_angle = column[..., None] * np.stack(courses, -1)[:, None]
+        waves = (by_angle, named("compliance_by", unit, 0.3 * size, names))
+        found.append(Shape.of("by its angle", linear, waves, prior_factor=30.0, weight=0.5))
         # worn or stiff sectors
         bumps = np.exp((np.cos(angle[:, None] - np.deg2rad(SECTORS)) - 1.0) / np.deg2rad(SECTOR) ** 2)
-        near = np.concatenate([linear[..., None], linear[..., None] * bumps[:, None]], -1)
-        sectors = tuple(Quantity(f"compliance_near_{at}_deg", unit, 0.5 * size) for at in SECTORS)
-        found.append(Shape("by sectors", near, (compliance, *sectors), prior_factor=30.0, weight=0.5))
+        places = named("compliance_near", unit, 0.5 * size, [f"{at}_deg" for at in SECTORS])
+        sectors = (column[..., None] * bumps[:, None], places)
+        found.append(Shape.of("by sectors", linear, sectors, prior_factor=30.0, weight=0.5))
     return found
 
 

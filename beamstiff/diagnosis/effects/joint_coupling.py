@@ -6,12 +6,13 @@ What couples them, a rod or a hose beside both, may do so by a lever that follow
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, drive_compliance, drives, joint_of
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term, named
+from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, counted, drive_compliance, drives, joint_of
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
@@ -24,58 +25,43 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
-    first, second = (axis_at(baseline, name) for name in str(component).split("+"))
-
-    def torque(axis: Axis) -> Array:
-        return axis.load + axis.dead if baseline.absolute else axis.load
-
-    one = first.shift * torque(second)[:, None]
-    other = second.shift * torque(first)[:, None]
+    axes = dict(enumerate((axis_at(baseline, name) for name in str(component).split("+")), start=1))
+    first, second = axes.values()
+    one = first.shift * counted(baseline, second)[:, None]
+    other = second.shift * counted(baseline, first)[:, None]
     size = 0.2 * float(np.sqrt(drive_compliance(first) * drive_compliance(second)))
     unit = "rad/(N*m)" if first.turns and second.turns else "SI"
-    shared = Quantity("coupling_compliance", unit, size)
-    both = (
-        Quantity("coupling_compliance_first", unit, size),
-        Quantity("coupling_compliance_second", unit, size),
-    )
+    shared = (one + other, (Quantity("coupling_compliance", unit, size),))
+    both = (np.stack([one, other], -1), named("coupling_compliance", unit, size, ("first", "second")))
     found = [
-        Shape("reciprocal", (one + other)[..., None], (shared,), prior_factor=4.0),
-        Shape("one way each", np.stack([one, other], -1), both, prior_factor=4.0, weight=0.5),
+        Shape.of("reciprocal", shared, prior_factor=4.0),
+        Shape.of("one way each", both, prior_factor=4.0, weight=0.5),
     ]
-    angles = {
-        k: baseline.joint_values[str(axis.joint.variable)]
-        for k, axis in enumerate((first, second), start=1)
-        if axis.turns
-    }
+    angles = {k: baseline.joint_values[str(axis.joint.variable)] for k, axis in axes.items() if axis.turns}
     turns = {k: {"cosine": np.cos(angle), "sine": np.sin(angle)} for k, angle in angles.items()}
     # what is wound up goes on where waves come back: wrists turn twice
     winds = {k: {"turn": angle / np.pi, "turn_squared": (angle / np.pi) ** 2} for k, angle in angles.items()}
-    cross = one + other
 
-    def followed(
-        column: Array, name: str, large: float, by: Mapping[int, Mapping[str, Array]], of: str
-    ) -> list[tuple[Array, Quantity]]:
+    def followed(term: Term, k: int, courses: Mapping[str, Array]) -> list[Term]:
+        """Return a term that follows the courses (N,) of an angle, each by half of it."""
+        column, (quantity,) = term
+        half = replace(quantity, size=0.5 * quantity.size)
         return [
-            (column * course[:, None], Quantity(f"{name}_by_{way}_{k}", of, 0.5 * large))
-            for k, courses in by.items()
+            (column * course[:, None], (replace(half, name=f"{quantity.name}_by_{way}_{k}"),))
             for way, course in courses.items()
         ]
 
-    def shape(name: str, parts: list[tuple[Array, Quantity]]) -> Shape:
-        columns, quantities = np.stack([part for part, _ in parts], -1), tuple(part for _, part in parts)
-        return Shape(name, columns, quantities, prior_factor=4.0, weight=0.5)
-
     if turns:
-        parts = followed(cross, "coupling_compliance", size, turns, unit)
-        found.append(shape("by the angles", [(cross, shared), *parts]))
+        parts = [part for k, courses in turns.items() for part in followed(shared, k, courses)]
+        found.append(Shape.of("by the angles", shared, *parts, prior_factor=4.0, weight=0.5))
     ways = {"a rod across both, by angle": turns, "a cable across both, wound up by angle": winds}
     for name, every in ways.items():
         for k, courses in every.items():  # what is across both is a spring beside each as well
-            parts = followed(cross, "coupling_compliance", size, {k: courses}, unit)
-            for at, axis in enumerate((first, second), start=1):
-                own, large = axis.shift * torque(axis)[:, None], 0.2 * drive_compliance(axis)
-                parts += followed(own, f"compliance_{at}", large, {k: courses}, _unit(axis))
-            found.append(shape(f"{name} {k}", [(cross, shared), *parts]))
+            parts = followed(shared, k, courses)
+            for at, axis in axes.items():
+                own = Quantity(f"compliance_{at}", _unit(axis), 0.2 * drive_compliance(axis))
+                parts += followed((axis.shift * counted(baseline, axis)[:, None], (own,)), k, courses)
+            found.append(Shape.of(f"{name} {k}", shared, *parts, prior_factor=4.0, weight=0.5))
     return found
 
 

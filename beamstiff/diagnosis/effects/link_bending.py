@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.torque_laws import any_symmetric, softness
+from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term, named
+from beamstiff.diagnosis.effects.torque_laws import any_symmetric, counted, softness
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.place import Place
 from beamstiff.se3 import Array
@@ -63,7 +63,7 @@ def _column(baseline: Baseline, place: Place, matrix: Array, throughout: bool = 
 
     Across it a force has the length for a lever, and so has a turn; `throughout` it gives, not at a section.
     """
-    passed = place.load + place.dead if baseline.absolute else place.load
+    passed = counted(baseline, place)
     lever = np.ones_like(passed)
     lever[:, 1:3] = place.length[:, None]
     given = lever * ((lever * passed) @ matrix)
@@ -85,56 +85,51 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     stretch = np.zeros((6, 6))
     stretch[0, 0] = 1.0
     soft = softness(baseline)
-    bend = Quantity("bending_flexibility", "1/(N*m^2)", soft / EI, positive=True)
+
+    def bending(weight: Array, name: str, size: float) -> Term:
+        quantity = Quantity(f"bending_flexibility{name}", "1/(N*m^2)", size * soft / EI, positive=True)
+        return _column(baseline, place, weight), (quantity,)
+
+    uniform = bending(both(even) + TWIST * twist, "", 1.0)
+    tapered = [bending(both(root), "_root", 0.7), bending(both(tip), "_tip", 0.7)]
+    y, z = bending(flexibility(even, "xy"), "_y", 1.0), bending(flexibility(even, "xz"), "_z", 1.0)
+    within = ("bending_flexibility_y", "bending_flexibility_z")
+    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI, within=within)
+    skew = (_column(baseline, place, SKEW), (yz,))
     turn = Quantity("torsion_flexibility", "1/(N*m^2)", soft * TWIST / EI, positive=True)
-    column = {
-        "uniform": _column(baseline, place, both(even) + TWIST * twist),
-        "root": _column(baseline, place, both(root)),
-        "tip": _column(baseline, place, both(tip)),
-        "twist": _column(baseline, place, twist),
-        "xy": _column(baseline, place, flexibility(even, "xy")),
-        "xz": _column(baseline, place, flexibility(even, "xz")),
-        "skew": _column(baseline, place, SKEW),
-        "stretch": _column(baseline, place, stretch),
-    }
-    half = Quantity("bending_flexibility_root", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
-    other = Quantity("bending_flexibility_tip", "1/(N*m^2)", 0.7 * soft / EI, positive=True)
+    turned = (_column(baseline, place, twist), (turn,))
     sheer = Quantity("stretch_flexibility", "1/N", soft * STRETCH, positive=True)
-    y, z = (Quantity(f"bending_flexibility_{axis}", "1/(N*m^2)", soft / EI, positive=True) for axis in "yz")
-    yz = Quantity("bending_flexibility_yz", "1/(N*m^2)", 0.3 * soft / EI, within=(y.name, z.name))
-    names = [
-        ("uniform", ("uniform",), (bend,)),
-        ("tapered", ("root", "tip", "twist"), (half, other, turn)),
-        ("by plane", ("xy", "xz", "skew", "twist", "stretch"), (y, z, yz, turn, sheer)),
+    stretched = (_column(baseline, place, stretch), (sheer,))
+    weak = [_weak(baseline, place, at, soft * SEAM) for at in SECTIONS]
+    several = [
+        (columns, tuple(replace(one, name=f"{one.name}_at_{at:g}") for one in quantities))
+        for at, (columns, quantities) in zip(SECTIONS, weak, strict=True)
     ]
     found = [
-        Shape(name, np.stack([column[key] for key in keys], -1), parameters)
-        for name, keys, parameters in names
+        Shape.of("uniform", uniform),
+        Shape.of("tapered", *tapered, turned),
+        Shape.of("by plane", y, z, skew, turned, stretched),
+        Shape.of("weak at its root", weak[0], weight=0.5),
+        Shape.of("weak at several sections", *several, weight=0.5),
+        any_symmetric(baseline, place, _sizes(float(place.length.mean()), soft), "any, as round a corner"),
     ]
-    weak = [
-        [_column(baseline, place, _section(1.0 - at, *pair), throughout=False) for pair in PAIRS]
-        for at in SECTIONS
-    ]
-    seams = tuple(
+    return [replace(one, prior_factor=SPREAD, realistic=REALISTIC) for one in found]
+
+
+def _weak(baseline: Baseline, place: Place, at: float, size: float) -> Term:
+    """Return any symmetric compliance against turning of a section, at a share of the link's length."""
+    columns = [_column(baseline, place, _section(1.0 - at, *pair), throughout=False) for pair in PAIRS]
+    own = named("section_compliance", "rad/(N*m)", size, ("xx", "yy", "zz"), positive=True)
+    skew = [
         Quantity(
             f"section_compliance_{'xyz'[a]}{'xyz'[b]}",
-            "rad/(N*m)",
-            soft * SEAM * (1.0 if a == b else 0.3),
-            positive=a == b,
-            within=None
-            if a == b
-            else (f"section_compliance_{2 * 'xyz'[a]}", f"section_compliance_{2 * 'xyz'[b]}"),
+            own[a].unit,
+            0.3 * size,
+            within=(own[a].name, own[b].name),
         )
-        for a, b in PAIRS
-    )
-    found.append(Shape("weak at its root", np.stack(weak[0], -1), seams, weight=0.5))
-    several = tuple(replace(one, name=f"{one.name}_at_{at:g}") for at in SECTIONS for one in seams)
-    every = np.stack([column for columns in weak for column in columns], -1)
-    found.append(Shape("weak at several sections", every, several, weight=0.5))
-    found.append(
-        any_symmetric(baseline, place, _sizes(float(place.length.mean()), soft), "any, as round a corner")
-    )
-    return [replace(one, prior_factor=SPREAD, realistic=REALISTIC) for one in found]
+        for a, b in PAIRS[3:]
+    ]
+    return np.stack(columns, -1), (*own, *skew)
 
 
 def _section(arm: float, a: int, b: int) -> Array:
@@ -144,8 +139,7 @@ def _section(arm: float, a: int, b: int) -> Array:
     moment[1, 2], moment[2, 1] = -arm, arm
     turn = np.zeros((3, 3))
     turn[a, b] = turn[b, a] = 1.0
-    result: Array = moment.T @ turn @ moment
-    return result
+    return moment.T @ turn @ moment
 
 
 def _sizes(length: float, soft: float) -> Array:

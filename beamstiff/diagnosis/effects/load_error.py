@@ -9,12 +9,13 @@ falling one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, stated_scale
-from beamstiff.diagnosis.effects.external import each_by_each, tool_axes
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, named, stated_scale
+from beamstiff.diagnosis.effects.external import each_by_each, shift_alone, tool_axes, turn_alone
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
@@ -38,97 +39,61 @@ def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     wrench, axes = baseline.rows.wrench, tool_axes(baseline)
-    largest = _largest_force(baseline)
+    force, size = wrench[:, :3], np.linalg.norm(wrench[:, :3], axis=1)
     base = np.broadcast_to(np.eye(3), axes.shape)
 
     def moved(error: Array) -> Array:
         """Return what errors (N, 6, c) of the wrench displace."""
-        result: Array = baseline.response @ error
-        return result
+        return baseline.response @ error
+
+    def misread(error: Callable[[Array], Array]) -> Array:
+        """Return what the same errors (N, 3, c) of a force and of a moment (N, 3) displace."""
+        return moved(np.concatenate([error(force), error(wrench[:, 3:])], 1))
 
     def turned(frame: Array) -> Array:
-        return moved(
-            np.concatenate([np.cross(frame, wrench[:, s, None], axis=1) for s in (slice(3), slice(3, 6))], 1)
-        )
+        return misread(lambda acts: np.cross(frame, acts[:, :, None], axis=1))
 
     def scaled(frame: Array) -> Array:
-        parts = []
-        for s in (slice(3), slice(3, 6)):
-            own = np.einsum("nai,na->ni", frame, wrench[:, s])
-            parts.append(frame * own[:, None, :])
-        return moved(np.concatenate(parts, 1))
-
-    def mixed(frame: Array) -> Array:
-        """Return what a cell in some axes (N, 3, 3) misreads, each axis by each other: nine gains."""
-        parts = [each_by_each(frame, wrench[:, s]) for s in (slice(3), slice(3, 6))]
-        return moved(np.concatenate(parts, 1))
-
-    def into_moments(frame: Array) -> Array:
-        """Return what a cell reads of forces as moments, each axis by each: nine levers."""
-        moment = each_by_each(frame, wrench[:, :3])
-        return moved(np.concatenate([np.zeros_like(moment), moment], 1))
+        return misread(lambda acts: frame * np.einsum("nai,na->ni", frame, acts)[:, None])
 
     def by_side(frame: Array) -> Array:
         """Return what another gain in push than in pull displaces, by axis."""
-        own = np.abs(np.einsum("nai,na->ni", frame, wrench[:, :3]))
-        return moved(np.concatenate([frame * own[:, None, :], np.zeros_like(frame)], 1))
+        return moved(shift_alone(frame * np.abs(np.einsum("nai,na->ni", frame, force))[:, None]))
 
     def constant(frame: Array) -> Array:
         acts = np.linalg.norm(wrench, axis=1) > 0
-        return moved(np.concatenate([frame * acts[:, None, None], np.zeros_like(frame)], 1))
+        return moved(shift_alone(frame * acts[:, None, None]))
 
-    force = np.linalg.norm(wrench[:, :3], axis=1)
-    way = np.divide(wrench[:, :3], force[:, None], out=np.zeros_like(wrench[:, :3]), where=force[:, None] > 0)
-    across = force[:, None, None] * (base - way[:, :, None] * way[:, None, :])
-    aside = moved(np.concatenate([across, np.zeros_like(across)], 1))
+    way = np.divide(force, size[:, None], out=np.zeros_like(force), where=size[:, None] > 0)
+    aside = moved(shift_alone(size[:, None, None] * (base - way[:, :, None] * way[:, None, :])))
     where = nominal_pose(baseline.nominal, replace(baseline.rows, point=baseline.rows.load_point))[0]
     pulled = np.concatenate([aside, *(aside * part[:, None, None] for part in where.T)], -1)
-    askew = tuple(Quantity(f"aside_{a}", "rad", ANGLE) for a in "xyz")
     by_place = tuple(Quantity(f"aside_{a}_by_{b}", "rad/m", ANGLE) for b in "xyz" for a in "xyz")
-
-    def named(what: str, unit: str, size: float, axis: str = "xyz") -> tuple[Quantity, ...]:
-        return tuple(Quantity(f"{what}_{name}", unit, size) for name in axis)
-
-    size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True) / largest
-    along = np.divide(wrench, size * largest, out=np.zeros_like(wrench), where=size > 0)
-    tare = (wrench, along)
+    largest = _largest_force(baseline)
+    share = size[:, None] / largest
+    along = np.divide(wrench, share * largest, out=np.zeros_like(wrench), where=share > 0)
+    # a cell reads each axis by each other, and forces as moments
+    gains = tuple(Quantity(f"gain_tool_{a}{b}", "1", GAIN) for a in "xyz" for b in "xyz")
     levers = tuple(Quantity(f"moment_tool_{a}_by_{b}", "m", ROTATION_LENGTH) for a in "xyz" for b in "xyz")
+    shares = (Quantity("gain", "1", GAIN), Quantity("tare_along_the_load", "N", TARE))
     bent = Quantity("nonlinearity_at_largest_load", "1", GAIN)
+    direction = turned(base), named("direction", "rad", ANGLE)
+    gain, gain_tool = (scaled(base), named("gain", "1", GAIN)), (scaled(axes), named("gain_tool", "1", GAIN))
+    by_side_tool = by_side(axes), named("gain_tool_by_side", "1", GAIN)
+    sided = "other gain in push than in pull"
     result = [
-        Shape("direction", turned(base), named("direction", "rad", ANGLE)),
+        Shape.of("direction", direction),
         Shape("direction in the tool", turned(axes), named("direction_tool", "rad", ANGLE)),
-        Shape("gain by axis", scaled(base), named("gain", "1", GAIN)),
-        Shape("gain by axis of the tool", scaled(axes), named("gain_tool", "1", GAIN)),
-        Shape(
-            "direction and gain",
-            np.concatenate([turned(base), scaled(base)], -1),
-            (*named("direction", "rad", ANGLE), *named("gain", "1", GAIN)),
-        ),
-        Shape("pulled from elsewhere", pulled, (*askew, *by_place), weight=0.5),
-        Shape(
-            "cross-talk of the cell",
-            mixed(axes),
-            tuple(Quantity(f"gain_tool_{a}{b}", "1", GAIN) for a in "xyz" for b in "xyz"),
-        ),
-        Shape("cross-talk of the cell into moments", into_moments(axes), levers),
-        Shape(
-            "other gain in push than in pull",
-            np.concatenate([scaled(base), by_side(base)], -1),
-            (*named("gain", "1", GAIN), *named("gain_by_side", "1", GAIN)),
-            weight=0.5,
-        ),
-        Shape(
-            "other gain in push than in pull, axes of the tool",
-            np.concatenate([scaled(axes), by_side(axes)], -1),
-            (*named("gain_tool", "1", GAIN), *named("gain_tool_by_side", "1", GAIN)),
-            weight=0.5,
-        ),
-        Shape(
-            "gain, and a share that does not grow",
-            moved(np.stack(tare, -1)),
-            (Quantity("gain", "1", GAIN), Quantity("tare_along_the_load", "N", TARE)),
-        ),
-        Shape("nonlinear", moved((wrench * size)[..., None]), (bent,)),
+        Shape.of("gain by axis", gain),
+        Shape.of("gain by axis of the tool", gain_tool),
+        Shape.of("direction and gain", direction, gain),
+        Shape("pulled from elsewhere", pulled, (*named("aside", "rad", ANGLE), *by_place), weight=0.5),
+        Shape("cross-talk of the cell", misread(lambda acts: each_by_each(axes, acts)), gains),
+        Shape("cross-talk of the cell into moments", moved(turn_alone(each_by_each(axes, force))), levers),
+        Shape.of(sided, gain, (by_side(base), named("gain_by_side", "1", GAIN)), weight=0.5),
+        Shape.of(f"{sided}, axes of the tool", gain_tool, by_side_tool, weight=0.5),
+        Shape("gain, and a share that does not grow", moved(np.stack([wrench, along], -1)), shares),
+        Shape("nonlinear", moved((wrench * share)[..., None]), (bent,)),
         Shape("tare", constant(base), named("tare", "N", TARE)),
         Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
     ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.effects.external import shift_alone, tool_axes
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.rows import history_order
 
@@ -45,8 +45,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     rows, point = baseline.rows, component or baseline.nominal.tcp
     own = [row for row in history_order(rows).tolist() if rows.point[row] == point]
-    axes = tool_axes(baseline)
-    moved = np.concatenate([axes, np.zeros_like(axes)], axis=1)
+    moved = shift_alone(tool_axes(baseline))
     after = np.zeros(len(rows))
     after[own[FEWEST:]] = 1.0
     shapes = []

@@ -15,13 +15,12 @@ from beamstiff.diagnosis.effects.drifts import (
     along,
     by_part,
     growing,
-    named,
     of_the_tool_alone,
     of_the_whole,
     parts_of,
     turning,
 )
-from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape
+from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, named
 from beamstiff.diagnosis.effects.external import clock, clock_of, first_of_pose, since_pose
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -30,6 +29,7 @@ WARMTH = 2e-5  # m/K
 WARM = 5.0  # K, over which zeros and lengths go by the sizes above
 EXPANSION = 1.2e-5  # 1/K, of steel
 TURNING = ("linear", "warming up within 0.3")
+WAVES = ("sine", "cosine")
 FEWER = 4  # modes of any course that every part follows
 NONE: Mapping[str, Array] = {}
 SHORT = 30.0  # spread of what has drifted since the unloaded reading, a small part of the campaign ago
@@ -88,27 +88,27 @@ def _cycling(baseline: Baseline, shared: bool) -> list[Shape]:
     if cycle.count == 0:
         return []
     counts = cycle.count * np.array(HARMONICS)
-    result = []
+    result: list[Shape] = []
     for since in ("", ", since the unloaded reading"):
         if baseline.stated is None and bool(since) != shared:
             continue
         found = waves(clock(baseline), counts, first_of_pose(baseline) if since else None)
         begun = {} if since else steady(baseline)
-        about = [turning(baseline, found[:, 0, side]) for side in range(2)]
-        turns = [item for name in ("sine", "cosine") for item in named(f"turn_{name}", "rad", TURN)]
+        turned = [
+            (turning(baseline, found[:, 0, side]), named(f"turn_{name}", "rad", TURN))
+            for side, name in enumerate(WAVES)
+        ]
+        still = [(along(course), named(f"drift_{name}", "m", DRIFT)) for name, course in begun.items()]
         for label, harmonics in (("one wave", HARMONICS[:1]), ("cycle", HARMONICS)):
-            courses = [
-                (f"drift_{name}_{harmonic}", found[:, at, side], DRIFT / harmonic**2)
-                for at, harmonic in enumerate(harmonics)
-                for side, name in enumerate(("sine", "cosine"))
+            drifts = [
+                (along(found[:, at, side]), named(f"drift_{name}_{times}", "m", DRIFT / times**2))
+                for at, times in enumerate(harmonics)
+                for side, name in enumerate(WAVES)
             ]
-            courses += [(f"drift_{name}", course, DRIFT) for name, course in begun.items()]
-            drifts = [along(course) for _, course, _ in courses]
-            names = [item for name, _, size in courses for item in named(name, "m", size)]
-            for ending, more, quantities in (("", [], []), (", turning", about, turns)):
-                name, columns = f"{label}{ending}{since}", np.concatenate([*drifts, *more], -1)
-                own = (*names, *quantities)
-                result.append(Shape(name, columns, own, weight=0.5 / cycle.choices, data_selected=True))
+            for ending, more in (("", []), (", turning", turned)):
+                terms, weight = [*drifts, *still, *more], 0.5 / cycle.choices
+                name = f"{label}{ending}{since}"
+                result.append(Shape.of(name, *terms, weight=weight, data_selected=True))
     return result
 
 
@@ -161,10 +161,13 @@ def _with_warmth(
     result = []
     for name, course in warmth.items():
         label = f"{name}{since}"
+        drift = (along(course), named("expansion", "m/K", WARMTH))
+        turn = (turning(baseline, course), named("turn", "rad/K", TURN * WARMTH / DRIFT))
+        growth = (growing(baseline, course), (Quantity("growth", "1/K", EXPANSION),))
         result += [
-            Shape(label, along(course), named("expansion", "m/K", WARMTH)),
-            _turned(baseline, label, course),
-            _grown(baseline, f"growing with {label}", course),
+            Shape.of(label, drift),
+            Shape.of(f"{label}, turning", drift, turn, weight=0.5),
+            Shape.of(f"growing with {label}", growth, weight=0.5),
             *(by_part({what: parts[what]}, {name: course / WARM}, name, since) for what in parts),
         ]
     share = {name: course / WARM for name, course in warmth.items()}
@@ -180,16 +183,6 @@ def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
     cycles = cycle_of(baseline, shared).count
     found: Normalisation = {**asdict(clock_of(baseline)), "temperature": mean_temperature(baseline)}
     return found | ({"cycles": cycles} if cycles else {})
-
-
-def _grown(baseline: Baseline, name: str, warmth: Array) -> Shape:
-    return Shape(name, growing(baseline, warmth), (Quantity("growth", "1/K", EXPANSION),), weight=0.5)
-
-
-def _turned(baseline: Baseline, label: str, warmth: Array) -> Shape:
-    columns = np.concatenate([along(warmth), turning(baseline, warmth)], -1)
-    quantities = (*named("expansion", "m/K", WARMTH), *named("turn", "rad/K", TURN * WARMTH / DRIFT))
-    return Shape(f"{label}, turning", columns, quantities, weight=0.5)
 
 
 EFFECT = Effect(

@@ -53,8 +53,7 @@ class Seats:
     def forces(self, load: Array) -> Array:
         """Return the forces on the seats (N, 3) of wrenches (N, 6) about the TCP in the tool's axes, N."""
         moment = load[:, 3:5] + self.distance * np.stack([-load[:, 1], load[:, 0]], -1)
-        result: Array = load[:, 2:3] / 3.0 + 2.0 / (3.0 * self.radius) * moment @ self.directions.T
-        return result
+        return load[:, 2:3] / 3.0 + 2.0 / (3.0 * self.radius) * moment @ self.directions.T
 
     @property
     def directions(self) -> Array:

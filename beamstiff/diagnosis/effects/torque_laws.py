@@ -7,7 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.diagnosis.effects.effect import Normalisation, Quantity, Shape, stated_scale
+from beamstiff.diagnosis.effects.effect import (
+    Normalisation,
+    Quantities,
+    Quantity,
+    Shape,
+    Term,
+    named,
+    stated_scale,
+)
 from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline, own_direction
 from beamstiff.diagnosis.residual.place import Place
 from beamstiff.robot.description import Robot
@@ -115,8 +123,12 @@ def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Arr
 
     Displacements are loaded less unloaded, and the dead weight acts in both.
     """
-    result: Array = axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
-    return result
+    return axis.shift * loaded_less_unloaded(baseline, axis.load, axis.dead, law)[:, None]
+
+
+def by_slips(shift: Array, slips: Array) -> Array:
+    """Return the displacements (N, 6, c) of slips (N, c), of a shift (N, 6) per unit."""
+    return shift[:, :, None] * slips[:, None]
 
 
 def loaded_less_unloaded(
@@ -127,9 +139,14 @@ def loaded_less_unloaded(
     return slip if baseline.absolute else slip - law(dead)
 
 
-def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]) -> Array:
+def counted(baseline: Baseline, at: Axis | Place) -> Array:
+    """Return the torques or wrenches (N, ...) that rows show: in displacements those of the loads alone."""
+    return at.load + at.dead if baseline.absolute else at.load
+
+
+def by_compliance(baseline: Baseline, place: Place, *pairs: tuple[int, int]) -> Array:
     """Return the displacement (N, 6) of unit symmetric compliances of a place: pairs of directions, 0..5."""
-    passed = place.load + place.dead if baseline.absolute else place.load
+    passed = counted(baseline, place)
     slip = np.zeros_like(passed)
     for a, b in pairs:
         slip[:, a] += passed[:, b]
@@ -139,42 +156,47 @@ def by_compliance(baseline: Baseline, place: Place, pairs: list[tuple[int, int]]
     return result
 
 
-def compliance_quantities(rotation: float, translation: float) -> tuple[tuple[Quantity, ...], ...]:
+def compliance_terms(
+    baseline: Baseline, place: Place, rotation: float, translation: float
+) -> tuple[Term, Term, Term, Term]:
     """Return the entries of a place's compliance: rotations, their couplings, translations, theirs.
 
     Three each, (xx, yy, zz) or (xy, xz, yz), of realistic sizes `rotation`, rad/(N m), and `translation`,
     m/N; couplings are 0.3 of these.
     """
 
-    def own(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
-        return tuple(Quantity(f"{name}_{axis}", unit, size, positive=True) for axis in "xyz")
+    def own(name: str, unit: str, size: float, at: int) -> Term:
+        columns = [by_compliance(baseline, place, (at + k, at + k)) for k in range(3)]
+        return np.stack(columns, -1), named(name, unit, size, positive=True)
 
-    def coupled(name: str, unit: str, size: float) -> tuple[Quantity, ...]:
-        return tuple(
+    def coupled(name: str, unit: str, size: float, at: int) -> Term:
+        columns = [by_compliance(baseline, place, (at + i, at + j)) for i, j in ((0, 1), (0, 2), (1, 2))]
+        return np.stack(columns, -1), tuple(
             Quantity(f"{name}_{a}{b}", unit, 0.3 * size, within=(f"{name}_{a}", f"{name}_{b}"))
             for a, b in ("xy", "xz", "yz")
         )
 
-    turning = ("rotational_compliance", "rad/(N*m)", rotation)
-    sliding = ("translational_compliance", "m/N", translation)
+    turning = ("rotational_compliance", "rad/(N*m)", rotation, 3)
+    sliding = ("translational_compliance", "m/N", translation, 0)
     return own(*turning), coupled(*turning), own(*sliding), coupled(*sliding)
 
 
-def coupling_quantity(a: int, b: int, size: float) -> Quantity:
+def coupling_term(baseline: Baseline, place: Place, a: int, b: int, size: float) -> Term:
     """Return the entry that couples the slide along one axis with the rotation about another, 1/N."""
     pair = (f"translational_compliance_{'xyz'[a]}", f"rotational_compliance_{'xyz'[b]}")
-    return Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", size, within=pair)
+    quantity = Quantity(f"coupling_{'xyz'[a]}_r{'xyz'[b]}", "1/N", size, within=pair)
+    return by_compliance(baseline, place, (a, 3 + b)), (quantity,)
 
 
 def any_compliance(baseline: Baseline, place: Place) -> Array:
     """Return the displacements (N, 6, 21) of all unit symmetric compliances of a place."""
-    return np.stack([by_compliance(baseline, place, [pair]) for pair in PAIRS], -1)
+    return np.stack([by_compliance(baseline, place, pair) for pair in PAIRS], -1)
 
 
 def any_symmetric(baseline: Baseline, place: Place, sizes: Array, name: str) -> Shape:
     """Return the shape of any symmetric compliance of a place, of realistic sizes (6, 6); 0 is held."""
     pairs = [pair for pair in PAIRS if sizes[pair] > 0]
-    columns = np.stack([by_compliance(baseline, place, [pair]) for pair in pairs], -1)
+    columns = np.stack([by_compliance(baseline, place, pair) for pair in pairs], -1)
     units = ("m/N", "rad/N", "rad/(N*m)")
 
     def name_of(i: int, j: int) -> str:
@@ -199,8 +221,7 @@ def by_side(baseline: Baseline, place: Place, at: int) -> Array:
     Beside a compliance it makes one side softer than the other: a seam that opens, a foot that lifts.
     """
     slip = loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], np.abs)
-    result: Array = place.shift[:, :, at] * slip[:, None]
-    return result
+    return place.shift[:, :, at] * slip[:, None]
 
 
 def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
@@ -219,8 +240,8 @@ def by_contacts(
     rotation: float,
     translation: float,
     power: float = CONTACT,
-) -> tuple[list[Array], tuple[Quantity, ...]]:
-    """Return how a place that stiffens or softens displaces the rows, (N, 6) each: rotations, translations.
+) -> tuple[Term, Term]:
+    """Return how a place that stiffens or softens displaces the rows: its rotations, its translations.
 
     Its slip goes by the power 2/3 of the load, as that of contacts does, or by the third power, as where a
     preload is used up and a seam opens (`SEAM`); the parameters are what it comes to under the largest load
@@ -228,18 +249,19 @@ def by_contacts(
     """
     how = "at_contacts" if power == CONTACT else "of_seams"
 
-    def slip(at: int) -> Array:
+    def term(at: int, scale: float, quantities: Quantities) -> Term:
         def law(load: Array) -> Array:
-            share = load / scales["force" if at < 3 else "moment"]
+            share = load / scale
             return np.asarray(np.sign(share) * np.abs(share) ** power)
 
-        return loaded_less_unloaded(baseline, place.load[:, at], place.dead[:, at], law)
+        own = slice(at, at + 3)
+        slip = loaded_less_unloaded(baseline, place.load[:, own], place.dead[:, own], law)
+        return place.shift[:, :, own] * slip[:, None], quantities
 
-    columns = [place.shift[:, :, at] * slip(at)[:, None] for at in (3, 4, 5, 0, 1, 2)]
-    turn, shift = rotation * scales["moment"], translation * scales["force"]
-    return columns, (
-        *(Quantity(f"rotation_{how}_{axis}", "rad", turn, positive=True) for axis in "xyz"),
-        *(Quantity(f"translation_{how}_{axis}", "m", shift, positive=True) for axis in "xyz"),
+    moment, force = scales["moment"], scales["force"]
+    return (
+        term(3, moment, named(f"rotation_{how}", "rad", rotation * moment, positive=True)),
+        term(0, force, named(f"translation_{how}", "m", translation * force, positive=True)),
     )
 
 

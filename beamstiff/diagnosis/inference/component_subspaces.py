@@ -23,8 +23,11 @@ from beamstiff.diagnosis.effects.torque_laws import (
     any_compliance,
     axis_at,
     by_law,
+    by_slips,
     component_of,
+    counted,
     drives,
+    loaded_less_unloaded,
 )
 from beamstiff.diagnosis.inference.external_friction import lagging, slipping
 from beamstiff.diagnosis.inference.library import Library
@@ -186,27 +189,19 @@ def _bent(baseline: Baseline, place: Place, law: Callable[[Array], Array]) -> Ar
     """Return what a law of each of the six loads over its usual size does, (N, 6, 6)."""
     usual = np.sqrt((place.load**2).mean(axis=0) + (place.dead**2).mean(axis=0))
     usual = np.where(usual > 0, usual, 1.0)
-    slip = law((place.load + place.dead) / usual)
-    if not baseline.absolute:
-        slip = slip - law(place.dead / usual)
-    result: Array = place.shift * slip[:, None, :]
-    return result
+    slips = loaded_less_unloaded(baseline, place.load, place.dead, lambda load: law(load / usual))
+    return place.shift * slips[:, None]
 
 
 def _of_drive(baseline: Baseline, name: str) -> list[Array]:
     """Return the laws (N, 6, c) with a name that a drive could follow."""
     axis = axis_at(baseline, name)
-    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
+    torque = counted(baseline, axis) / axis.typical
 
-    def along(slip: Array) -> Array:
-        result: Array = axis.shift[:, :, None] * slip[:, None, :]
-        return result
+    def bent(torque: Array, at: float, side: float) -> Array:
+        return np.clip(side * torque / (at * axis.typical), 0.0, 1.0)
 
-    bends = [
-        by_law(baseline, axis, lambda t, at=knee * axis.typical, side=side: np.clip(side * t / at, 0.0, 1.0))  # type: ignore[misc]
-        for knee in KNEES
-        for side in (1.0, -1.0)
-    ]
+    bends = [by_law(baseline, axis, partial(bent, at=at, side=side)) for at in KNEES for side in (1.0, -1.0)]
     named = [np.stack(bends, -1)]
     if axis.joint.variable is not None:
         follow = Following(baseline, axis.joint.variable)
@@ -214,27 +209,24 @@ def _of_drive(baseline: Baseline, name: str) -> list[Array]:
         if len(baseline.rows) > LARGE:  # as many angles as rows would tell no more of so smooth a law
             at = np.quantile(follow.angle, np.linspace(0.0, 1.0, ANGLES))
         near = np.exp(-0.5 * ((follow.angle[:, None] - at) / TURN) ** 2)
-        named += [along(torque[:, None] * near), along((torque * np.abs(torque))[:, None] * near)]
+        grown = torque * np.abs(torque)
+        named += [by_slips(axis.shift, course[:, None] * near) for course in (torque, grown)]
     begun = [(ways, wound) for _, ways, wound in BEGINNINGS if len(ways) <= FEW]
     held = [held_shares(baseline, axis, ways, wound) for ways, wound in begun]
     friction = np.concatenate([one.reshape(len(one), -1) for one in held], axis=1)
     if baseline.absolute:  # held alike everywhere it is an encoder's zero
         friction = np.round(friction - friction.mean(axis=0), DIGITS)
-    named.append(along(friction))
-    return named
+    return [*named, by_slips(axis.shift, friction)]
 
 
 def unmodelled_of_drive(baseline: Baseline, name: str) -> dict[str, Array]:
     """Return the laws (N, 6, c) without a name that a drive could follow, whichever sign they have."""
     axis, time = axis_at(baseline, name), clock(baseline)
-    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
-    one_sided = [by_law(baseline, axis, law) for law in (np.abs, np.square)]
-    changing = torque[:, None] * np.stack([time, time**2], -1)
-    shift = axis.shift[:, :, None]
+    torque = counted(baseline, axis) / axis.typical
     return {
-        ONE_SIDED: np.stack(one_sided, -1),
-        CHANGING: shift * changing[:, None, :],
-        CREEPING: shift * _remembered(baseline, axis, time)[:, None, :],
+        ONE_SIDED: np.stack([by_law(baseline, axis, law) for law in (np.abs, np.square)], -1),
+        CHANGING: by_slips(axis.shift, torque[:, None] * np.stack([time, time**2], -1)),
+        CREEPING: by_slips(axis.shift, _remembered(baseline, axis, time)),
     }
 
 
@@ -264,13 +256,11 @@ def _softens(white: Whitened, columns: Array) -> bool:
 def _by_posture(baseline: Baseline, name: str) -> dict[str, Array]:
     """Return what a drive could do that is another in every posture, (N, 6, postures); see `by_posture`."""
     axis, there = axis_at(baseline, name), by_posture(baseline)
-    torque = (axis.load + axis.dead if baseline.absolute else axis.load) / axis.typical
     if not there.shape[1]:
         return {}
-    gains = axis.shift[:, :, None] * (torque[:, None] * there)[:, None, :]
-    if not baseline.absolute:
-        return {UNSTEADY: gains}
-    return {UNSTEADY: gains, ASTRAY: axis.shift[:, :, None] * there[:, None, :]}
+    torque = counted(baseline, axis) / axis.typical
+    gains = {UNSTEADY: by_slips(axis.shift, torque[:, None] * there)}
+    return gains | ({ASTRAY: by_slips(axis.shift, there.astype(np.float64))} if baseline.absolute else {})
 
 
 def _remembered(baseline: Baseline, axis: Axis, time: Array) -> Array:

@@ -365,14 +365,12 @@ def _farthest(mean: Array, covariance: Array, pull: Array, positive: NDArray[np.
             break
     middle = (weight * mean).sum(axis=-1)
     spread = np.sqrt(np.maximum(((covariance @ weight[..., None])[..., 0] * weight).sum(axis=-1), 1e-300))
-    result: Array = np.where(middle < 0, log_ndtr(middle / spread), 0.0)
-    return result
+    return np.where(middle < 0, log_ndtr(middle / spread), 0.0)
 
 
 def log_weights(hypotheses: Sequence[Hypothesis], found: Evidence) -> Array:
     """Return the log of prior times evidence of each hypothesis, (H,)."""
-    result: Array = np.log([one.prior for one in hypotheses]) + found.hypotheses
-    return result
+    return np.log([one.prior for one in hypotheses]) + found.hypotheses
 
 
 def logsumexp(values: Array, axis: int | tuple[int, ...] | None = None) -> Array:

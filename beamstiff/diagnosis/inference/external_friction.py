@@ -119,8 +119,7 @@ def lagging(baseline: Baseline) -> Array:
 def _each(vector: Array) -> Array:
     """Return vectors (N, 3) whole and along each direction, for each limit: (N, 4 limits, 3)."""
     ways = np.stack([np.eye(3), *(np.diag(one) for one in np.eye(3))])
-    result: Array = np.tile(np.einsum("wij,nj->nwi", ways, vector), (1, len(LIMITS), 1))
-    return result
+    return np.tile(np.einsum("wij,nj->nwi", ways, vector), (1, len(LIMITS), 1))
 
 
 def _limits() -> Array:

@@ -134,8 +134,7 @@ def _more(held: Held, spring: Array) -> Array:
 def _beside(held: Held, spring: Array) -> Array:
     """Return how far the tool moves with a spring (3, 3) beside it, (N, 3): ``(I + C K)^-1 C w``."""
     both = np.eye(3) + held.own @ spring
-    result: Array = np.asarray(np.linalg.solve(both, held.moved[:, :, None]), dtype=np.float64)[:, :, 0]
-    return result
+    return np.asarray(np.linalg.solve(both, held.moved[:, :, None]), dtype=np.float64)[:, :, 0]
 
 
 def _units() -> Array:

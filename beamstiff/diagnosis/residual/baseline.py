@@ -34,7 +34,6 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 ROUNDS = 3  # of fitting and correcting for the loaded machine
 ROUNDING = 1e-9  # share of its like, below which a quantity is nothing but rounding
 POSITION_NOISE, ROTATION_NOISE = 3e-5, 5e-5  # m, rad: where a table says none, to begin with
-JOINT_STEP = 1e-5  # m or rad
 KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data say otherwise, by this factor
 
 
@@ -106,21 +105,7 @@ class Baseline:
     @cached_property
     def pose_changes(self) -> dict[str, Array]:
         """How the nominal pose changes with parameters of the geometry, (N, 6) each, as far as known yet."""
-        return dict(self.joint_motion)
-
-    @cached_property
-    def joint_motion(self) -> dict[str, Array]:
-        """How the nominal pose moves with each actuated variable, (N, 6) each, m and rad per unit."""
-        found = {}
-        for at, name in enumerate(self.rows.variables):
-            q = np.zeros_like(self.rows.q)
-            q[:, at] = JOINT_STEP
-            (low, below), (high, above) = (
-                nominal_pose(self.robot, replace(self.rows, q=self.rows.q + by)) for by in (-q, q)
-            )
-            turned = vector_from_rotation(above @ below.swapaxes(-1, -2))
-            found[name] = np.concatenate([high - low, turned], axis=1) / (2 * JOINT_STEP)
-        return found
+        return {}
 
     @cached_property
     def joint_values(self) -> dict[str, Array]:
@@ -359,5 +344,4 @@ def _values(robot: Robot, names: Sequence[str], start: Array) -> Array:
 
 def _sigma(rows: Measurements) -> Array:
     usual = np.repeat([POSITION_NOISE, ROTATION_NOISE], 3)
-    result: Array = np.where(np.isfinite(rows.sigma) & (rows.sigma > 0), rows.sigma, usual)
-    return result
+    return np.where(np.isfinite(rows.sigma) & (rows.sigma > 0), rows.sigma, usual)

@@ -25,12 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.residual.place import Place, nothing_of
-from beamstiff.diagnosis.residual.self_stress import (
-    Reach,
-    everywhere,
-    reach_of,
-    self_stresses,
-)
+from beamstiff.diagnosis.residual.self_stress import Reach, everywhere, reach_of, self_stresses
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
@@ -199,12 +194,7 @@ def has_loops(robot: Robot) -> bool:
 
 
 def _open(
-    cut: Robot,
-    names: Sequence[str],
-    rows: Measurements,
-    poses: Array,
-    pose: NDArray[np.intp],
-    alone: bool,
+    cut: Robot, names: Sequence[str], rows: Measurements, poses: Array, pose: NDArray[np.intp], alone: bool
 ) -> dict[str, Place]:
     """Return some joints and beams as places, opened as ports at once; `alone`: one that a loop may hold."""
     chosen = [joint for joint in cut.joints if joint.name in names]

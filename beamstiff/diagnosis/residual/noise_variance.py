@@ -51,8 +51,7 @@ class Precision:
 
     def times(self, values: Array) -> Array:
         """Return its product with values (n,)."""
-        result: Array = self.own * values - self.factor.T @ (self.factor @ values)
-        return result
+        return self.own * values - self.factor.T @ (self.factor @ values)
 
 
 def precision(white: Whitened, columns: Array, variance: Variance) -> tuple[Precision, float]:

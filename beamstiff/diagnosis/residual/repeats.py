@@ -111,7 +111,6 @@ def _within(
     def centred(quantity: Array) -> Array:
         total = np.zeros_like(count)
         np.add.at(total, group, quantity)
-        result: Array = np.where(repeated, quantity - (total / np.maximum(count, 1))[group], 0.0)
-        return result
+        return np.where(repeated, quantity - (total / np.maximum(count, 1))[group], 0.0)
 
     return centred(values), centred(time), repeated, sigma

@@ -119,8 +119,7 @@ class Whitened:
 
     def project_out(self, columns: Array) -> Array:
         """Return what the fit leaves of whitened columns (n, c)."""
-        result: Array = columns - self.tangent @ (self.tangent.T @ columns)
-        return result
+        return columns - self.tangent @ (self.tangent.T @ columns)
 
 
 def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitened:
@@ -145,8 +144,7 @@ def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitene
 def shown(columns: Array) -> Array:
     """Return columns (n, c) without those that are nothing but rounding beside the others."""
     size = np.linalg.norm(columns, axis=0)
-    result: Array = columns[:, size > ROUNDING * size.max(initial=0.0)]
-    return result
+    return columns[:, size > ROUNDING * size.max(initial=0.0)]
 
 
 def orthonormal(columns: Array) -> Array:
@@ -156,8 +154,7 @@ def orthonormal(columns: Array) -> Array:
     if not kept.shape[1]:
         return np.zeros((len(columns), 0))
     left, values, _ = np.linalg.svd(kept, full_matrices=False)
-    result: Array = left[:, values > ROUNDING * values[0]]
-    return result
+    return left[:, values > ROUNDING * values[0]]
 
 
 def _axes(
@@ -234,8 +231,7 @@ def _aligned(baseline: Baseline, rows: NDArray[np.intp], kind: NDArray[np.intp])
         return 1.0
     turned = kind[..., None] > 2
     along = np.where(turned, np.eye(3)[kind % 3], baseline.rows.axes[rows, kind % 3])
-    result: Array = along @ along.swapaxes(1, 2)
-    return result
+    return along @ along.swapaxes(1, 2)
 
 
 def _closeness(baseline: Baseline, rows: NDArray[np.intp]) -> Array:

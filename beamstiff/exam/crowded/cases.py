@@ -107,7 +107,7 @@ class CrowdedCase:
         truths = [
             came_to_rest(one, self.campaign) if one.effect == "target-slip" else one for one in self.truths
         ]
-        return positions(self.machine, (*self.geometry, *truths), self.fresh)
+        return true_rows(self.machine, (*self.geometry, *truths), self.fresh)[:, :3]
 
     def left_by(self, causes: Sequence[TrueCause]) -> float:
         """Return the RMS, m, of what is left without noise once these effects are fitted."""
@@ -266,12 +266,12 @@ def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Arr
         names = [*_open_parameters(robot), *(f"{frame.name}.beta" for frame in robot.frames)]
         for name in names:
             ends = [
-                places_of(body, campaign, place(skeleton_of(robot, {name: by}), campaign.q, {name: by}))
+                places_of(body, campaign.point, place(skeleton_of(robot, {name: by}), campaign.q, {name: by}))
                 for by in (STEP, -STEP)
             ]
             columns.append((ends[0] - ends[1]) / (2.0 * STEP))
         placed = place(skeleton_of(robot), campaign.q)
-        at, axes = places_of(body, campaign, placed), placed.rotations[body.node(body.tcp).frame]
+        at, axes = places_of(body, campaign.point, placed), placed.rotations[body.node(body.tcp).frame]
         for unit in np.eye(3):
             columns += [np.tile(unit, (len(at), 1)), np.cross(unit, at)]
             columns += [axes @ unit * (campaign.point == name)[:, None] for name in np.unique(campaign.point)]
@@ -313,12 +313,9 @@ def _draw_effects(
         except BeamstiffError:  # so large that the machine buckles under it
             return float("inf")
 
-    wanted, found, count = (
-        between(rng.random(), *LARGEST),
-        list[Truth](),
-        int(rng.integers(exam.count[0], exam.count[1] + 1)),
-    )
-    for at in range(count):
+    found: list[Truth] = []
+    wanted = between(rng.random(), *LARGEST)
+    for at in range(int(rng.integers(exam.count[0], exam.count[1] + 1))):
         effects = BEYOND if outside and at == 0 else INSIDE
         for _ in range(DRAWS):
             seed, effect = int(rng.integers(2**31)), effects[int(rng.integers(len(effects)))]
@@ -339,11 +336,6 @@ def _draw_effects(
     if len(found) < exam.count[0]:
         raise BeamstiffError(f"only {len(found)} effects show")
     return found
-
-
-def positions(machine: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign) -> Array:
-    """Return the positions, or displacements, that a perfect instrument reads, (N, 3), m, base frame."""
-    return true_rows(machine, truths, campaign)[:, :3]
 
 
 def _basis(columns: Array) -> Array:

@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from pydantic import TypeAdapter
+
 from beamstiff.exam.names import effect_of
-from beamstiff.exam.record import made, sha256
+from beamstiff.exam.record import sha256
 
 Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
@@ -138,9 +140,9 @@ class CrowdedRecord:
         return asdict(self)
 
 
+_RECORD = TypeAdapter(CrowdedRecord)
+
+
 def crowded_record_from(data: Mapping[str, Any]) -> CrowdedRecord:
     """Return the record that `CrowdedRecord.to_dict` made plain data of."""
-    label = {**data["label"], "causes": tuple(made(TrueCause, one) for one in data["label"]["causes"])}
-    replies = {name: made(Reply, reply) for name, reply in data["replies"].items()}
-    seals = data["label_sha256"], data["report_sha256"]
-    return CrowdedRecord(made(CrowdedLabel, label), replies, *seals)
+    return _RECORD.validate_python(data)

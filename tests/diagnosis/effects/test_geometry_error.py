@@ -30,18 +30,12 @@ def moved(q: Array, off: tuple[int, str, float]) -> Array:
 
 
 @pytest.mark.parametrize("joint", range(6))
-@pytest.mark.parametrize("parameter", ["alpha", "d", "r"])
-def test_the_column_of_a_frames_parameter_is_a_robot_built_with_it(joint: int, parameter: str) -> None:
+@pytest.mark.parametrize("parameter", ["alpha", "d", "r", "theta"])
+def test_the_column_of_a_parameter_or_an_encoder_is_a_robot_built_with_it(joint: int, parameter: str) -> None:
     there = placed(kr240())
-    found = shape_of(there, "geometry-error", f"f{joint + 1}.{parameter}", "offset").columns[..., 0]
+    name = f"q{joint + 1}" if parameter == "theta" else f"f{joint + 1}.{parameter}"
+    found = shape_of(there, "geometry-error", name, "offset").columns[..., 0]
     close(found, moved(there.rows.q, (joint, parameter, 0.0)), 1e-6)
-
-
-@pytest.mark.parametrize("joint", range(6))
-def test_an_encoders_offset_turns_the_joint(joint: int) -> None:
-    there = placed(kr240())
-    found = shape_of(there, "geometry-error", f"q{joint + 1}", "offset").columns[..., 0]
-    close(found, moved(there.rows.q, (joint, "theta", 0.0)), 1e-6)
 
 
 def test_discs_err_once_and_twice_a_turn() -> None:

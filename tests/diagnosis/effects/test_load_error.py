@@ -60,37 +60,27 @@ def test_a_cable_that_comes_from_another_place_than_was_written_down(campaign: B
         close(columns[..., 3 + 3 * k : 6 + 3 * k], columns[..., :3] * tip[:, None, None, k], 1e-9)
 
 
+def read_by_a_cell(campaign: Baseline, axes: Array, a: int, b: int) -> Array:
+    """Return what a cell moves, per unit, that feels along one of its axes some of the load along another."""
+    gain = np.eye(3)
+    gain[a, b] += SMALL
+    acts = axes @ gain @ axes.swapaxes(1, 2) @ campaign.rows.wrench.reshape(-1, 2, 3).swapaxes(1, 2)
+    return under(campaign, acts.swapaxes(1, 2).reshape(-1, 6))
+
+
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("tool", [False, True], ids=["base", "tool"])
 def test_a_cell_with_another_gain_on_one_axis(axis: int, tool: bool, campaign: Baseline) -> None:
-    rows = campaign.rows
-    axes = arm_at(rows.q).tool if tool else np.tile(np.eye(3), (8, 1, 1))
-    cell = axes.swapaxes(1, 2)
-    gain = np.eye(3)
-    gain[axis, axis] += SMALL
-    acts = np.concatenate(
-        [(axes @ gain @ cell @ rows.wrench[:, some, None])[..., 0] for some in (slice(3), slice(3, 6))],
-        axis=1,
-    )
+    axes = arm_at(campaign.rows.q).tool if tool else np.tile(np.eye(3), (8, 1, 1))
     name = "gain by axis of the tool" if tool else "gain by axis"
-    close(shape_of(campaign, "load-error", None, name).columns[..., axis], under(campaign, acts), 1e-5)
+    found = shape_of(campaign, "load-error", None, name).columns[..., axis]
+    close(found, read_by_a_cell(campaign, axes, axis, axis), 1e-5)
 
 
 @pytest.mark.parametrize(("a", "b"), [(0, 0), (0, 2), (2, 1)])
 def test_a_cell_whose_axis_feels_another(a: int, b: int, campaign: Baseline) -> None:
-    rows = campaign.rows
-    axes = arm_at(rows.q).tool
-    gain = np.eye(3)
-    gain[a, b] += SMALL
-    acts = np.concatenate(
-        [
-            (axes @ gain @ axes.swapaxes(1, 2) @ rows.wrench[:, some, None])[..., 0]
-            for some in (slice(3), slice(3, 6))
-        ],
-        axis=1,
-    )
     found = shape_of(campaign, "load-error", None, "cross-talk of the cell").columns[..., 3 * a + b]
-    close(found, under(campaign, acts), 1e-5)
+    close(found, read_by_a_cell(campaign, arm_at(campaign.rows.q).tool, a, b), 1e-5)
 
 
 def test_a_cell_that_is_not_linear_reads_more_the_larger_the_load(campaign: Baseline) -> None:

@@ -58,24 +58,29 @@ def test_turning_what_is_followed_turns_what_is_held(seed: int) -> None:
     np.testing.assert_allclose(held(way @ turn.T), held(way) @ turn.T, atol=1e-12)
 
 
-def test_what_sticks_lets_go_of_all_where_its_limit_is_passed() -> None:
-    way = np.zeros((4, 1, 3))
-    way[:, 0, 0] = 0.3, 0.6, 0.9, 0.2
-    first = np.array([True, False, False, False])
-    held = held_back(way, 0 * way, np.arange(4), first, np.array([0.5]), released=True)
-    np.testing.assert_allclose(held[:, 0, 0], [0.3, 0.0, 0.3, -0.4])
-
-
-def test_what_is_held_can_outlast_a_history() -> None:
-    way = np.zeros((4, 1, 3))
-    way[:, 0, 0] = 1.0, 0.0, 1.0, 0.0
-    first = np.array([True, False, True, False])
-    kept, lost = (
-        held_back(way, 0 * way, np.arange(4), first, np.array([0.4]), carried=carried)[:, 0, 0]
-        for carried in (True, False)
-    )
-    np.testing.assert_allclose(lost, [0.4, -0.4, 0.4, -0.4])
-    np.testing.assert_allclose(kept, [0.4, -0.4, 0.8, 0.0])  # since the start of the second, where it is -0.4
+@pytest.mark.parametrize(
+    ("way", "fresh", "limit", "more", "expected"),
+    [
+        ([0.3, 0.6, 0.9, 0.2], [0], 0.5, {"released": True}, [0.3, 0.0, 0.3, -0.4]),
+        ([1.0, 0.0, 1.0, 0.0], [0, 2], 0.4, {"carried": False}, [0.4, -0.4, 0.4, -0.4]),
+        # since the start of the second, where it is -0.4
+        ([1.0, 0.0, 1.0, 0.0], [0, 2], 0.4, {"carried": True}, [0.4, -0.4, 0.8, 0.0]),
+        ([1.0, 0.0, 1.0, 0.0], [0, 2], 0.4, {"carried": True, "whole": True}, [0.4, -0.4, 0.4, -0.4]),
+    ],
+    ids=[
+        "what sticks lets go of all",
+        "a history ends it",
+        "outlasts a history",
+        "where positions are absolute",
+    ],
+)
+def test_what_is_held_of_a_way(
+    way: list[float], fresh: list[int], limit: float, more: dict[str, bool], expected: list[float]
+) -> None:
+    moved, rows = np.zeros((4, 1, 3)), np.arange(4)
+    moved[:, 0, 0] = way
+    held = held_back(moved, 0 * moved, rows, np.isin(rows, fresh), np.array([limit]), **more)
+    np.testing.assert_allclose(held[:, 0, 0], expected)
 
 
 def test_a_gauge_that_drags_lies_among_what_readings_can_do_and_not_in_the_linear_model(
@@ -112,11 +117,3 @@ def test_a_seat_that_slips_about_one_axis_lies_among_what_friction_can_do(there:
     largest = np.linalg.norm(load[:, 3:], axis=1).max()
     held = held_torque(load[:, 4], dead[:, 4], history(there)[1], history(there)[0], LIMIT * largest)
     assert explained(slipping(there, place), place.shift[:, :, 4] * held[:, None]) > 1 - 1e-9
-
-
-def test_where_positions_are_absolute_what_was_held_before_counts_too() -> None:
-    way = np.zeros((4, 1, 3))
-    way[:, 0, 0] = 1.0, 0.0, 1.0, 0.0
-    first = np.array([True, False, True, False])
-    held = held_back(way, 0 * way, np.arange(4), first, np.array([0.4]), carried=True, whole=True)
-    np.testing.assert_allclose(held[:, 0, 0], [0.4, -0.4, 0.4, -0.4])

@@ -5,7 +5,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, places_of
+from beamstiff.exam.reality import Reality, axes_of, places_of
 from beamstiff.exam.rotations import turn, turned_by
 
 GAIN = (0.008, 0.25)
@@ -42,8 +42,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
 
     def sensor(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         error = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
-        frames = {node.name: node.frame for node in reality.machine.nodes}
-        axes = np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
+        axes = axes_of(reality.machine, campaign.load_point, placed)
         wrong = axes @ error @ np.swapaxes(axes, -1, -2)
         more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
         return np.asarray(wrench + np.concatenate(more, axis=1))
@@ -127,7 +126,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
     def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         share = since_rest(campaign, _course(truth.form, campaign, p["lag"]))
         if truth.form == "growth":  # the machine grows: away from its base
-            reach = places_of(reality.machine, campaign, placed)
+            reach = places_of(reality.machine, campaign.point, placed)
             ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
         else:
             ways = np.broadcast_to(along, (len(values), 3))

@@ -6,7 +6,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, Effect, named, nowhere, vector
 from beamstiff.exam.forms.author1 import measurement as author1
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, places_of
+from beamstiff.exam.reality import Reality, axes_of, places_of
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.description import Robot
 
@@ -72,23 +72,19 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     takes forces for moments.
     """
     p = truth.parameters
-    frames = {node.name: node.frame for node in reality.machine.nodes}
-
-    def axes_of(campaign: SimulatedCampaign, placed: Placed) -> Array:
-        return np.stack([placed.rotations[frames[n]][row] for row, n in enumerate(campaign.load_point)])
 
     def hanger(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
         return np.asarray(wrench * (1.0 + p["tare"] / np.where(size > 0.0, size, np.inf)))
 
     def push_pull(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        axes = axes_of(campaign, placed)
+        axes = axes_of(reality.machine, campaign.load_point, placed)
         own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
         more = np.einsum("nij,nj->ni", axes, own * vector(p) * np.tanh(own / SMALL))
         return np.concatenate([wrench[:, :3] + more, wrench[:, 3:]], axis=1)
 
     def crosstalk(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        axes = axes_of(campaign, placed)
+        axes = axes_of(reality.machine, campaign.load_point, placed)
         mixed = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
         moment = np.einsum("nij,jk,nlk,nl->ni", axes, mixed, axes, wrench[:, :3])
         return np.concatenate([wrench[:, :3], wrench[:, 3:] + moment], axis=1)
@@ -157,7 +153,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             moved = ways / np.where(size > 1e-9, size, np.inf)
         else:
             turned[:] = vector(p) / STAND
-            moved = np.cross(turned, places_of(machine, campaign, placed) - vector(p, "uvw"))
+            moved = np.cross(turned, places_of(machine, campaign.point, placed) - vector(p, "uvw"))
         share = p["drift"] * course(campaign)[:, None]
         return np.asarray(values + share * np.concatenate([moved, turned], axis=1))
 

@@ -62,7 +62,7 @@ def _frame(truth: Truth, reality: Reality) -> Reality:
         else:
             camera, barrel = vector(p, "uvw"), share * p["barrel"]
             if displaced:
-                at = places_of(machine, campaign, placed)
+                at = places_of(machine, campaign.point, placed)
                 moved = distorted(at + moved, camera, barrel) - distorted(at, camera, barrel)
             else:
                 moved = distorted(moved, camera, barrel)
@@ -182,7 +182,7 @@ def _drift(truth: Truth, reality: Reality) -> Reality:
             lean[:, axis] = author1.since_rest(campaign, part(bearing) - part(p["from"]))
         lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
         turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
-        moved = np.cross(turned, places_of(machine, campaign, placed))
+        moved = np.cross(turned, places_of(machine, campaign.point, placed))
         return np.asarray(values + np.concatenate([moved, turned], axis=1))
 
     return reality.with_reading(thermostat if truth.form == "thermostat" else sun)

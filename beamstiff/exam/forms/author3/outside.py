@@ -102,7 +102,7 @@ def _stand(truth: Truth, reality: Reality) -> Reality:
         tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
         values = values.copy()
         tracker = foot + np.array([0.0, 0.0, p["tall"]])
-        seen = places_of(reality.machine, campaign, placed) - tracker
+        seen = places_of(reality.machine, campaign.point, placed) - tracker
         values[:, :3] -= head + np.cross(tilted, seen)
         values[:, 3:] = turned_by(turn(-tilted) @ turn(values[:, 3:]))
         return values

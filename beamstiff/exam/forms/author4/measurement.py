@@ -6,7 +6,7 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import DrawRequest, in_the_middle, nowhere, slender, vector
 from beamstiff.exam.forms.author4.by_form import Form, effect_of, prefixed, way_of
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
 PAUSE = 30.0  # s between rows where the campaign gives no time
@@ -32,8 +32,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
     p, robot = truth.parameters, reality.machine.robot
     down = np.array(robot.gravity, dtype=np.float64)
     down = down / np.linalg.norm(down) if np.linalg.norm(down) > 0.0 else np.array([0.0, 0.0, -1.0])
-    nodes = {node.name: node for node in robot.nodes}
-    start = in_the_middle(robot).node(nodes[robot.tcp])[0]
+    start = in_the_middle(robot).node(reality.machine.node(robot.tcp))[0]
 
     def change(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
         size = np.linalg.norm(wrench[:, :3], axis=1)
@@ -41,7 +40,7 @@ def _load(truth: Truth, reality: Reality) -> Reality:
         if truth.form == "untared-hook":  # hangs wherever a load does
             force += np.where(size > 0.0, p["weight"], 0.0)[:, None] * down
         else:  # the rope runs to where it was anchored for the middle posture
-            here = np.stack([placed.node(nodes[str(n)])[i] for i, n in enumerate(campaign.load_point)])
+            here = places_of(reality.machine, campaign.load_point, placed)
             rope = start - here + p["distance"] * force / np.maximum(size, 1e-12)[:, None]
             force = size[:, None] * rope / np.linalg.norm(rope, axis=1, keepdims=True)
         return np.concatenate([force, wrench[:, 3:]], axis=1)

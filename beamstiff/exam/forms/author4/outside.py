@@ -11,7 +11,7 @@ from beamstiff.exam.forms.author4.by_form import Form, effect_of
 from beamstiff.exam.laws import Friction, Memory, Remembering, Situation, fading
 from beamstiff.exam.machine import Rod
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.reality import Reality, places_of
 from beamstiff.robot.parts import Node
 
 
@@ -105,13 +105,12 @@ def _truck(request: DrawRequest) -> dict[str, float]:
 
 def _stand(truth: Truth, reality: Reality) -> Reality:
     """Return the reality whose floor is loaded beside the robot during some of the rows: all of it tilts."""
-    p, robot = truth.parameters, reality.machine.robot
-    nodes = {node.name: node for node in robot.nodes}
+    p = truth.parameters
 
     def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
         part = np.arange(len(campaign)) / len(campaign)
         there = (part >= p["from"]) & (part < p["from"] + p["lasts"])
-        here = np.stack([placed.node(nodes[str(n)])[i] for i, n in enumerate(campaign.point)])
+        here = places_of(reality.machine, campaign.point, placed)
         tilt = np.array([p["tilt_x"], p["tilt_y"], 0.0])
         moved = np.cross(tilt, here) - np.array([0.0, 0.0, p["sinks"]])
         both = np.concatenate([moved, np.tile(tilt, (len(here), 1))], axis=1)
