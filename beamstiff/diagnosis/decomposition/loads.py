@@ -12,11 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
 PLACES = ("load", "payload")  # of effects
@@ -47,20 +48,27 @@ def carried_by(model: OpenModel, change: Array) -> Array:
     return np.asarray(model.carried @ change[-model.present.size :])
 
 
-def far_from_linear(found: Decomposition) -> set[str]:
-    """Return the errors of loads that act otherwise on the drives as they were fitted beside them."""
-    model, drives = found.model, found.model.present.size
-    causes = [cause for cause in (*found.causes, *found.unclear) if _of_load(cause.forms[0])]
-    if not causes or not drives:
-        return set()
-    there = _there(model, found.change)
-    every = [list(zip(cause.forms, cause.theta, strict=True)) for cause in causes]
-    before = np.sum([_moved(model.baseline, loads) for loads in every], axis=0) + carried_by(
-        model, found.change
-    )
-    after = np.sum([_moved(there, loads) for loads in every], axis=0)
-    far = np.linalg.norm((after - before)[:, :3]) > FAR * np.linalg.norm(before[:, :3])
-    return {cause.key for cause in causes} if far else set()
+def far_from_linear(found: Decomposition) -> bool:
+    """Return whether errors of loads act otherwise on the drives as they were fitted beside them."""
+    model = found.model
+    loads = [one for cause in _loads(found) for one in zip(cause.forms, cause.theta, strict=True)]
+    if not model.present.size or not (loads or model.carried is not None):
+        return False
+    try:
+        after = _moved(_there(model, found.change), loads)
+    except BeamstiffError:  # on such drives the machine buckles
+        return True
+    before = _moved(model.baseline, loads) + carried_by(model, found.change)
+    return bool(np.linalg.norm((after - before)[:, :3]) > FAR * np.linalg.norm(before[:, :3]))
+
+
+def errors_of_loads(found: Decomposition) -> set[str]:
+    """Return the causes that are errors of loads, ``effect:component``."""
+    return {cause.key for cause in _loads(found)}
+
+
+def _loads(found: Decomposition) -> list[Cause]:
+    return [cause for cause in (*found.causes, *found.unclear) if _of_load(cause.forms[0])]
 
 
 def _of_load(form: Form) -> bool:
