@@ -24,13 +24,14 @@ from beamstiff.diagnosis.decomposition.loads import (
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
@@ -38,7 +39,7 @@ OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"),
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
-SETTLING = 2  # calibrations with the same causes, before these are looked at again
+SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
 def decompose(
@@ -98,8 +99,8 @@ def decompose(
         folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
         astray = unsteady(folds, step, seed)
         if not astray:
-            found = _settled(robot, folds, step, prior, seed, parameters, stations)
-            astray = errors_of_loads(found) if far_from_linear(found) else set()
+            found = _told(robot, folds, step, prior, seed, parameters, stations)
+            astray = errors_of_loads((*found.causes, *found.unclear)) if _far_from_linear(found) else set()
         if not astray:
             return replace(found, behind=tuple(behind))
         prior = replace(prior, without=(*prior.without, *astray))
@@ -143,7 +144,7 @@ def _selected(
     return folds, step
 
 
-def _settled(
+def _told(
     robot: Robot,
     folds: Folds,
     step: Step,
@@ -152,27 +153,19 @@ def _settled(
     parameters: tuple[str, ...] | None,
     stations: bool,
 ) -> Decomposition:
-    """Return the causes, those that are errors of loads on drives as these are fitted beside them.
+    """Return what the causes say, errors of loads on drives as these are fitted beside them.
 
-    Where that does not settle, the last causes that did not make held-out postures worse.
+    Where that does not settle, or makes held-out postures worse, as they were before.
     """
     found = told(folds, step, seed)
     for _ in range(ROUNDS):
-        if not far_from_linear(found):
+        if not _far_from_linear(found):
             break
-        model = found.model
-        chosen = [
-            form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms
-        ]
-        names = [_name(form) for form in chosen]
-        try:
-            for _ in range(SETTLING):
-                model = _beside(robot, model, chosen, parameters, stations)
-                forms = _forms(model, prior)
-                chosen = [form for form in forms if _name(form) in names]
-        except BeamstiffError:  # the machine may buckle beside loads that are far too large
+        names = {_name(form) for form in _fitted_forms(found)}
+        model = _settled(robot, found, prior, parameters, stations)
+        if model is None:
             break
-        choice = build_choice(model, forms)
+        choice = build_choice(model, _forms(model, prior))
         folds = folds_of(model, choice, seed)
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         step = select(choice, folds.squared_errors, start=same)
@@ -180,6 +173,42 @@ def _settled(
             break
         found = told(folds, step, seed)
     return found
+
+
+def _settled(
+    robot: Robot, found: Decomposition, prior: Prior, parameters: tuple[str, ...] | None, stations: bool
+) -> OpenModel | None:
+    """Return the open model beside the same causes once neither loads nor drives change; None: they do."""
+    model, chosen = found.model, _fitted_forms(found)
+    names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
+    try:
+        for _ in range(SETTLING):
+            model = _beside(robot, model, chosen, parameters, stations)
+            laws = unmodelled_forms(model) if UNMODELLED in effects else ()
+            forms = [*forms_of(model, prior, effects), *laws]
+            chosen = [form for form in forms if _name(form) in names]
+            change, thetas = _solution(model, chosen)
+            if not far_from_linear(model, chosen, thetas, change):
+                return model
+    except BeamstiffError:  # the machine may buckle beside loads that are far too large
+        pass
+    return None
+
+
+def _far_from_linear(found: Decomposition) -> bool:
+    told_of = (*found.causes, *found.unclear)
+    forms = [form for cause in told_of for form in cause.forms]
+    return far_from_linear(found.model, forms, [part for one in told_of for part in one.theta], found.change)
+
+
+def _fitted_forms(found: Decomposition) -> list[Form]:
+    return [form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms]
+
+
+def _solution(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, list[Array]]:
+    """Return the change of the open parameters (t,), and the parameters of each form."""
+    change, parts = np.split(solved(model, chosen)[0], [model.tangent.shape[1]])
+    return change, by_form(chosen, parts)
 
 
 def _beside(
@@ -190,9 +219,8 @@ def _beside(
     stations: bool,
 ) -> OpenModel:
     """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
-    theta, _ = solved(model, chosen)
-    change, parts = np.split(theta, [model.tangent.shape[1]])
-    thetas, rows = by_form(chosen, parts), model.baseline.rows
+    change, thetas = _solution(model, chosen)
+    rows = model.baseline.rows
     moved = shift_of(chosen, thetas, len(rows)) + carried_by(model, change)
     return beside_loads(
         open_geometry(robot, rows, moved, parameters=parameters, stations=stations), chosen, thetas

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import Cause
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
@@ -48,27 +48,25 @@ def carried_by(model: OpenModel, change: Array) -> Array:
     return np.asarray(model.carried @ change[-model.present.size :])
 
 
-def far_from_linear(found: Decomposition) -> bool:
-    """Return whether errors of loads act otherwise on the drives as they were fitted beside them."""
-    model = found.model
-    loads = [one for cause in _loads(found) for one in zip(cause.forms, cause.theta, strict=True)]
+def far_from_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> bool:
+    """Return whether errors of loads among causes act otherwise on the drives as fitted beside them.
+
+    `thetas` of the forms in realistic sizes, `change` of the open parameters (t,).
+    """
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
     if not model.present.size or not (loads or model.carried is not None):
         return False
     try:
-        after = _moved(_there(model, found.change), loads)
+        after = _moved(_there(model, change), loads)
     except BeamstiffError:  # on such drives the machine buckles
         return True
-    before = _moved(model.baseline, loads) + carried_by(model, found.change)
+    before = _moved(model.baseline, loads) + carried_by(model, change)
     return bool(np.linalg.norm((after - before)[:, :3]) > FAR * np.linalg.norm(before[:, :3]))
 
 
-def errors_of_loads(found: Decomposition) -> set[str]:
+def errors_of_loads(causes: Sequence[Cause]) -> set[str]:
     """Return the causes that are errors of loads, ``effect:component``."""
-    return {cause.key for cause in _loads(found)}
-
-
-def _loads(found: Decomposition) -> list[Cause]:
-    return [cause for cause in (*found.causes, *found.unclear) if _of_load(cause.forms[0])]
+    return {cause.key for cause in causes if _of_load(cause.forms[0])}
 
 
 def _of_load(form: Form) -> bool:
