@@ -21,7 +21,6 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
 PLACES = ("load", "payload")  # of effects
-FAR = 0.1  # share by which the drives may change what an error of a load moves: forms are no better than that
 
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
@@ -48,20 +47,21 @@ def carried_by(model: OpenModel, change: Array) -> Array:
     return np.asarray(model.carried @ change[-model.present.size :])
 
 
-def far_from_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> bool:
-    """Return whether errors of loads among causes act otherwise on the drives as fitted beside them.
+def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> float:
+    """Return by what share errors of loads act otherwise on the drives as they were fitted beside them.
 
     `thetas` of the forms in realistic sizes, `change` of the open parameters (t,).
     """
     loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
     if not model.present.size or not (loads or model.carried is not None):
-        return False
+        return 0.0
     try:
         after = _moved(_there(model, change), loads)
     except BeamstiffError:  # on such drives the machine buckles
-        return True
+        return np.inf
     before = _moved(model.baseline, loads) + carried_by(model, change)
-    return bool(np.linalg.norm((after - before)[:, :3]) > FAR * np.linalg.norm(before[:, :3]))
+    size = float(np.linalg.norm(before[:, :3]))
+    return float(np.linalg.norm((after - before)[:, :3])) / size if size else 0.0
 
 
 def errors_of_loads(causes: Sequence[Cause]) -> set[str]:
