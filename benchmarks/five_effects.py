@@ -33,9 +33,9 @@ from beamstiff.exam.crowded.cases import (
     CrowdedExam,
     draw_crowded_case,
     open_basis,
-    positions,
 )
 from beamstiff.exam.forms import came_to_rest
+from beamstiff.exam.sizes import true_rows
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.report.tables import table
 
@@ -74,7 +74,10 @@ def known_forms(case: CrowdedCase, read: Array) -> Array:
         resting = [came_to_rest(one, case.campaign) if one.effect == "target-slip" else one for one in truths]
         pairs = ((case.campaign, truths), (case.fresh, resting))
         return np.concatenate(
-            [positions(case.machine, (*case.geometry, *some), rows).reshape(-1) for rows, some in pairs]
+            [
+                true_rows(case.machine, (*case.geometry, *some), rows)[:, :3].reshape(-1)
+                for rows, some in pairs
+            ]
         )
 
     whole, nothing = seen(case.truths), seen(())
