@@ -292,11 +292,7 @@ class Diagnosis(Shown):
     def explained(self) -> dict[str, Any]:
         """Return the keys ``causes`` and ``remainder``."""
         if self.decomposition is not None:
-            result = causes_dict(self.decomposition)
-            for one in result["causes"]:  # of held-out squares more than all may close
-                one["closes"] = min(one["closes"], 1.0)
-                one["closes_interval"] = [min(end, 1.0) for end in one["closes_interval"]]
-            return result
+            return causes_dict(self.decomposition)
         told = [] if self.verdict.shrink is None else [(self.verdict, self.first or self.verdict.shrink)]
         if self.also is not None and self.also.shrink is not None and told:
             told.append((self.also, self.verdict.shrink or told[0][1]))  # the verdict's is that of both

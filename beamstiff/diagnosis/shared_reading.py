@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
+from beamstiff.diagnosis.decomposition.open_model import orthonormal
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure.arrays import Integers, places_of_each
@@ -18,7 +19,7 @@ from beamstiff.se3 import Array
 
 CHANCE = 1e-3  # probability below which a common error is none of chance, and none of the same instrument
 NOISE = 1.5  # times the noise: more scatter of single readings is an effect's
-INDEPENDENT = 1e-9  # singular value, of the largest, below which loads of a posture say nothing new
+INDEPENDENT = 1e-9  # singular value of unit columns, below which loads of a posture say nothing new
 NOTE = (
     "the rows of a posture have an error in common ({0:.0f} % of the noise variance): if one unloaded "
     "reading was subtracted from all of them, state it in the table (# unloaded_reading: shared) and "
@@ -54,7 +55,7 @@ def _common_share(left: Array, wrench: Array, postures: Sequence[Integers]) -> f
     """
     constants, squares, weight, freedom = [], [], 0.0, 0
     for own in postures:
-        basis = _basis(wrench[own])
+        basis = orthonormal(wrench[own], least=INDEPENDENT)
         constant = np.ones(own.size) - basis @ basis.sum(axis=0)  # what no load can make
         size, free = float(np.linalg.norm(constant)), own.size - basis.shape[1] - 1
         if free < 1 or size < INDEPENDENT:
@@ -77,9 +78,3 @@ def _common_share(left: Array, wrench: Array, postures: Sequence[Integers]) -> f
     if none > CHANCE or (np.minimum(tails, 1.0 - tails) < CHANCE).any():
         return 0.0
     return float(common.sum() / (common + within).sum())
-
-
-def _basis(columns: Array) -> Array:
-    """Return an orthonormal basis of columns (n, c)."""
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, values > INDEPENDENT * values.max(initial=1e-300)])

@@ -211,7 +211,6 @@ def _behind(
 def _with_wind_up(problem: Problem, behind: WindUp) -> Problem:
     """Return the problem with contrasts of encoders behind the gears as further rows."""
     more = len(behind.port)
-    first = behind.contrast.indices[behind.contrast.indptr[:-1]]
     measured, used, sigma = np.zeros((more, 6)), np.zeros((more, 6), dtype=np.bool_), np.ones((more, 6))
     measured[:, COMPONENT], used[:, COMPONENT], sigma[:, COMPONENT] = behind.value, True, behind.sigma
     sigma, used = np.concatenate([problem.sigma, sigma]), np.concatenate([problem.used, used])
@@ -223,7 +222,7 @@ def _with_wind_up(problem: Problem, behind: WindUp) -> Problem:
         used=used,
         sigma=sigma,
         sharing=sharing,
-        pose=np.concatenate([problem.pose, problem.pose[first]]),
+        pose=np.concatenate([problem.pose, problem.pose[behind.first]]),
         load=np.concatenate([problem.load, np.full(more, -1)]),
         whitening=whitening(sigma, used, sharing),
         behind=behind,

@@ -84,14 +84,18 @@ class WindUp:
     contrast: sparse.csr_array
     notes: tuple[str, ...] = ()
 
+    @property
+    def first(self) -> Integers:
+        """The first row of the table that each counts, (E,)."""
+        return np.asarray(self.contrast.indices[self.contrast.indptr[:-1]])
+
     def alone(self, model: PortModel) -> PortModel:
         """Return the model of the contrasts, of that of the table's rows."""
-        first = self.contrast.indices[self.contrast.indptr[:-1]]
         motion = np.zeros((len(self.port), *model.motion.shape[1:]))
         motion[np.arange(len(self.port)), self.port, COMPONENT] = 1.0
         return replace(
             model,
-            pose=model.pose[first],
+            pose=model.pose[self.first],
             force=self.contrast @ model.force,
             motion=motion,
             clamped=np.zeros((len(self.port), 6)),

@@ -13,8 +13,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.forms import shift_of
-from beamstiff.diagnosis.decomposition.loads import carried_by
+from beamstiff.diagnosis.decomposition.loads import moved_by
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.robot.description import Robot
@@ -69,8 +68,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
         return linear
     rows = model.baseline.rows
     forms = [form for cause in causes for form in cause.forms]
-    moved = shift_of(forms, [theta for cause in causes for theta in cause.theta], len(rows))
-    moved += carried_by(model, found.change)
+    moved = moved_by(model, forms, [theta for cause in causes for theta in cause.theta], found.change)
     bare = model.given.model_copy(update={"identify": ()})
     beside = replace(rows, position=rows.position - moved[:, :3])
     robot = calibrate(bare, beside, compliances=model.given.identify, folds=0).robot

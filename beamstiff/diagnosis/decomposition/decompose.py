@@ -14,11 +14,11 @@ from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informe
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
-    carried_by,
     errors_of_loads,
+    moved_by,
     unlike_linear,
 )
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
@@ -102,9 +102,8 @@ def decompose(
         folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
         astray = unsteady(folds, step, seed)
         if not astray:
-            found = _told(robot, folds, step, prior, seed, parameters, stations)
-            wrong = _unlike_linear(found) > WRONG
-            astray = errors_of_loads((*found.causes, *found.unclear)) if wrong else set()
+            found, unlike = _told(robot, folds, step, prior, seed, parameters, stations)
+            astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > WRONG else set()
         if not astray:
             return replace(found, behind=tuple(behind))
         prior = replace(prior, without=(*prior.without, *astray))
@@ -136,10 +135,8 @@ def _selected(
             model = _beside(robot, model, chosen, parameters, stations)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        choice = build_choice(model, _forms(model, prior))
-        folds = folds_of(model, choice, seed)
-        names = set(map(_name, chosen))
-        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+        folds, same = _anew(model, chosen, prior, seed)
+        choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = (select(choice, folds.squared_errors, start=one) for one in starts)
         step = min(fits, key=lambda fit: fit.bic)
@@ -156,10 +153,11 @@ def _told(
     seed: int,
     parameters: tuple[str, ...] | None,
     stations: bool,
-) -> Decomposition:
+) -> tuple[Decomposition, float]:
     """Return what the causes say, errors of loads on drives as these are fitted beside them.
 
-    Where that does not settle, or makes held-out postures worse, the causes that came nearest to it.
+    Where that does not settle, or makes held-out postures worse, the causes that came nearest to it. And how
+    near, `unlike_linear`.
     """
     found = nearest = told(folds, step, seed)
     unlike = least = _unlike_linear(found)
@@ -167,18 +165,15 @@ def _told(
         model = _settled(robot, found, prior, parameters, stations) if unlike > SETTLED else None
         if model is None:
             break
-        names = {_name(form) for form in _fitted_forms(found)}
-        choice = build_choice(model, _forms(model, prior))
-        folds = folds_of(model, choice, seed)
-        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
-        step = select(choice, folds.squared_errors, start=same)
+        folds, same = _anew(model, _fitted_forms(found), prior, seed)
+        step = select(folds.choice, folds.squared_errors, start=same)
         if unsteady(folds, step, seed):
             break
         found = told(folds, step, seed)
         unlike = _unlike_linear(found)
         if unlike < least:
             nearest, least = found, unlike
-    return nearest
+    return nearest, least
 
 
 def _settled(
@@ -226,11 +221,16 @@ def _beside(
 ) -> OpenModel:
     """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
     change, thetas = _solution(model, chosen)
-    rows = model.baseline.rows
-    moved = shift_of(chosen, thetas, len(rows)) + carried_by(model, change)
-    return beside_loads(
-        open_geometry(robot, rows, moved, parameters=parameters, stations=stations), chosen, thetas
-    )
+    moved = moved_by(model, chosen, thetas, change)
+    opened = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
+    return beside_loads(opened, chosen, thetas)
+
+
+def _anew(model: OpenModel, chosen: Sequence[Form], prior: Prior, seed: int) -> tuple[Folds, list[int]]:
+    """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
+    choice, names = build_choice(model, _forms(model, prior)), set(map(_name, chosen))
+    same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+    return folds_of(model, choice, seed), same
 
 
 def _name(form: Form) -> tuple[str, str]:

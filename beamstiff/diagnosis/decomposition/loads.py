@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.causes import Cause
-from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.forms import Form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
@@ -40,17 +40,19 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     return replace(model, tangent=tangent, carried=carried)
 
 
-def carried_by(model: OpenModel, change: Array) -> Array:
-    """Return what errors of loads move as the drives change with the open parameters (t,), (N, 6)."""
-    if model.carried is None:
-        return np.zeros(model.used.shape)
-    return np.asarray(model.carried @ change[-model.present.size :])
+def moved_by(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> Array:
+    """Return what causes move the points of all rows, errors of loads on drives as fitted, (N, 6), m and rad.
+
+    `thetas` of the forms in realistic sizes, `change` of the open parameters (t,).
+    """
+    moved = shift_of(forms, thetas, len(model.baseline.rows))
+    return moved if model.carried is None else moved + model.carried @ change[-model.present.size :]
 
 
 def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> float:
     """Return by what share errors of loads act otherwise on the drives as they were fitted beside them.
 
-    `thetas` of the forms in realistic sizes, `change` of the open parameters (t,).
+    Arguments as of `moved_by`.
     """
     loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
     if not model.present.size or not (loads or model.carried is not None):
@@ -59,7 +61,7 @@ def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Arra
         after = _moved(_there(model, change), loads)
     except BeamstiffError:  # on such drives the machine buckles
         return np.inf
-    before = _moved(model.baseline, loads) + carried_by(model, change)
+    before = moved_by(model, [form for form, _ in loads], [theta for _, theta in loads], change)
     size = float(np.linalg.norm(before[:, :3]))
     return float(np.linalg.norm((after - before)[:, :3])) / size if size else 0.0
 

@@ -53,8 +53,8 @@ def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:
         "effect": form.effect,
         "component": form.component,
         "probability": cause.probability,
-        "closes": cause.closes,
-        "closes_interval": list(cause.closes_interval),
+        "closes": min(cause.closes, 1.0),  # of held-out squares more than all may close
+        "closes_interval": [min(end, 1.0) for end in cause.closes_interval],
         "rms_after_mm": 1e3 * cause.rms_after,
         "parameters": parameters,
         "shape": cause.shape,
