@@ -27,7 +27,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_further_forms,
 )
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
-from beamstiff.diagnosis.inference.library import ALL_DRIVES
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
@@ -90,7 +90,7 @@ def rival_of(
         key = choice.forms[number].key
         if value > without.bic or len(best) > MOST_RIVALS:
             break
-        if key in form:
+        if key in form or _holds(key, own):
             continue
         other = with_further_forms(choice, fit_step(choice, (*others, number)), choice.of_cause[key], most)
         if gain(before, held_out(other)) > 0.0:
@@ -98,6 +98,8 @@ def rival_of(
     tempering = tempering_of(step, without)
     for number, found in replaced:
         key = choice.forms[number].key
+        if _holds(key, own):
+            continue
         best[key] = min(found.bic, best.get(key, np.inf))
         form.setdefault(key, number)
     # what fits better and has not taken its place was no better on held-out postures: no likelier
@@ -122,6 +124,11 @@ def rival_of(
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def _holds(every: str, own: str) -> bool:
+    """Return whether a cause is of all joints at once, this one among them: were it better, it stood here."""
+    return every == ALL_REVERSED and own.partition(":")[0] == ALL_REVERSED.partition(":")[0]
 
 
 def presence(step: Step, without: Step) -> float:
