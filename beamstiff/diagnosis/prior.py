@@ -25,8 +25,9 @@ EXPECTED: Mapping[str, float] = {
     "load-error": 0.1,
     "joint-coupling": 0.007,  # once in 15 pairs of joints and ten machines
 }
-# all drives at once, no place of one: every rigid drive is compliant, whether that shows is all that is open
-ALL_DRIVES: Mapping[str, float] = {"joint-compliance": 0.9, "approach-direction": 0.1}
+# All drives at once, no place of one: every rigid drive is compliant, whether that shows is all that is open.
+# Lost motion of all joints showed on four of some ten robots: IRB 120, Stäubli TX2-90L, Meca500, Rokae.
+ALL_DRIVES: Mapping[str, float] = {"joint-compliance": 0.9, "approach-direction": 0.4}
 SELDOM = 0.015  # at a joint or link, of any other effect: once in six places and ten machines
 
 # The criterion takes the forms for exact. Forms of other authors leave a part of what they should explain, so

@@ -96,6 +96,8 @@ def test_a_robot_found_from_poses_is_the_one_that_was_measured() -> None:
     by = {one.parameter.name: one.by for one in told.changes}
     assert by["q4"] == pytest.approx(-off["q4"], abs=5e-5)
     assert by["q3"] == pytest.approx(-off["q3"], abs=5e-5)
+    [compliance] = found.verdict.estimates
+    assert 1e-4 < compliance.realistic[1] < 1e-2  # drives of light arms have 1e4 N m/rad, none has 1e2
     checked = verify(extended(found), measured(robot, 2, seed=6), refit_frame=True)
     assert checked.before > 5.0 * checked.noise
     assert checked.after < 1.1 * checked.noise
@@ -115,3 +117,4 @@ def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else()
     found = diagnose(bare, measured(robot, 2))
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
+    assert "Give the robot file `masses`, estimates too, and diagnose again" in str(found)
