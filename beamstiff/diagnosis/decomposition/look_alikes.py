@@ -171,7 +171,8 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
     """Return what is selected in place of a cause of a fit, beside the others."""
     choice = folds.choice
     others = [number for number in step.chosen if choice.forms[number].key != key]
-    other = select(choice, folds.squared_errors, start=others, forbidden={key}, exchange=False)
+    forbidden = {key, ALL_REVERSED} if _holds(ALL_REVERSED, key) else {key}
+    other = select(choice, folds.squared_errors, start=others, forbidden=forbidden, exchange=False)
     new = (choice.forms[number] for number in other.chosen if number not in others)
     keys = (key_of(UNMODELLED, None) if one.effect == UNMODELLED else one.key for one in new)
     log_odds = (other.bic - step.bic) / (2.0 * tempering_of(step, fit_step(choice, others)))
