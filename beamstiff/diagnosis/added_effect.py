@@ -12,7 +12,9 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.se3 import Array
 
-GUARD = 20.0  # rounding moves a value by no more than this part of its standard deviation
+# Rounding moves a value by no more than this part of its standard deviation: values that are hardly known by
+# themselves may be known together, or beside a zero of the geometry, some ten thousand times better.
+GUARD = 1e5
 TWO_DIGITS = 20.0  # part of a standard deviation, to which it is told itself
 
 

@@ -128,11 +128,10 @@ def with_next(result: Diagnosis, seed: int) -> Diagnosis:
 
 def estimates_of_cause(cause: Cause) -> tuple[Estimate, ...]:
     """Return the parameters of a cause; of a target, where it slipped and how far."""
-    result = []
-    for name, item, value, std, factor in parameters_of(cause):
-        realistic = (item.size / factor, item.size * factor)
-        result.append(Estimate(name, value, std, item.unit, realistic, item.positive))
-    return tuple(result)
+    return tuple(
+        Estimate(name, value, std, item.unit, realistic, item.positive)
+        for name, item, value, std, realistic in parameters_of(cause)
+    )
 
 
 def cause_candidate(cause: Cause) -> Candidate:

@@ -80,16 +80,22 @@ def unloaded(baseline: Baseline) -> Iterator[str]:
     """Yield what rows without a load leave unseen."""
     if baseline.rows.wrench.any():
         return
-    places = (*baseline.places.joints.values(), *baseline.places.links.values())
     if not baseline.absolute:
         yield "no row carries a load: no compliance can show"
-    elif any(place.dead.any() for place in places):
+    elif not weightless(baseline):
         yield "no row carries a load: only compliance under the dead weight can show"
     else:
         yield (
             "no row carries a load, and the robot weighs nothing: what sags under its weight looks like an "
             "angle-curve or geometry-error; give it `masses`, estimates too"
         )
+
+
+def weightless(baseline: Baseline) -> bool:
+    """Return whether neither a load nor a weight that the robot file knows acts in absolute rows."""
+    places = (*baseline.places.joints.values(), *baseline.places.links.values())
+    loaded = bool(baseline.rows.wrench.any()) or any(place.dead.any() for place in places)
+    return baseline.absolute and not loaded
 
 
 def chosen_for(robot: Robot) -> Iterator[str]:

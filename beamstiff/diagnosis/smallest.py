@@ -107,7 +107,6 @@ def _of_forms(result: Diagnosis) -> Iterator[Smallest]:
         least = max(first, np.sqrt(step.squares * np.expm1(asked / n)) + SURE * noise)
         with np.errstate(divide="ignore"):
             size = least / seen * choice.units[at]
-        factor = form.shape.realistic or form.shape.prior_factor
-        realistic = factor * form.sizes
+        _, realistic = form.realistic
         worst = int(np.argmax(size / realistic))
         yield Smallest(form.key, form.shape.parameters[worst], float(size[worst]), float(realistic[worst]))

@@ -11,9 +11,10 @@ from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
+from beamstiff.measure.rows import without_displacement
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.se3 import Array
 
 
 def without_effects(
@@ -70,13 +71,3 @@ def turned(displacement: Array, turn: Array) -> Array:
     """Return displacements ``[d, r]`` (N, 6) in another frame; `turn` (N, 3, 3): how it is turned."""
     parts = [np.einsum("nij,nj->ni", turn, displacement[:, part]) for part in (slice(0, 3), slice(3, 6))]
     return np.concatenate(parts, axis=1)
-
-
-def without_displacement(rows: Measurements, moved: Array) -> Measurements:
-    """Return absolute rows without a displacement ``[d, r]`` (N, 6), in their measuring frame."""
-    rotation = rows.rotation.copy()
-    known = ~np.isnan(rotation).any(axis=1)
-    if known.any():
-        read = rotation_from_vector(-moved[known, 3:]) @ rotation_from_vector(rotation[known])
-        rotation[known] = vector_from_rotation(read)
-    return replace(rows, position=rows.position - moved[:, :3], rotation=rotation)

@@ -19,8 +19,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.measure.rows import without_displacement
 from beamstiff.measure.table import ON_ROBOT, Measurements
-from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.se3 import Array, rotation_from_vector
 
 SCALE = "camera.scale"
 CORNERS = 0.5 * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])  # of a tag of size 1
@@ -85,21 +86,13 @@ def unscaled(rows: Measurements, values: Mapping[str, float]) -> Measurements:
 
 
 def without_motion(rows: Measurements, moved: Array) -> Measurements:
-    """Return absolute rows as they would be had causes not moved the points by (N, 6), as rows are read.
-
-    Of a camera's rows the rotations too, which say where it looks.
-    """
+    """Return absolute rows as they would be had causes not moved the points by (N, 6), as rows are read."""
     if not rows.camera or rows.axes is None:
-        return replace(rows, position=rows.position - moved[:, :3])
-    back = rotation_from_vector(-moved[:, 3:])
+        return without_displacement(rows, moved)
     shift = (rows.axes.swapaxes(1, 2) @ moved[:, :3, None])[:, :, 0]
     if rows.camera == ON_ROBOT:
         shift = shift - np.cross(moved[:, 3:], rows.sight)
-    return replace(
-        rows,
-        position=rows.position - shift,
-        rotation=vector_from_rotation(back @ rotation_from_vector(rows.rotation)),
-    )
+    return without_displacement(rows, np.concatenate([shift, moved[:, 3:]], axis=1))
 
 
 def gap_of_camera(rows: Measurements, values: Mapping[str, float], placed: tuple[Array, Array]) -> Array:

@@ -275,11 +275,20 @@ def copies_between(tables: Sequence[Measurements]) -> Iterator[str]:
 def position_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield why the joint values or the assembly may not be those of the positions; mostly nothing."""
     rows = _some_rows(table)
-    if table.kind != "absolute" or not len(rows):
+    if table.kind != "absolute" or not len(rows) or _on_a_line(table.position[rows]):
         return
     if robot.loops:
         yield from _of_the_assembly(table, robot, rows)
     yield from _of_the_columns(table, robot, rows)
+
+
+def _on_a_line(position: Array) -> bool:
+    """Return whether points (N, 3) are too few, or on one line: nothing says how others lie over them."""
+    try:
+        check_spread(position, "points")
+    except BeamstiffError:
+        return True
+    return False
 
 
 def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]:

@@ -13,7 +13,7 @@ from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers, equal_rows
 from beamstiff.measure.instruments import joined_targets
 from beamstiff.measure.table import Measurements
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 
 def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
@@ -39,6 +39,16 @@ def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     return replace(
         measurements, **{name: a[chosen] for name, a in arrays.items() if isinstance(a, np.ndarray)}
     )
+
+
+def without_displacement(rows: Measurements, moved: Array) -> Measurements:
+    """Return absolute rows without a displacement ``[d, r]`` (N, 6), in their measuring frame."""
+    rotation = rows.rotation.copy()
+    known = ~np.isnan(rotation).any(axis=1)
+    if known.any():
+        read = rotation_from_vector(-moved[known, 3:]) @ rotation_from_vector(rotation[known])
+        rotation[known] = vector_from_rotation(read)
+    return replace(rows, position=rows.position - moved[:, :3], rotation=rotation)
 
 
 def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measurements:

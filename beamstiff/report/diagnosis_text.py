@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
-from beamstiff.diagnosis.notes import FEW_VALUES, OFF
+from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
@@ -44,6 +44,8 @@ LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
+LIKE_SAG = ("angle-curve", "geometry-error")  # effects that a weight unknown to the robot file looks like
+WEIGHT = "no weight is known by which the machine sags, and such a sag follows the joint angles as well"
 SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
 NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
@@ -121,6 +123,9 @@ def _action(result: Diagnosis, head: str) -> str:
         return moved
     if moved := next((said for one in to_check if (said := _elsewhere(one))), ""):
         return moved
+    like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
+    if like_sag and weightless(result.baseline):
+        return f"Give the robot file `masses`, estimates too, and diagnose again: {WEIGHT}."
     if not to_check:
         states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
         return states or "Measure other postures and load directions; beamstiff plan chooses them."

@@ -1,38 +1,53 @@
 """Absolute positions of a rigid model: what the dead weight shows is found, what is hidden is said."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
+from beamstiff.calibration.corrected import corrected
+from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.recalibration import recalibration_of
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.verify import verify
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 UR10 = Path(__file__).resolve().parents[2] / "examples" / "data" / "ur10.yaml"
 COMPLIANCE = 8e-6  # rad/(N m)
-NOISE = 3e-5
+NOISE, TURN = 3e-5, 1e-5  # m, rad
 
 
-def measured(robot: Robot, joint: int | None) -> Measurements:
+def measured(robot: Robot, joint: int | None, seed: int = 5) -> Measurements:
     """Return 80 positions of the tool; a joint gives way under the weight behind it, by plain statics."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     q = rng.uniform(-2.5, 2.5, (80, 6))
     names = [variable.name for variable in robot.actuated]
     rows = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((80, 3)))
     position = nominal_pose(robot, rows)[0]
     if joint is not None:
-        position = position + COMPLIANCE * moved(robot, q, joint, position)
+        position = position + COMPLIANCE * moved(robot, q, joint, position)[0]
     position = position + NOISE * rng.standard_normal(position.shape)
     return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE)
 
 
-def moved(robot: Robot, q: Array, joint: int, tool: Array) -> Array:
-    """Return what the tool moves by per unit compliance about a joint's axis, (N, 3)."""
+def poses(robot: Robot, joint: int, seed: int) -> Measurements:
+    """Return the same with how the tool is turned, read finely."""
+    rows = measured(robot, joint, seed)
+    tool, turn = nominal_pose(robot, rows)
+    sag = rotation_from_vector(COMPLIANCE * moved(robot, rows.q, joint, tool)[1])
+    noise = rotation_from_vector(TURN * np.random.default_rng(seed).standard_normal(tool.shape))
+    sigma = np.tile([NOISE] * 3 + [TURN] * 3, (len(rows), 1))
+    return replace(rows, rotation=vector_from_rotation(noise @ sag @ turn), sigma=sigma, sigma_rotation=TURN)
+
+
+def moved(robot: Robot, q: Array, joint: int, tool: Array) -> tuple[Array, Array]:
+    """Return what the tool moves and turns by per unit compliance about a joint's axis, (N, 3) each."""
     kinematics = compile_kinematics(robot)
     where = posture(kinematics, q)
     frames = where.transforms[:, [kinematics.frame_index[f"f{k}"] for k in range(1, 7)]]
@@ -45,7 +60,7 @@ def moved(robot: Robot, q: Array, joint: int, tool: Array) -> Array:
             centre = at[:, :3, 3] + at[:, :3, :3] @ (np.array(node.at) + np.array(mass.at))
             weight = mass.mass * np.array(robot.gravity)
             torque += np.einsum("ni,ni->n", axis, np.cross(centre - origin, weight))
-    return torque[:, None] * np.cross(axis, tool - origin)
+    return torque[:, None] * np.cross(axis, tool - origin), torque[:, None] * axis
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +85,24 @@ def test_a_joint_that_gives_way_under_its_own_weight_is_named(
     assert found.verdict.shrink.shrink > 0.95
 
 
+def test_a_robot_found_from_poses_is_the_one_that_was_measured() -> None:
+    robot = load_robot(UR10)
+    rows = poses(robot, 2, seed=5)
+    off = {"f3.d": 1e-3, "f2.alpha": 1e-3, "q3": 1e-3, "q4": 2e-3}
+    found = diagnose(corrected(robot, off, rows.q[:1]), rows)
+    assert found.decomposition is not None
+    told = recalibration_of(found.decomposition, found.applied)
+    assert told is not None
+    by = {one.parameter.name: one.by for one in told.changes}
+    assert by["q4"] == pytest.approx(-off["q4"], abs=5e-5)
+    assert by["q3"] == pytest.approx(-off["q3"], abs=5e-5)
+    [compliance] = found.verdict.estimates
+    assert 1e-4 < compliance.realistic[1] < 1e-2  # drives of light arms have 1e4 N m/rad, none has 1e2
+    checked = verify(extended(found), measured(robot, 2, seed=6), refit_frame=True)
+    assert checked.before > 5.0 * checked.noise
+    assert checked.after < 1.1 * checked.noise
+
+
 def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | None, Diagnosis]) -> None:
     hidden = {one.effect: one.why for one in told[2].untestable}
     for effect in ("backlash", "hardening", "hysteresis", "actuator-lever", "gravity-compensator"):
@@ -84,3 +117,4 @@ def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else()
     found = diagnose(bare, measured(robot, 2))
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
+    assert "Give the robot file `masses`, estimates too, and diagnose again" in str(found)

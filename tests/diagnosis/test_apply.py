@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, Robot
-from beamstiff.diagnosis.added_effect import needed_scales
+from beamstiff.diagnosis.added_effect import needed_scales, rounded
 from beamstiff.diagnosis.apply import effects_displacement, extended, predict_with_effects
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
@@ -410,3 +410,13 @@ def test_shapes_are_read_by_their_former_names() -> None:
     today = moved("flank within 0.03, asymmetric")
     assert np.abs(today).max() > 0.1 * SIZE
     assert moved("flank within 0.03, off rest").tolist() == today.tolist()
+
+
+def test_what_is_known_of_two_parameters_together_outlasts_their_rounding() -> None:
+    sizes = {"sine_1": "21.523471 mrad", "cosine_1": "-21.487652 mrad"}  # each known by itself to 5 mrad
+    spread = dict.fromkeys(sizes, "5.0 mrad")
+    curve = AddedEffect(effect="angle-curve", component="q2", shape="order 1", parameters=sizes, std=spread)
+    short = rounded(curve).parameters
+    assert all(len(str(short[name])) < len(size) for name, size in sizes.items())
+    total = sum(float(str(value).split()[0]) for value in short.values())
+    assert total == pytest.approx(21.523471 - 21.487652, abs=1e-4)

@@ -214,6 +214,15 @@ def test_of_joints_that_were_read_right_and_of_few_postures_nothing_is_said() ->
     assert not said(replace(few, q=few.q * [1, 1, -1, 1, 1, 1]))
 
 
+def test_of_points_on_one_line_nothing_is_said() -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    q = np.repeat(table.q[:1], len(table), axis=0)
+    q[:, 5] = np.linspace(-2.0, 2.0, len(q))  # the tool turns where it stands
+    kinematics = compile_kinematics(robot)
+    at = posture(kinematics, q).node_positions[:, kinematics.node_index[robot.tcp]]
+    assert not said(replace(table, q=q, position=at))
+
+
 @pytest.mark.parametrize(("off", "asked"), [(2 * np.pi, True), (4.0, False)])
 def test_a_joint_outside_its_limits_by_a_full_turn_is_asked_about(off: float, asked: bool) -> None:
     table = read("kr240-2")

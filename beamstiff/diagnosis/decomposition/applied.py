@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.loads import moved_by
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
+from beamstiff.measure.camera import without_motion
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
@@ -70,8 +70,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     forms = [form for cause in causes for form in cause.forms]
     moved = moved_by(model, forms, [theta for cause in causes for theta in cause.theta], found.change)
     bare = model.given.model_copy(update={"identify": ()})
-    beside = replace(rows, position=rows.position - moved[:, :3])
-    robot = calibrate(bare, beside, compliances=model.given.identify, folds=0).robot
+    robot = calibrate(bare, without_motion(rows, moved), compliances=model.given.identify, folds=0).robot
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}

@@ -43,7 +43,7 @@ def discrepancy_odds(
     rows = np.arange(0, choice.count, -(-choice.count // MOST_VALUES))
     rows = np.concatenate([rows, np.arange(choice.count, len(choice.residual))])
     every, residual = choice.columns[rows], choice.residual[rows]
-    count = max(len(rows) - choice.open_count, 1)
+    count = max(len(rows) - choice.open_count, 1) * choice.independent / choice.count
     sizes = [part.stop - part.start for part in choice.at]
     of_form = np.repeat(np.arange(len(choice.forms)), sizes)
     unit, of_form = _unit_columns(every[:, choice.drives :], of_form, choice)
@@ -97,7 +97,7 @@ def _unit_columns(columns: Array, of_form: Integers, choice: Choice) -> tuple[Ar
 
 
 def _least(
-    mixture: Array, residual: Array, columns: Array, precision: Array, kept: int, count: int
+    mixture: Array, residual: Array, columns: Array, precision: Array, kept: int, count: float
 ) -> tuple[float, float]:
     """Return the least BIC over u of fits with the first columns of (m, c), and with all; mixture (m, m).
 

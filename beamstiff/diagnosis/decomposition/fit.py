@@ -63,6 +63,8 @@ class Choice:
         Open compliances, the first columns.
     count : int
         Measured values.
+    independent : float
+        As how many they count beside what is systematic.
     alike : mapping of str to tuple of str
         Causes that are one mechanics.
     products : dict of int to array
@@ -86,6 +88,7 @@ class Choice:
     open_count: int
     drives: int
     count: int
+    independent: float
     alike: Mapping[str, tuple[str, ...]]
     products: dict[int, Array] = field(default_factory=dict, init=False)
     fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
@@ -221,6 +224,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         basis.shape[1],
         drives,
         model.count,
+        model.independent,
         same_mechanics(model.given),
     )
 
@@ -253,7 +257,7 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     left = choice.residual - choice.columns[:, at] @ theta
     squares = float(left @ left + choice.precision[at] @ theta**2)
     prior = prior_of(choice, chosen)
-    value = float(bic(squares, choice.open_count + determined, choice.count, prior))
+    value = float(bic(squares, choice.open_count + determined, choice.independent, prior))
     if (np.abs(theta * choice.units[at]) > choice.largest[at]).any():
         value = np.inf  # no machine is like that
     return Step(chosen, tuple(each), drives, choice, at, triangle, theta, squares, determined, value)
@@ -335,7 +339,7 @@ def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
     }
 
 
-def bic(squares: Array | float, parameters: Array | float, values: int, log_prior: Array | float) -> Array:
+def bic(squares: Array | float, parameters: Array | float, values: float, log_prior: Array | float) -> Array:
     """Return the criterion of fits.
 
     Examples

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
-from beamstiff.diagnosis.effects.torque_laws import turning_drives
+from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of, turning_drives
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior, key_of
 from beamstiff.fem.geometry import SHORTEST
 from beamstiff.measure.arrays import Integers
@@ -25,6 +25,8 @@ PERIODIC = ("thermal-drift",)
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
 # of compliances, where no drive says how stiff the machine is: a service robot's are many times a heavy one's
 UNKNOWN_SCALE = 1e3
+# N m, that drives of heavy robots carry, which wind up by a mrad: what is made for less is softer by as much
+HEAVY_TORQUE = 1e4
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
 
@@ -48,6 +50,8 @@ class Form:
         How many of its cause are expected before the data.
     compliance_scale : float
         By which compliances may be larger than realistic ones.
+    softness : float
+        By which compliances are larger than a heavy robot's, so far as rows can say it.
     """
 
     effect: str
@@ -57,6 +61,7 @@ class Form:
     log_prior: float
     likely: float
     compliance_scale: float = 1.0
+    softness: float = 1.0
 
     @cached_property
     def key(self) -> str:
@@ -74,10 +79,20 @@ class Form:
         return np.array([quantity.size for quantity in self.shape.parameters])
 
     @cached_property
+    def realistic(self) -> tuple[Array, Array]:
+        """Smallest and largest realistic size of each parameter, (c,) each, SI."""
+        middle = self._of_compliances(self.softness) * self.sizes
+        factor = self.shape.realistic or self.shape.prior_factor
+        return middle / factor, middle * factor
+
+    @cached_property
     def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
+        return self._of_compliances(self.compliance_scale) * self.shape.prior_factor
+
+    def _of_compliances(self, factor: float) -> Array:
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
-        return np.where(compliant, self.compliance_scale, 1.0) * self.shape.prior_factor
+        return np.where(compliant, factor, 1.0)
 
     @cached_property
     def couplings(self) -> Integers:
@@ -110,6 +125,7 @@ def forms_of(
     skipped = {*prior.without, *_open_already(model), "outliers"}
     found: list[Form] = []
     absent = _no_links(model)
+    softness = _softness(model)
     for effect in EFFECTS.values():
         if effect.name in skipped or effect.name not in effects:
             continue
@@ -121,8 +137,20 @@ def forms_of(
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             likely = prior.expected(effect.name, component)
-            found += _weighed(model, effect.name, component, shapes, total, likely)
+            own = _weighed(model, effect.name, component, shapes, total, likely)
+            found += [replace(form, softness=softness) for form in own]
     return found
+
+
+def _softness(model: OpenModel) -> float:
+    """Return by how much softer than a heavy robot a machine is whose drives do not say it: carrying less."""
+    if turning_drives(model.given):
+        return 1.0
+    baseline, robot = model.baseline, model.baseline.nominal
+    driven = [joint for joint in robot.joints if joint.variable is not None]
+    axes = [axis_at(baseline, component_of(robot, joint)) for joint in driven]
+    carried = max((axis.typical for axis in axes if axis.turns), default=HEAVY_TORQUE)
+    return float(np.clip(HEAVY_TORQUE / carried, 1.0, UNKNOWN_SCALE))
 
 
 def _open_already(model: OpenModel) -> Iterable[str]:

@@ -27,7 +27,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_further_forms,
 )
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
-from beamstiff.diagnosis.inference.library import ALL_DRIVES
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
@@ -90,7 +90,7 @@ def rival_of(
         key = choice.forms[number].key
         if value > without.bic or len(best) > MOST_RIVALS:
             break
-        if key in form:
+        if key in form or _holds(key, own):
             continue
         other = with_further_forms(choice, fit_step(choice, (*others, number)), choice.of_cause[key], most)
         if gain(before, held_out(other)) > 0.0:
@@ -98,6 +98,8 @@ def rival_of(
     tempering = tempering_of(step, without)
     for number, found in replaced:
         key = choice.forms[number].key
+        if _holds(key, own):
+            continue
         best[key] = min(found.bic, best.get(key, np.inf))
         form.setdefault(key, number)
     # what fits better and has not taken its place was no better on held-out postures: no likelier
@@ -122,6 +124,11 @@ def rival_of(
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def _holds(every: str, own: str) -> bool:
+    """Return whether a cause is of all joints at once, this one among them: were it better, it stood here."""
+    return every == ALL_REVERSED and own.partition(":")[0] == ALL_REVERSED.partition(":")[0]
 
 
 def presence(step: Step, without: Step) -> float:
@@ -164,7 +171,8 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
     """Return what is selected in place of a cause of a fit, beside the others."""
     choice = folds.choice
     others = [number for number in step.chosen if choice.forms[number].key != key]
-    other = select(choice, folds.squared_errors, start=others, forbidden={key}, exchange=False)
+    forbidden = {key, ALL_REVERSED} if _holds(ALL_REVERSED, key) else {key}
+    other = select(choice, folds.squared_errors, start=others, forbidden=forbidden, exchange=False)
     new = (choice.forms[number] for number in other.chosen if number not in others)
     keys = (key_of(UNMODELLED, None) if one.effect == UNMODELLED else one.key for one in new)
     log_odds = (other.bic - step.bic) / (2.0 * tempering_of(step, fit_step(choice, others)))
@@ -176,7 +184,7 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
 def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
-    All drives that are compliant are the one that is, where the others move little and are causes beside it.
+    All drives that are compliant, or stop short, are the one that does so where the others move little.
     """
     keys = {choice.forms[number].key for number in step.chosen}
     for cause in causes_of(choice, step):
@@ -186,9 +194,9 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
         alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
         fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
         worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
-        if own.key == ALL_DRIVES:
-            fits = [_one_drive(choice, others)]
-            # that every drive is compliant is likelier beforehand: this says nothing of what the others move
+        if own.key in (ALL_DRIVES, ALL_REVERSED):
+            fits = [_one_drive(choice, others, own.key)]
+            # that it is every drive is likelier beforehand: this says nothing of what the others move
             worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
         named = min(fits, key=lambda fit: fit.bic, default=None)
         if named and len(named.chosen) > len(others) and named.bic <= step.bic + worse:
@@ -196,10 +204,10 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
     return step
 
 
-def _one_drive(choice: Choice, others: tuple[int, ...]) -> Step:
+def _one_drive(choice: Choice, others: tuple[int, ...], every: str) -> Step:
     """Return a fit with the drives that are worth a cause each, or none if the first does not move most."""
-    effect = ALL_DRIVES.partition(":")[0]
-    drives = [k for k, form in enumerate(choice.forms) if form.effect == effect and form.key != ALL_DRIVES]
+    effect = every.partition(":")[0]
+    drives = [k for k, form in enumerate(choice.forms) if form.effect == effect and form.key != every]
     without = fit_step(choice, others)
     step = with_further_forms(choice, without, drives)
     first, *rest = [step.moved[number] for number in step.chosen[len(others) :]] or [np.zeros(choice.count)]

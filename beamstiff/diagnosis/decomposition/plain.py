@@ -10,14 +10,15 @@ from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.effects import Quantity
 
 
-def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, float]]:
-    """Yield name, quantity, value, standard deviation (SI) and the factor of its sizes of each parameter."""
+def parameters_of(cause: Cause) -> Iterator[tuple[str, Quantity, float, float, tuple[float, float]]]:
+    """Yield name, quantity, value, standard deviation and realistic sizes of each parameter, SI."""
     told = Counter(item.name for form in cause.forms for item in form.shape.parameters)
     for at, (form, theta, std) in enumerate(zip(cause.forms, cause.theta, cause.std, strict=True)):
-        factor = form.shape.realistic or form.shape.prior_factor
-        for item, value, error in zip(form.shape.parameters, theta.tolist(), std.tolist(), strict=True):
+        sizes = zip(*(ends.tolist() for ends in form.realistic), strict=True)
+        every = zip(form.shape.parameters, theta.tolist(), std.tolist(), sizes, strict=True)
+        for item, value, error, realistic in every:
             name = f"{item.name}_{at + 1}" if told[item.name] > 1 else item.name
-            yield name, item, value * item.size, error * item.size, factor
+            yield name, item, value * item.size, error * item.size, realistic
 
 
 def causes_dict(found: Decomposition) -> dict[str, Any]:

@@ -114,7 +114,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
         wrong |= (np.abs(theta * choice.units[at]) > choice.largest[at]).any(axis=1)
         parameters = choice.open_count + step.determined + determined
-        values = bic(squares, parameters, choice.count, known + log_prior[numbers])
+        values = bic(squares, parameters, choice.independent, known + log_prior[numbers])
         result[numbers] = np.where(wrong, np.inf, values)
     return result, bounded
 
@@ -198,8 +198,8 @@ def _rises(choice: Choice, step: Step) -> list[float]:
         own = step.theta[some]
         rise = float(own @ np.linalg.solve(root[some] @ root[some].T, own)) if own.size else 0.0
         others = [k for k in step.chosen if k != number]
-        price = own.size * np.log(choice.count) + 2.0 * (prior_of(choice, others) - prior)
-        result.append(choice.count * float(np.log1p(rise / max(step.squares, 1e-12))) - price)
+        price = own.size * np.log(choice.independent) + 2.0 * (prior_of(choice, others) - prior)
+        result.append(choice.independent * float(np.log1p(rise / max(step.squares, 1e-12))) - price)
     return result
 
 

@@ -18,9 +18,9 @@ from beamstiff.se3 import Array
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
 OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
 FAINT = 0.1  # sigma a value, at the largest realistic size
-# weighed by `decomposition` alone; the last is all drives at once
+# weighed by `decomposition` alone; the last two are all drives at once
 DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")
-ALL_DRIVES = "joint-compliance:null"
+ALL_DRIVES, ALL_REVERSED = "joint-compliance:null", "approach-direction:null"
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ class Repeats:
 
 def repeats(baseline: Baseline) -> Repeats:
     """Return what the repeats among a baseline's rows say."""
-    group = _groups(baseline)
+    group = states(baseline)
     noise, drift = np.full(2, np.nan), np.full(2, np.nan)
     freedom, likely, steady = np.zeros(2, dtype=np.intp), np.ones(2), np.ones(2)
     for kind, some in enumerate((slice(0, 3), slice(3, 6))):
@@ -68,7 +68,27 @@ def repeats(baseline: Baseline) -> Repeats:
     return Repeats(noise, freedom, likely, drift, steady)
 
 
-def _groups(baseline: Baseline) -> NDArray[np.intp]:
+def independent(baseline: Baseline, left: Array) -> float:
+    """Return as how many values those of the rows count, of which a fit leaves `left` (n,), whitened.
+
+    What is systematic is left of every repeat alike, and m repeats are no m witnesses of it. Of a variance v
+    of which w parts repeats, the mean of m keeps ``v - w + w/m``: they count as ``v / (v - w + w/m)``. That
+    is m where all is noise, and one where all is systematic.
+    """
+    row, component = np.nonzero(baseline.used)
+    group = np.unique(6 * states(baseline)[row] + component, return_inverse=True)[1].reshape(-1)
+    count = np.bincount(group)
+    if count.max() == 1 or (baseline.sharing >= 0).any():  # what rows share is weighed by the covariance
+        return float(len(left))
+    within = left - (np.bincount(group, left) / count)[group]
+    whole = float(left @ left) / len(left)
+    parts = min(float(within @ within) / (len(left) - len(count)), whole)
+    if whole == 0.0:
+        return float(len(left))
+    return float((whole / (whole - parts * (1.0 - 1.0 / count))).sum())
+
+
+def states(baseline: Baseline) -> NDArray[np.intp]:
     """Return the number of each row's state, (N,)."""
     rows = baseline.rows
     names = np.unique(np.concatenate([rows.point, rows.load_point]))

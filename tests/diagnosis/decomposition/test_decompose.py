@@ -22,6 +22,7 @@ UR10 = Path(__file__).resolve().parents[3] / "examples" / "data" / "ur10.yaml"
 NOISE = 1e-5  # m, of a laser tracker
 POSES = 90
 STOPS_SHORT, GEAR, SLIP = 4e-4, 3e-4, np.array([6e-4, -4e-4, 3e-4])  # rad, rad, m
+LITTLE = np.array([9.0, 12, 15, 18, 21, 24]) * 1e-6  # rad, by which every joint stops short
 SLIPS_AT = 40
 HALL = np.array([5e-4, 0.0, -8e-4])  # m
 FRAME = np.array([0.3, -0.2, 1.1])  # rad: the tracker stands somewhere
@@ -47,6 +48,8 @@ def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generat
     true = q.copy()
     if "approach" in causes:
         true[:, 1] += STOPS_SHORT * last_direction(plan, "q2")
+    if "friction" in causes:
+        true += LITTLE * np.stack([last_direction(plan, name) for name in names], axis=1)
     if "gear" in causes:
         true[:, 2] += GEAR * np.cos(2 * q[:, 2])
     kinematics = compile_kinematics(machine(robot))
@@ -107,6 +110,16 @@ def test_the_first_cause_is_the_verdict_where_it_closes_most() -> None:
     diagnosis, _ = found("approach")
     assert (diagnosis.verdict.effect, diagnosis.verdict.component) == ("approach-direction", "q2")
     assert diagnosis.verdict.probability > 0.9
+
+
+def test_joints_that_all_stop_a_little_short_are_one_cause() -> None:
+    diagnosis, _ = found("friction")
+    assert (diagnosis.verdict.effect, diagnosis.verdict.component) == ("approach-direction", None)
+    sizes = {one.name: one for one in diagnosis.verdict.estimates}
+    for at, half in enumerate(LITTLE, start=1):
+        one = sizes[f"half_lost_motion_q{at}"]
+        assert abs(one.value - half) < 4.0 * one.std
+        assert one.std < 1e-5 or at == 6  # about whose axis the tool stands
 
 
 def test_promised_is_true_on_fresh_poses() -> None:

@@ -46,6 +46,7 @@ def choice_of(
         present=np.array(present),
         residual=residual,
         count=count,
+        independent=float(count),
         given=load_robot(UR10),
     )
     return build_choice(model, forms)
@@ -56,7 +57,8 @@ def folds() -> Folds:
     robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
     rows = read(robot, rng.uniform(-2.5, 2.5, (45, 6)), ("approach", "gear"), rng)
     model = open_geometry(robot, rows)
-    kept = [one for one in forms_of(model) if one.effect in ("approach-direction", "angle-curve")]
+    joints = [one for one in forms_of(model) if one.component is not None]
+    kept = [one for one in joints if one.effect in ("approach-direction", "angle-curve")]
     return folds_of(model, build_choice(model, kept), 0)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
-from beamstiff.diagnosis.residual.repeats import Repeats, repeats
+from beamstiff.diagnosis.residual.repeats import Repeats, independent, repeats
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, rows_of
@@ -45,6 +45,17 @@ def test_the_noise_is_what_repeats_scatter_by(position: float, rotation: float) 
 def test_what_the_model_lacks_does_not_count_as_noise() -> None:
     lacking = np.repeat(np.random.default_rng(1).standard_normal((POSES, 6)), TIMES, axis=0) * 1e-3
     assert read(campaign(), scatter() + lacking).noise == pytest.approx([1.0, 1.0], rel=0.12)
+
+
+def test_what_is_systematic_counts_once_however_often_it_is_read() -> None:
+    there = fit_baseline(elbow(), campaign(displacement=np.zeros((POSES * TIMES, 6))))
+    values = POSES * TIMES * 6
+    noise = np.random.default_rng(2).standard_normal((POSES * TIMES, 6))
+    lacking = np.repeat(np.random.default_rng(1).standard_normal((POSES, 6)), TIMES, axis=0)
+    assert independent(there, noise.ravel()) == pytest.approx(values, rel=0.1)
+    assert independent(there, lacking.ravel()) == pytest.approx(values / TIMES)
+    both = (lacking + noise).ravel()  # a mean keeps 1 + 1/6 of the variance 2
+    assert independent(there, both) == pytest.approx(values / TIMES * 2.0 / (1.0 + 1.0 / TIMES), rel=0.1)
 
 
 def test_an_unloaded_reading_that_repeats_share_is_noise_as_well() -> None:
