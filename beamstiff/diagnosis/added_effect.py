@@ -103,7 +103,7 @@ def _number(value: float | str) -> float:
 def _shortened(value: float | str, step: float) -> float | str:
     """Return a number, its unit behind it if it has one, to within a step of the same unit."""
     exact = _number(value)
-    tried = (float(f"{exact:.{digits}g}") for digits in range(1, 17))
+    tried = (0.0, *(float(f"{exact:.{digits}g}") for digits in range(1, 17)))
     short = next((found for found in tried if abs(found - exact) <= step), exact)
     return f"{short!r} {value.partition(' ')[2]}" if isinstance(value, str) else short
 

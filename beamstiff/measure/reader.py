@@ -175,7 +175,7 @@ def parse_measurements(
         continuous=choices["history"] == "continuous",
         metadata={key: value for key, (value, _) in raw.metadata.items()},
         source=name,
-        units={column.name: column.unit for column in columns if column.name in actuated and column.unit},
+        units={one.name: one.unit for one in columns if one.name in (*actuated, "t") and one.unit},
         camera=camera or "",
         **({"direction": read.direction} | tracked),
     )
