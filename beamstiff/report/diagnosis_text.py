@@ -237,7 +237,10 @@ def summary(result: Diagnosis) -> str:
         if best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
-            text += "no effect in the library explains it."
+            text += (
+                "no effect in the library is sure to explain it. It is outside the library, or several "
+                "effects act together that these rows cannot separate."
+            )
         if result.indistinguishable:
             text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text

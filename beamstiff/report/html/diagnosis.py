@@ -98,7 +98,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     if found:
         yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
     else:
-        of = {"none": "that nothing is beyond noise", "unknown": "that no known effect is the cause"}
+        of = {"none": "that nothing is beyond noise", "unknown": "that these data show no known cause"}
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
     if result.recalibration is not None:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
