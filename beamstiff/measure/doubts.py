@@ -268,7 +268,7 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         for one in (at, table.position[rows])
     )
     large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
-    if large and not moved / SCALE < read < moved * SCALE:
+    if large and read and not moved / SCALE < read < moved * SCALE:  # one place in all rows is no reading yet
         raise UnusableError(
             f"{table.source}: x y z: the positions are {read:.3g} m apart (RMS from their mean), those of "
             f"robot {robot.name!r} in the same postures {moved:.3g} m: check the units; a column without one "

@@ -173,6 +173,7 @@ def test_joints_read_wrongly_and_rows_of_one_posture_are_no_wrong_unit() -> None
         q = table.q.copy()
         q[:, column] = np.pi - q[:, column]
         require_scale(replace(table, q=q), robot)
+    require_scale(replace(table, position=0.0 * table.position), robot)  # to be predicted
     require_scale(replace(table, q=0.0 * table.q, position=table.position[:1] + 1e-3 * table.position), robot)
 
 
