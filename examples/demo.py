@@ -50,9 +50,8 @@ FIGURE = HERE / "output" / "ir663_identification.png"
 PAPER_RMS = 0.110  # mm, Table 5, parametric model, all loads
 
 INTRODUCTION = (
-    "KUKA IR-663: 12 published displacements of the tool along x under 900 N (the paper's Table 4: "
-    "conclusions of the fuzzy model of its measurements). The start is the paper's stiffness (Table 3, "
-    "design 1)."
+    "KUKA IR-663: 12 published displacements of the tool along x under 900 N (the paper's Table 4: values of "
+    "a fuzzy model fitted to its measurements). The start is the paper's stiffness (Table 3, design 1)."
 )
 CAUTION = (
     "The paper's 0.110 mm and our gap are not the same quantity: its number is over the measured "

@@ -146,7 +146,9 @@ def _check_readings(robot: Robot, rows: Measurements) -> None:
         )
     used = rows.measured_mask
     if not used.any():
-        raise BeamstiffError(f"{rows.source}: found no absolute reading, expected x y z (and a b c)")
+        raise BeamstiffError(
+            f"{rows.source}: no row holds a whole position, expected all of x y z (and a b c)"
+        )
     stated = np.isfinite(rows.sigma)[used]
     if stated.any() and not stated.all():
         raise BeamstiffError(

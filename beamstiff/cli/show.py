@@ -50,7 +50,7 @@ def show(
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
-    from beamstiff.report.tables import spaced
+    from beamstiff.report.tables import number, spaced
     from beamstiff.robot.doubts import robot_doubts
     from beamstiff.robot.stiffness import missing_stiffness
 
@@ -75,7 +75,10 @@ def show(
         told.append(f"Model of elasticity: {model.kind}, fitted to {model.source}{springs}.")
     for one in description.effects:
         for part in one.each:
-            sizes = ", ".join(f"{name} {value}" for name, value in part.parameters.items())
+            sizes = ", ".join(
+                f"{name} {value}" if isinstance(value, str) else f"{name} {number(value)} (SI)"
+                for name, value in part.parameters.items()
+            )
             share = "" if part.weight == 1.0 else f" ({part.weight:.0%})"
             told.append(f"Effect {effects_text([one])}, {part.shape}{share}: {sizes}.")
     outputs.result([], told, facts)

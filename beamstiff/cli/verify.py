@@ -72,13 +72,13 @@ def verify(
     modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
     rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     first = "without model and effects" if modelled else "without effects" if found.causes else "robot file"
-    lines = [[first, f"{1e3 * found.before:.4f} mm", ""]]
+    lines = [[first, f"{1e3 * found.before:.3f} mm", ""]]
     lines += [
-        [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.4f} mm", percent(closes)]
+        [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.3f} mm", percent(closes)]
         for at, (name, after, closes) in enumerate(found.causes)
     ]
     if found.noise > 0.0:
-        lines.append(["noise as stated", f"{1e3 * found.noise:.4f} mm", ""])
+        lines.append(["noise as stated", f"{1e3 * found.noise:.3f} mm", ""])
     add_rows(rows, lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
     with_them = "with the file's effects" if found.causes else "of the robot file as it is"

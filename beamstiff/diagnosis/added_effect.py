@@ -103,9 +103,13 @@ def _number(value: float | str) -> float:
 
 
 def _shortened(value: float | str, step: float) -> float | str:
-    """Return a number, its unit behind it if it has one, to within a step of the same unit."""
+    """Return a number, its unit behind it if it has one, to within a step of the same unit.
+
+    >>> _shortened("8.6412e-07 rad/(N*m)", 1e-9), _shortened("1e-14 rad/(N*m)", 1e-9), _shortened(0.123, 0.01)
+    ('8.64e-07 rad/(N*m)', '0.0 rad/(N*m)', 0.1)
+    """
     exact = _number(value)
-    tried = (float(f"{exact:.{digits}g}") for digits in range(1, 17))
+    tried = (0.0, *(float(f"{exact:.{digits}g}") for digits in range(1, 17)))
     short = next((found for found in tried if abs(found - exact) <= step), exact)
     return f"{short!r} {value.partition(' ')[2]}" if isinstance(value, str) else short
 

@@ -87,21 +87,21 @@ def read_header(
     declared = {variable.name: variable for variable in robot.variables}
     wrong = partial(fail, source, line)
     columns: list[Column] = []
+    actuated = [variable.name for variable in robot.actuated]
+    given = [cell.partition("[")[0].strip() for cell in cells]
+    missing = [name for name in actuated if name not in given]
     for at, cell in enumerate(cells, start=1):
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"]:
             wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
-        column = _read_cell(match["name"], match["unit"], declared, robot, turns_declared, wrong)
+        column = _read_cell(match["name"], match["unit"], declared, robot, turns_declared, missing, wrong)
         for place, other in enumerate(columns, start=1):
             if other.name == column.name:
                 wrong(column.name, f"found twice, in columns {place} and {at}, expected once")
         columns.append(column)
-    found = [column.name for column in columns]
-    actuated = [variable.name for variable in robot.actuated]
-    for name in actuated:
-        if name not in found:
-            every = listed(actuated, 12)
-            wrong(name, f"this column is missing, expected one for each actuated variable ({every})")
+    if missing:
+        every = listed(actuated, 12)
+        wrong(missing[0], f"this column is missing, expected one for each actuated variable ({every})")
     return columns
 
 
@@ -111,6 +111,7 @@ def _read_cell(
     declared: dict[str, Variable],
     robot: Robot,
     turns_declared: bool,
+    missing: Sequence[str],
     wrong: Wrong,
 ) -> Column:
     if name in declared:
@@ -136,7 +137,7 @@ def _read_cell(
             wrong(name, f"found the unit {shown(unit)}, expected none")
         return Column(name, "", "")
     if name not in QUANTITIES:
-        _unknown(name, robot, wrong)
+        _unknown(name, robot, missing, wrong)
     return Column(name, QUANTITIES[name], _unit(QUANTITIES[name], unit, name, wrong))
 
 
@@ -149,7 +150,7 @@ def _unit(quantity: str, unit: str | None, name: str, wrong: Wrong) -> str:
     return unit or ""
 
 
-def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
+def _unknown(name: str, robot: Robot, missing: Sequence[str], wrong: Wrong) -> NoReturn:
     known = [*(variable.name for variable in robot.actuated), *RESERVED]
     bare = re.split(r"[\s(/_]", name.strip())[0]
     if re.fullmatch(r"[-+.\d\s]+([eE][-+]?\d+)?", name):
@@ -162,7 +163,8 @@ def _unknown(name: str, robot: Robot, wrong: Wrong) -> NoReturn:
             hint = f" (did you mean '{lower[spelling]}'?)"
             break
     else:
-        hint = _alike(name, known)
+        joints = f" (no column is named {listed(missing)}: is this it?)" if missing else ""
+        hint = _alike(name, known) or joints
     if re.search(r"\(.*\)", name):
         hint += "; a unit stands in square brackets, like dx [mm]"
     variables = [variable.name for variable in robot.actuated]

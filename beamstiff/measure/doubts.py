@@ -45,6 +45,7 @@ Index = NDArray[np.intp]
 ANOTHER = 1 / 3
 AMISS = 0.01  # of the machine's size, below which positions are off by errors that calibration is for
 ROWS = 24  # looked at: loops that do not close take their time
+SCALE = 5.0  # times as far apart, or as near, as they should be: wrong units make 10 or more
 POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's place alone takes two
 
 
@@ -233,7 +234,7 @@ def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
 
 
 class UnusableError(BeamstiffError):
-    """Displacements that tell nothing of the machine; the message says all there is to say."""
+    """Readings that tell nothing of the machine; the message says all there is to say."""
 
 
 def require_usable(table: Measurements) -> None:
@@ -250,6 +251,28 @@ def require_usable(table: Measurements) -> None:
             f"{table.source}: the tool moved against its load in all {len(done)} rows that tell, which no "
             "elastic machine does: reverse the sign of the loads (they act on the tool) or of the "
             "displacements (loaded minus unloaded)"
+        )
+
+
+def require_scale(table: Measurements, robot: Robot) -> None:
+    """Refuse positions much farther apart, or nearer together, than the robot's in the same postures."""
+    rows = _some_rows(table)
+    if table.kind != "absolute" or len(rows) < SEVERAL:
+        return
+    try:
+        at = _places(table, robot, rows, table.q[rows])
+    except BeamstiffError:  # the loops do not close
+        return
+    moved, read = (
+        float(np.sqrt(((one - one.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        for one in (at, table.position[rows])
+    )
+    large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
+    if large and read and not moved / SCALE < read < moved * SCALE:  # one place in all rows is no reading yet
+        raise UnusableError(
+            f"{table.source}: x y z: the positions are {read:.3g} m apart (RMS from their mean), those of "
+            f"robot {robot.name!r} in the same postures {moved:.3g} m: check the units; a column without one "
+            "is in m, write for instance x [mm]"
         )
 
 
@@ -377,10 +400,16 @@ def _readings(robot: Robot, q: Array) -> Iterator[tuple[str, Array]]:
 def _left_by(table: Measurements, robot: Robot, rows: Index, q: Array) -> float:
     """Return the RMS distance, m, of the positions from those at q (P, A), laid over; inf: it is open."""
     try:
-        kinematics = compile_kinematics(robot)
-        places = posture(kinematics, q).node_positions
-        at = places[np.arange(len(rows)), [kinematics.node_index[name] for name in table.point[rows]]]
+        at = _places(table, robot, rows, q)
         check_spread(at, "points")
         return float(fit_rigid_motion(at, table.position[rows]).rms)
     except BeamstiffError:
         return np.inf
+
+
+def _places(table: Measurements, robot: Robot, rows: Index, q: Array) -> Array:
+    """Return where the robot has the points of rows (P,) at q (P, A): (P, 3), m."""
+    kinematics = compile_kinematics(robot)
+    places = posture(kinematics, q).node_positions
+    at: Array = places[np.arange(len(rows)), [kinematics.node_index[name] for name in table.point[rows]]]
+    return at

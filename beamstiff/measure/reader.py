@@ -175,7 +175,7 @@ def parse_measurements(
         continuous=choices["history"] == "continuous",
         metadata={key: value for key, (value, _) in raw.metadata.items()},
         source=name,
-        units={column.name: column.unit for column in columns if column.name in actuated and column.unit},
+        units={one.name: one.unit for one in columns if one.name in (*actuated, "t") and one.unit},
         camera=camera or "",
         **({"direction": read.direction} | tracked),
     )
@@ -388,7 +388,8 @@ def _nodes(name: str, cells: Sequence[str], robot: Robot, raw: RawTable) -> Name
     for cell in dict.fromkeys(cells):
         node = cell.strip() or robot.tcp
         if node not in known:
-            hint = suggest(node, known) or f", expected one of {listed(known)}, or a node that you add for it"
+            added = "or add it: in a URDF a link on a fixed joint, in YAML a node and a rigid"
+            hint = suggest(node, known) or f", expected one of {listed(known)}; {added}"
             row = cells.index(cell)
             raw.fail_in_row(row, name, f"found {shown(node)}, which is no node of robot {robot.name!r}{hint}")
         nodes[cell] = node

@@ -86,8 +86,8 @@ class Measurements:
     sources : tuple of str
         Files the rows come from.
     units : mapping of str to str
-        Of variables in the file, such as ``{"q1": "deg"}``: `q` is SI, what is written for people follows
-        them.
+        Of variables and of the time in the file, such as ``{"q1": "deg", "t": "s"}``: `q` is SI, what is
+        written for people follows them.
     region : three pairs, m, or None
         Least and largest x, y and z of the TCP where it can be measured; None: not said.
     batch : int or None

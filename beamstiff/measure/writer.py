@@ -24,12 +24,11 @@ from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
 from beamstiff.units import UNITS, quantity, unit_factor
 
-# displacements in mm, as people read them; the rest in SI, which is exact
+# lengths in mm, as people read them; the rest in SI, which is exact
 _UNITS = {
     **dict.fromkeys(WRENCH[:3], "N"),
     **dict.fromkeys(WRENCH[3:], "N*m"),
-    **dict.fromkeys(DISPLACEMENT[:3], "mm"),
-    **dict.fromkeys(ABSOLUTE[:3], "m"),
+    **dict.fromkeys((*DISPLACEMENT[:3], *ABSOLUTE[:3]), "mm"),
     **dict.fromkeys((*DISPLACEMENT[3:], *ABSOLUTE[3:]), "rad"),
 }
 
@@ -37,10 +36,10 @@ _UNITS = {
 def write_measurements(measurements: Measurements, path: str | Path, robot: RobotLike) -> None:
     """Write a table to a CSV file, whole or not at all.
 
-    Displacements are written in mm, joint variables in the units of the file that they come from, everything
-    else in SI, units in the header; read back, every number is the same to 1e-15 relative. Columns that hold
-    nothing are left out; without any measured value the columns of the table's kind stay, empty, to be filled
-    in.
+    Displacements and positions are written in mm, joint variables in the units of the file that they come
+    from, everything else in SI, units in the header; read back, every number is the same to 1e-15 relative.
+    Columns that hold nothing are left out; without any measured value those of the table's kind stay, and the
+    time where the file had it, empty, to be filled in.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def _columns(measurements: Measurements, robot: Robot) -> Iterator[tuple[str, li
     if not np.isnan(measurements.step).all():
         yield "step", _whole(measurements.step)
     for label, values in (("t [s]", measurements.time), ("temperature [degC]", measurements.temperature)):
-        if not np.isnan(values).all():
+        if not np.isnan(values).all() or (label == "t [s]" and "t" in measurements.units):
             yield label, _texts(values)
 
 

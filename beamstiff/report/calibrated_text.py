@@ -98,5 +98,5 @@ def _largest_change(result: Diagnosis) -> str:
     of = f"{name} (of {variable})" if variable != joint else name
     return (
         f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit}."
+        f"robot file to {stiffness_in_words(value)} {unit} (the others in --json and --apply)."
     )

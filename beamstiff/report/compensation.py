@@ -227,5 +227,5 @@ def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
 
 
 def _seen(size: float) -> str:
-    """Return a length in mm, an angle in degrees or a load; what is rounding is 0, what is unknown empty."""
-    return "" if np.isnan(size) else number(size) if abs(size) > NOTHING else "0"
+    """Return a length in mm, an angle in degrees or a load; what is unknown is empty."""
+    return "" if np.isnan(size) else number(size) if abs(size) >= LEAST else told(abs(size))

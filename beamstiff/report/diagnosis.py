@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
@@ -67,7 +68,7 @@ NAMES = (
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
     (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "a load along one moves the other"),
 )
-DOUBTFUL = "(!) Larger than realistic, or negative: doubt the cause, or its name."
+DOUBTFUL = "(!) Larger than realistic, or negative: another effect may look like this one."
 POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
@@ -102,9 +103,10 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield from (gap_tables(result), "")
     if moved := stiffness_text(result):
         yield Text(f"{moved}\n")
-    if result.untestable:
-        yield from (untestable_table(result, "What these data cannot show"), "")
-    if result.next and result.verdict.effect != "none":
+    hidden = untestable_table(result, "What these data cannot show")
+    if hidden.rows:
+        yield from (hidden, "")
+    if result.next and result.verdict.effect != "none" and proposed(result) not in first.action:
         yield Text(f"Measure next: {proposed(result)} (--next FILE writes them).")
     for line in separations(result):
         if line.partition(": ")[2] not in first.action:
@@ -159,17 +161,16 @@ def next_best_text(result: Diagnosis) -> list[str]:
     """Return, in words, what would stand in place of each cause that has no look-alike."""
     lines = []
     for one in result.runners_up:
-        place = f"Next best in place of {in_words([one.cause])}: "
+        without, ratio = f"Without {in_words([one.cause])}", one.rms / one.rms_with
         if not one.keys:
-            lines.append(f"{place}nothing; the gap would be {one.rms / one.rms_with:.2g} times as large.")
+            lines.append(f"{without} nothing explains its share: the gap is {ratio:.2g} times as large.")
             continue
         names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
-        times = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
-        ratio = one.rms / one.rms_with
+        less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
         larger = f"{100.0 * (ratio - 1.0):.0f} % larger" if ratio >= 1.005 else "no larger"
         gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else larger
-        lines.append(f"{place}{names}, {times}; the gap on held-out data would be {gap}.")
+        lines.append(f"{without} the best explanation is {names}: {less}, held-out gap {gap}.")
     return lines
 
 
@@ -277,7 +278,7 @@ def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
 def untestable_table(result: Diagnosis, title: str) -> Table:
     """Return the effects that the data cannot show, those of one reason in a row."""
     made, reasons = table(title, "effects", "why", left=2), dict[str, list[str]]()
-    for one in result.untestable:
+    for one in (one for one in result.untestable if one.why != NO_CAMERA):
         reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
     add_rows(made, ([", ".join(effects), why] for why, effects in reasons.items()))
     return made
@@ -323,8 +324,12 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     share = [item["share"] for item in places]
     low = [item["share"] - item["interval"][0] for item in places]
     high = [item["interval"][1] - item["share"] for item in places]
-    axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
-    axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
+    if places:
+        axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
+        axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
+    else:
+        axes[1].set_axis_off()
+        axes[1].text(0.5, 0.5, "Where: no place accounts for the gap", ha="center")
     bars = steps(result)
     at = range(len(bars))[::-1]
     axes[2].barh(at, [1e3 * value for value in bars.values()], color=GREEN, tick_label=list(bars))

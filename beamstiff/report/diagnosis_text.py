@@ -12,6 +12,7 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
     causes,
@@ -46,6 +47,14 @@ UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "noth
 OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
 LIKE_SAG = ("angle-curve", "geometry-error")  # effects that a weight unknown to the robot file looks like
 WEIGHT = "no weight is known by which the machine sags, and such a sag follows the joint angles as well"
+# what a remainder follows, and how it is varied by itself
+VARIED = {
+    "angle": "move {} alone through its range in small steps, unloaded",
+    "direction of approach": "move {} alone to the same values from both sides",
+    "time": "return to one posture now and then, unloaded",
+    "load": "load some postures step by step, up and down again",
+    "reflector": "read all reflectors in the same postures",
+}
 SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
 NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
@@ -117,6 +126,9 @@ def _action(result: Diagnosis, head: str) -> str:
             else "Use the fitted model (--apply FILE writes it)"
         )
         return f"{write} within the postures and loads measured. {NO_CAUSES}"
+    if result.rms > LARGE_DISPLACEMENT:
+        gap = rounded(1e3 * result.rms)
+        return f"Check joint readings, units and robot file: {gap} mm are no effect of a machine."
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):
@@ -128,13 +140,24 @@ def _action(result: Diagnosis, head: str) -> str:
         return f"Give the robot file `masses`, estimates too, and diagnose again: {WEIGHT}."
     if not to_check:
         states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
-        return states or "Measure other postures and load directions; beamstiff plan chooses them."
+        return states or _by_remainder(result)
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
     if far:
         said = f"{_doubt(*far[0])} {said}"
     return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
+
+
+def _by_remainder(result: Diagnosis) -> str:
+    """Return what to measure next of a gap without a cause: what its remainder follows, varied by itself."""
+    found = result.decomposition
+    if found is None or not found.remainder.follows:
+        return "Measure other postures and load directions; beamstiff plan chooses them."
+    what = found.remainder.follows[0][0]
+    how, joint, name = what.rpartition(" of ")
+    vary = VARIED[how or what].format(name if joint else "")
+    return f"The gap follows the {what}: {vary}. Diagnose the old and the new rows together."
 
 
 def _elsewhere(cause: Candidate) -> str:
@@ -154,7 +177,7 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
     """Return, in words, that a size is unrealistic."""
     negative = size.positive and size.value < 0
     is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
-    return f"Doubt {named(cause)}, or its name: its {size.name} is {is_it}."
+    return f"Doubt {named(cause)}: its {size.name} is {is_it}. Another effect may look like it."
 
 
 def _written(result: Diagnosis) -> str:
@@ -219,7 +242,10 @@ def summary(result: Diagnosis) -> str:
         if best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
-            text += "no effect in the library explains it."
+            text += (
+                "no effect in the library is sure to explain it. It is outside the library, or several "
+                "effects act together that these rows cannot separate."
+            )
         if result.indistinguishable:
             text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text

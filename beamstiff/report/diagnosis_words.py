@@ -58,7 +58,7 @@ def stiffness_in_words(value: float) -> str:
 
 def percent(share: float) -> str:
     """Return a share in whole percent, at most all."""
-    return f"{100 * min(share, 1.0):.0f} %"
+    return f"{round(100 * min(share, 1.0))} %"
 
 
 def sure(result: Diagnosis) -> str:

@@ -17,6 +17,7 @@ from beamstiff.report.tables import counted
 Level = Literal["agrees", "doubtful", "differs", "plain"]
 
 BEYOND_NOISE = 1.5  # times the noise: from a dozen rows on no chance any more
+NOTHING = 1e-6  # mm: no instrument reads it
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
     "agrees": "within noise",
@@ -64,13 +65,15 @@ def data_of(rows: Measurements) -> str:
 
 
 def rounded(value: float) -> str:
-    """Return a positive number with two digits, without a power of ten.
+    """Return a positive number with two digits, without a power of ten; less than 1e-6 is rounding.
 
     Examples
     --------
-    >>> rounded(0.0704), rounded(0.4149), rounded(12.4), rounded(0.0)
-    ('0.070', '0.41', '12', '0')
+    >>> rounded(0.0704), rounded(0.4149), rounded(12.4), rounded(0.0), rounded(4.5e-15)
+    ('0.070', '0.41', '12', '0', '0')
     """
+    if 0.0 <= value < NOTHING:
+        return "0"
     if not 0.0 < value < np.inf:
         return f"{value:g}"
     return f"{value:.{max(0, 1 - int(np.floor(np.log10(value))))}f}"

@@ -308,7 +308,10 @@ def _support(robot: Robot) -> Iterator[Problem]:
     graph = structure_graph(robot)
     unsupported: Sequence[set[str]] = parts_without_support(graph, robot.fixed)
     if unsupported:
+        part = sorted(unsupported[0])
+        end = robot.fixed[0] if robot.tcp in part else robot.tcp
         yield (
             ("fixed",),
-            f"disconnected part: nodes {listed(sorted(unsupported[0]))} are connected to no fixed node",
+            f"disconnected part: nodes {listed(part)} are connected to no fixed node; join them to the "
+            f"others, such as rigids: [{{name: mount, nodes: [{end}, {part[0]}]}}]",
         )

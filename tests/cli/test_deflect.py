@@ -50,7 +50,8 @@ def test_absolute_rows_get_the_position_by_hand(told: Run, succeed: Run, folder:
     said = succeed("deflect", "crane.yaml", "seen.csv", "--out", "predicted.csv").stdout
     assert "at most 0.1 mm" in said
     again = succeed("verify", "crane.yaml", "predicted.csv").stdout
-    assert "0.0000 mm" in again
+    assert "Position error 0 mm" in again
+    assert " 0.000 mm" in again
     assert "noise" not in again  # the table states none
 
 

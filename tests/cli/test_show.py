@@ -177,3 +177,14 @@ def test_limits_without_a_unit_that_are_many_turns_are_noted(succeed: Run, folde
     for command in (("show",), ("deflect", "crane.csv")):
         result = succeed(command[0], "crane.yaml", *command[1:])
         assert "limits of q1: -170 to 170 rad are 54 turns" in " ".join(result.stderr.split())
+
+
+def test_every_size_of_an_effect_has_its_unit(succeed: Run, tmp_path: Path) -> None:
+    size = "{bending_flexibility_root: 2e-5}"
+    bending = f"{{effect: link-bending, component: link3, shape: tapered, parameters: {size}}}"
+    base = "{effect: base-compliance, shape: tilt, parameters: {tilting_compliance: 2e-7 rad/(N*m)}}"
+    file = tmp_path / "real.yaml"
+    file.write_text(f"{robot_path('kr240-2').read_text()}\neffects:\n  - {bending}\n  - {base}\n")
+    shown = succeed("show", str(file)).stdout
+    assert "Effect link-bending:link3, tapered: bending_flexibility_root 2e-05 (SI)." in shown
+    assert "Effect base-compliance, tilt: tilting_compliance 2e-7 rad/(N*m)." in shown

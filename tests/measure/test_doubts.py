@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError
+from beamstiff import BeamstiffError, diagnose
 from beamstiff.measure import Measurements, make_measurements, parse_measurements
-from beamstiff.measure.doubts import copies_between, counted_once, doubts, require_usable
+from beamstiff.measure.doubts import copies_between, counted_once, doubts, require_scale, require_usable
 from beamstiff.measure.rows import concatenate
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
@@ -152,6 +152,29 @@ def read(name: str, assembly: str | None = None, noise: float = 1e-4, poses: int
     seen = at @ rotation_from_vector(FRAME).T + PLACE + noise * rng.standard_normal(at.shape)
     names = [variable.name for variable in robot.actuated]
     return make_measurements(names, q, tcp=robot.tcp, position=seen, source="tracker.csv")
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3, 10.0])
+def test_positions_in_a_wrong_unit_are_refused(factor: float) -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    require_scale(table, robot)
+    wrong = replace(table, position=factor * table.position)
+    with pytest.raises(
+        BeamstiffError, match=r"tracker.csv: x y z: .* m apart .*: check the units; .* x \[mm\]"
+    ):
+        require_scale(wrong, robot)
+    with pytest.raises(BeamstiffError, match="check the units"):
+        diagnose(robot, wrong)
+
+
+def test_joints_read_wrongly_and_rows_of_one_posture_are_no_wrong_unit() -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    for column in range(6):
+        q = table.q.copy()
+        q[:, column] = np.pi - q[:, column]
+        require_scale(replace(table, q=q), robot)
+    require_scale(replace(table, position=0.0 * table.position), robot)  # to be predicted
+    require_scale(replace(table, q=0.0 * table.q, position=table.position[:1] + 1e-3 * table.position), robot)
 
 
 @pytest.fixture(scope="module")

@@ -64,9 +64,9 @@ def test_a_cause_without_look_alikes_has_a_next_best() -> None:
     play = RunnerUp("angle-curve:q3", ("backlash:q3",), 123.0, 1.1e-4, 1e-4)
     named = tuple(replace(several.causes[0], runner_up=one) for one in (play, replace(play, keys=()), None))
     assert next_best_text(replace(result, decomposition=replace(several, causes=named))) == [
-        "Next best in place of angle-curve at q3: backlash at q3, 100 times less likely; the gap on held-out "
-        "data would be 10 % larger.",
-        "Next best in place of angle-curve at q3: nothing; the gap would be 1.1 times as large.",
+        "Without angle-curve at q3 the best explanation is backlash at q3: 100 times less likely, held-out "
+        "gap 10 % larger.",
+        "Without angle-curve at q3 nothing explains its share: the gap is 1.1 times as large.",
     ]
 
 
@@ -97,7 +97,7 @@ def test_an_unrealistic_size_reaches_headline_and_next_action() -> None:
     name = f"{far.verdict.effect} at {far.verdict.component}"
     assert first.headline.endswith(f"; unrealistic size: {name}")
     assert first.action.startswith(
-        f"Doubt {name}, or its name: its sine_1 is 5 times the largest realistic size."
+        f"Doubt {name}: its sine_1 is 5 times the largest realistic size. Another effect may look like it. "
     )
     page = diagnosis_html(far, provenance([], 0, []))
     assert "Doubt " in page
@@ -189,6 +189,46 @@ def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None
     )
     stated = replace(without, baseline=result.baseline)
     assert "the gap is systematic" in summary(stated)
+
+
+@pytest.mark.parametrize(
+    ("follows", "said"),
+    [
+        ("angle of q3", "The gap follows the angle of q3: move q3 alone through its range in small steps"),
+        ("direction of approach of q2", "the direction of approach of q2: move q2 alone to the same values"),
+        ("time", "The gap follows the time: return to one posture now and then"),
+        ("load", "The gap follows the load: load some postures step by step"),
+        ("reflector", "The gap follows the reflector: read all reflectors in the same postures"),
+        (None, "beamstiff plan chooses them."),
+    ],
+)
+def test_of_an_unknown_cause_is_measured_what_the_gap_follows(follows: str | None, said: str) -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    rest = replace(several.remainder, follows=() if follows is None else ((follows, 0.5),))
+    nothing = replace(several, causes=(), remainder=rest, scatter=9.0)
+    unknown = Candidate("unknown", None, 0.95)
+    told = replace(result, decomposition=nothing, verdict=unknown, candidates=(unknown,), next=())
+    assert said in verdict(told).action
+    page = diagnosis_html(told, provenance([], 0, []))
+    assert said in page
+    assert ("It follows the " in page) == (follows is not None)
+
+
+def test_a_gap_beyond_any_effect_sends_to_the_table() -> None:
+    result, _ = found("gear")
+    assert verdict(replace(result, rms=1.5)).action == (
+        "Check joint readings, units and robot file: 1500 mm are no effect of a machine."
+    )
+
+
+def test_without_places_the_figure_draws_no_empty_axes() -> None:
+    result, _ = found("gear")
+    assert diagnosis_figure(result).axes[1].axison
+    bare = diagnosis_figure(replace(result, where={**result.where, "components": []})).axes[1]
+    assert not bare.axison
+    assert bare.texts[0].get_text() == "Where: no place accounts for the gap"
 
 
 def test_undecided_effects_of_the_written_robot_are_named() -> None:

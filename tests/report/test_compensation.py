@@ -1,6 +1,7 @@
 """What is told of a corrected path."""
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -55,6 +56,12 @@ def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensate
     assert "out of reach by" in lost
     assert lost.count("LIN") == 1
     assert shown(compensation_table(result)).count("LIN") == 3
+
+
+def test_no_target_is_promised_closer_than_a_controller_resolves(result: Compensated) -> None:
+    table = shown(compensation_table(result))
+    assert "under 0.001" in table
+    assert not re.search(r"\de-\d|0\.000\d", table)
 
 
 def test_the_picture_shows_path_commands_and_what_is_lost(result: Compensated) -> None:

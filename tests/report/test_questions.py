@@ -255,4 +255,4 @@ def test_how_sure_a_page_is_says_of_what() -> None:
     assert "probability of the cause" not in page
     assert "probability of the cause" in diagnosis_html(diagnosed("backlash"), provenance([], 0, []))
     unknown = replace(diagnosed("backlash"), verdict=Candidate("unknown", None, 0.9))
-    assert "probability that no known effect is the cause" in diagnosis_html(unknown, provenance([], 0, []))
+    assert "probability that these data show no known cause" in diagnosis_html(unknown, provenance([], 0, []))

@@ -78,7 +78,8 @@ WHOLE = {
     ),
     "disconnected node": (
         f"{SMALL}{REST}".encode(),
-        "8: fixed: disconnected part: nodes c are connected to no fixed node",
+        "8: fixed: disconnected part: nodes c are connected to no fixed node; join them to the others, "
+        "such as rigids: [{name: mount, nodes: [a, c]}]",
     ),
     "frame and node of one name": (
         f"{SMALL}{REST}frames: [{{name: b}}]\nloops: [{{name: l, a: b, b: c, constrain: pose}}]\n".encode(),

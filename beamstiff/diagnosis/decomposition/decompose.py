@@ -251,8 +251,9 @@ def _opened(
         if model.count >= VALUES_A_PARAMETER * model.determined:
             return model, parameters
     raise BeamstiffError(
-        f"{rows.source}: {model.count} measured values for {model.determined:.0f} open parameters of the "
-        "base frame and reflectors: measure more poses"
+        f"{rows.source}: found {model.count} measured values, expected at least "
+        f"{np.ceil(VALUES_A_PARAMETER * model.determined):.0f} to fit the measuring frame, the reflectors "
+        "and the drives: measure more postures"
     )
 
 

@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
 OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
+NO_CAMERA = "no camera read these rows"
 FAINT = 0.1  # sigma a value, at the largest realistic size
 # weighed by `decomposition` alone; the last two are all drives at once
 DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")
@@ -189,7 +190,7 @@ def nowhere(effect: str, baseline: Baseline) -> str:
     if effect in ("payload-error", *DECOMPOSED) and not baseline.absolute:
         return "displacements do not depend on it: measure absolute positions"
     if effect in ("camera-scale", "hand-eye"):
-        return "no camera read these rows"
+        return NO_CAMERA
     if effect == "angle-curve":
         return "no joint was at enough different angles: measure more postures"
     if effect == "thermal-drift":

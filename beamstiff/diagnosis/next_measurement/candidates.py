@@ -14,8 +14,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.planning.candidates import candidate_poses, force_loads
-from beamstiff.planning.poses import closed_posture, random_poses, rounded_postures
+from beamstiff.planning.poses import closed_posture, joint_ranges, random_poses, rounded_postures
 from beamstiff.planning.seated import seated_rows
+from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 
@@ -58,6 +59,7 @@ def load_cycles(
     if single:
         ways = [(along, tuple(dict.fromkeys(shares))) for along, shares in ways]
     force = np.array([largest * share * along for along, shares in ways for share in shares])
+    force = force.round(2 - int(np.floor(np.log10(largest))))  # digits that a load cell shows
     steps = np.tile([len(shares) for _, shares in ways], len(q))
     of = np.repeat(np.arange(len(q)), len(force))
     cycle = np.arange(len(of)) if single else np.repeat(np.arange(len(steps)), steps)
@@ -186,6 +188,20 @@ def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[n
     return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
 
 
+def _few_turns(robot: Robot, q: Array, known: Array) -> Array:
+    """Return postures (n, A) with joints turned back by full turns to where they were measured, in `known`.
+
+    Nothing is turned where variables are coupled: a full turn of one may be none of another.
+    """
+    if any(one.equals is not None for one in robot.variables):
+        return q
+    turns = [one.kind == "angle" for one in robot.actuated]
+    middle = 0.5 * (known.min(axis=0) + known.max(axis=0))
+    back = q - 2.0 * np.pi * np.round((q - middle) / (2.0 * np.pi))
+    lower, upper = joint_ranges(robot)
+    return np.where((back >= lower) & (back <= upper) & turns, back, q)
+
+
 def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
     """Return postures (n, A) that were measured, and `count` others where the tool can be measured, it seems.
 
@@ -202,6 +218,7 @@ def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple
         others = candidate_poses(kinematics, count, int(rng.integers(1 << 31)), rows.region)
     else:
         others = random_poses(kinematics, MANY, rng)
+    others = _few_turns(baseline.nominal, others, known) if len(known) else others
     others = rounded_postures(baseline.nominal, others, rows.units)
     where, closed = closed_posture(kinematics, others)
     others, at = others[closed], where.node_positions[:, tcp]

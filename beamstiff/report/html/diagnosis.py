@@ -30,7 +30,7 @@ from beamstiff.report.diagnosis import (
     steps,
     untestable_table,
 )
-from beamstiff.report.diagnosis_text import proposed, separations, summary, verdict
+from beamstiff.report.diagnosis_text import proposed, remainder_text, separations, summary, verdict
 from beamstiff.report.diagnosis_words import (
     causes,
     closed,
@@ -66,6 +66,8 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     without, beside = predictions(result)
     compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
     changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
+    if result.decomposition is not None and result.decomposition.gap_shows:
+        changed = [*remainder_text(result.decomposition).splitlines(), *changed]
     with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
     rows = row_figures(compared, ("fitted model", with_them))
     return render(
@@ -96,11 +98,11 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     if found:
         yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
     else:
-        of = {"none": "that nothing is beyond noise", "unknown": "that no known effect is the cause"}
+        of = {"none": "that nothing is beyond noise", "unknown": "that these data show no known cause"}
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
     if result.recalibration is not None:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
-        yield Fact("Robot file", before, "gap with its own geometry, RMS, measuring frame fitted")
+        yield Fact("Robot file", before, "gap with its own geometry, RMS; frame and reflectors fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -130,12 +132,12 @@ def _view(result: Diagnosis) -> RobotView | None:
         name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
         marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
-    share = "" if nothing else "share of the gap"
+    share = "share of the gap" if shares else ""
     return robot_view(baseline.robot, shown, share, gravity=baseline.absolute)
 
 
 def _which(result: Diagnosis) -> Section:
-    large = sizes_table(result, "How large: its parameters")
+    large = sizes_table(result, f"How large: {'their' if len(told(result)) > 1 else 'its'} parameters")
     legend = " ".join(one for one in names_text(result) if one != DOUBTFUL)
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
@@ -261,7 +263,7 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
     nothing = result.verdict.effect == "none"
     hidden = [smallest_table(result)] if nothing else []
-    hidden += [untestable_table(result, "Not testable")] if result.untestable else []
+    hidden += [made] if (made := untestable_table(result, "Not testable")).rows else []
     texts = [said] if nothing and (said := hidden_text(result)) else []
     yield Section("untestable", "What these data cannot show", texts, tables=hidden, open=False)
     limits = list(result.notes)

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.next_measurement.candidates import ABSOLUTE, ONE_WAY, STEPS, _ways, short_way
+from beamstiff import load_robot
+from beamstiff.diagnosis.next_measurement.candidates import (
+    ABSOLUTE,
+    ONE_WAY,
+    STEPS,
+    _few_turns,
+    _ways,
+    short_way,
+)
 from beamstiff.measure.table import Measurements, make_measurements
 
 
@@ -42,6 +50,14 @@ def test_without_forces_or_under_any_the_axes_of_the_base_are_taken(
     ways = _ways(loaded(*forces), absolute=False)
     np.testing.assert_array_equal([along for along, _ in ways], np.eye(3))
     assert {shares for _, shares in ways} == {STEPS}
+
+
+def test_joints_are_turned_back_by_full_turns_to_where_they_were_measured() -> None:
+    robot = load_robot("kr240-2")  # its sixth joint turns by 350 deg either way, its second from 0 to 146 deg
+    known = np.radians([[0.0, 70, -90, 0, 0, -60], [0.0, 80, -90, 0, 0, 60]])
+    drawn = np.radians([[0.0, 10, -240, 0, 0, 300], [0.0, 140, 20, 0, 0, -200]])
+    found = np.degrees(_few_turns(robot, drawn, known))
+    np.testing.assert_allclose(found, [[0, 10, -240, 0, 0, -60], [0, 140, 20, 0, 0, 160]], atol=1e-9)
 
 
 def way(q: np.ndarray) -> float:

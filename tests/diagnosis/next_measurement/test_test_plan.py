@@ -290,5 +290,8 @@ def test_a_programme_is_a_table_to_fill_in() -> None:
     assert rows.wrench.tolist() == [list(item["wrench"]) for item in found.next]
     known = found.baseline.rows
     assert (rows.sigma_position, rows.sigma_rotation) == (known.sigma_position, known.sigma_rotation)
+    assert ",t [s]" not in text
+    timed = replace(known, units={**known.units, "t": "s"})
+    assert ",t [s]\n" in proposed_csv(replace(found, baseline=replace(found.baseline, rows=timed)))
     with pytest.raises(BeamstiffError, match="no states to propose"):
         proposed_csv(replace(found, next=()))
