@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -95,33 +95,60 @@ def decompose(
     check_names(model.baseline, prior)
     forms = _forms(model, prior)
     behind = behind_gears(model, forms, prior)
-    if behind:
-        prior = informed(prior, behind)
-        forms = _forms(model, prior)
+    asked = _Asked(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
+    forms = _forms(model, asked.prior) if behind else forms
     while True:
-        folds, step = _selected(robot, model, forms, prior, seed, parameters, stations)
+        folds, step = _selected(asked, model, forms)
         astray = unsteady(folds, step, seed)
         if not astray:
-            found, unlike = _told(robot, folds, step, prior, seed, parameters, stations)
+            found, unlike = _told(asked, folds, step)
             astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > WRONG else set()
         if not astray:
             return replace(found, behind=tuple(behind))
-        prior = replace(prior, without=(*prior.without, *astray))
+        without = (*asked.prior.without, *astray)
+        asked = replace(asked, prior=replace(asked.prior, without=without))
         forms = [form for form in forms if form.key not in astray]
 
 
-def _selected(
-    robot: Robot,
-    model: OpenModel,
-    forms: Sequence[Form],
-    prior: Prior,
-    seed: int,
-    parameters: tuple[str, ...] | None,
-    stations: bool,
-) -> tuple[Folds, Step]:
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked: the causes of the gap between a robot and absolute positions.
+
+    Attributes
+    ----------
+    robot : Robot
+    parameters : tuple of str, or None
+        Groups of the geometry that are open.
+    stations : bool
+    prior : Prior
+    seed : int
+    """
+
+    robot: Robot
+    parameters: tuple[str, ...] | None
+    stations: bool
+    prior: Prior
+    seed: int
+
+    def beside(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
+        """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
+        change, thetas = _solution(model, chosen)
+        moved = moved_by(model, chosen, thetas, change)
+        rows, stations = model.baseline.rows, self.stations
+        opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
+        return beside_loads(opened, chosen, thetas)
+
+    def anew(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
+        """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
+        choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
+        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+        return folds_of(model, choice, self.seed), same
+
+
+def _selected(asked: _Asked, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
     """Return the causes of absolute positions, and the folds of the model that is calibrated beside them."""
     choice = build_choice(model, forms)
-    folds = folds_of(model, choice, seed)
+    folds = folds_of(model, choice, asked.seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
         stage("selecting causes")
@@ -132,10 +159,10 @@ def _selected(
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = _beside(robot, model, chosen, parameters, stations)
+            model = asked.beside(model, chosen)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        folds, same = _anew(model, chosen, prior, seed)
+        folds, same = asked.anew(model, chosen)
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = (select(choice, folds.squared_errors, start=one) for one in starts)
@@ -145,48 +172,38 @@ def _selected(
     return folds, step
 
 
-def _told(
-    robot: Robot,
-    folds: Folds,
-    step: Step,
-    prior: Prior,
-    seed: int,
-    parameters: tuple[str, ...] | None,
-    stations: bool,
-) -> tuple[Decomposition, float]:
+def _told(asked: _Asked, folds: Folds, step: Step) -> tuple[Decomposition, float]:
     """Return what the causes say, errors of loads on drives as these are fitted beside them.
 
     Where that does not settle, or makes held-out postures worse, the causes that came nearest to it. And how
     near, `unlike_linear`.
     """
-    found = nearest = told(folds, step, seed)
+    found = nearest = told(folds, step, asked.seed)
     unlike = least = _unlike_linear(found)
     for _ in range(ROUNDS):
-        model = _settled(robot, found, prior, parameters, stations) if unlike > SETTLED else None
+        model = _settled(asked, found) if unlike > SETTLED else None
         if model is None:
             break
-        folds, same = _anew(model, _fitted_forms(found), prior, seed)
+        folds, same = asked.anew(model, _fitted_forms(found))
         step = select(folds.choice, folds.squared_errors, start=same)
-        if unsteady(folds, step, seed):
+        if unsteady(folds, step, asked.seed):
             break
-        found = told(folds, step, seed)
+        found = told(folds, step, asked.seed)
         unlike = _unlike_linear(found)
         if unlike < least:
             nearest, least = found, unlike
     return nearest, least
 
 
-def _settled(
-    robot: Robot, found: Decomposition, prior: Prior, parameters: tuple[str, ...] | None, stations: bool
-) -> OpenModel | None:
+def _settled(asked: _Asked, found: Decomposition) -> OpenModel | None:
     """Return the open model beside the same causes once neither loads nor drives change; None: they do."""
     model, chosen = found.model, _fitted_forms(found)
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
         for _ in range(SETTLING):
-            model = _beside(robot, model, chosen, parameters, stations)
+            model = asked.beside(model, chosen)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
-            forms = [*forms_of(model, prior, effects), *laws]
+            forms = [*forms_of(model, asked.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
             if unlike_linear(model, chosen, thetas, change) <= SETTLED:
@@ -210,27 +227,6 @@ def _solution(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, list[Arr
     """Return the change of the open parameters (t,), and the parameters of each form."""
     change, parts = np.split(solved(model, chosen)[0], [model.tangent.shape[1]])
     return change, by_form(chosen, parts)
-
-
-def _beside(
-    robot: Robot,
-    model: OpenModel,
-    chosen: Sequence[Form],
-    parameters: tuple[str, ...] | None,
-    stations: bool,
-) -> OpenModel:
-    """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
-    change, thetas = _solution(model, chosen)
-    moved = moved_by(model, chosen, thetas, change)
-    opened = open_geometry(robot, model.baseline.rows, moved, parameters=parameters, stations=stations)
-    return beside_loads(opened, chosen, thetas)
-
-
-def _anew(model: OpenModel, chosen: Sequence[Form], prior: Prior, seed: int) -> tuple[Folds, list[int]]:
-    """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
-    choice, names = build_choice(model, _forms(model, prior)), set(map(_name, chosen))
-    same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
-    return folds_of(model, choice, seed), same
 
 
 def _name(form: Form) -> tuple[str, str]:
