@@ -13,6 +13,7 @@ from scipy.linalg import solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.forms import REPEATED
+from beamstiff.diagnosis.inference.library import ALL_REVERSED
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -132,15 +133,34 @@ def select(
     After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
     that another explains better, or two others, is exchanged.
 
+    Lost motion of all joints at once comes in where that of no joint by itself is there: else it would hide
+    which joint it is.
+
     `start`: forms to begin with. `forbidden`: causes that must not come in.
     """
+    step = _select(choice, held_out, most, start, {*forbidden, ALL_REVERSED}, exchange)
+    effects = {choice.forms[number].effect for number in step.chosen}
+    if ALL_REVERSED in forbidden or ALL_REVERSED.partition(":")[0] in effects:
+        return step
+    return _select(choice, held_out, most, step.chosen, forbidden, exchange)
+
+
+def _select(
+    choice: Choice,
+    held_out: HeldOut,
+    most: int,
+    start: Sequence[int],
+    forbidden: Collection[str],
+    exchange: bool,
+) -> Step:
     step = fit_step(choice, start)
     for _ in range(ROUNDS):
         larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
         while larger is not None:
             step = _needed(choice, larger)
             larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
-        other = _exchanged(choice, step, held_out) if exchange and len(step.chosen) < most else None
+        may = exchange and len(step.chosen) < most
+        other = _exchanged(choice, step, held_out, forbidden) if may else None
         if other is None:
             break
         step = _needed(choice, other)
@@ -203,7 +223,7 @@ def _rises(choice: Choice, step: Step) -> list[float]:
     return result
 
 
-def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
+def _exchanged(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection[str]) -> Step | None:
     """Return the best fit with another form, or two, in the place of one or of a cause; None: no better."""
     best = step
     for numbers in dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step)):
@@ -211,7 +231,7 @@ def _exchanged(choice: Choice, step: Step, held_out: HeldOut) -> Step | None:
             continue
         other = without = fit_step(choice, [k for k in step.chosen if k not in numbers])
         for _ in range(2):
-            others = (one for one in best_first(choice, other) if one[1] not in numbers)
+            others = (one for one in best_first(choice, other, forbidden) if one[1] not in numbers)
             value, new = next(others, (np.inf, -1))
             if value >= other.bic - ENOUGH:
                 break
