@@ -133,16 +133,23 @@ def select(
     After every cause that comes in, causes that are not needed any more go out. Where no other comes in, one
     that another explains better, or two others, is exchanged.
 
-    Lost motion of all joints at once comes in where that of no joint by itself is there: else it would hide
-    which joint it is.
-
     `start`: forms to begin with. `forbidden`: causes that must not come in.
+
+    Lost motion of all joints at once stands where that of some does not do as well: else it would hide which
+    they are. That it is all of them is likelier beforehand, and says nothing of which.
     """
-    step = _select(choice, held_out, most, start, {*forbidden, ALL_REVERSED}, exchange)
-    effects = {choice.forms[number].effect for number in step.chosen}
-    if ALL_REVERSED in forbidden or ALL_REVERSED.partition(":")[0] in effects:
+    step = _select(choice, held_out, most, start, forbidden, exchange)
+    if not any(choice.forms[number].key == ALL_REVERSED for number in step.chosen):
         return step
-    return _select(choice, held_out, most, step.chosen, forbidden, exchange)
+    start = [number for number in start if choice.forms[number].key != ALL_REVERSED]
+    some = _select(choice, held_out, most, start, {*forbidden, ALL_REVERSED}, exchange)
+    likelier = 2.0 * max(_log_prior_of_reversed(choice, step) - _log_prior_of_reversed(choice, some), 0.0)
+    return some if some.bic <= step.bic + ENOUGH + likelier else step
+
+
+def _log_prior_of_reversed(choice: Choice, step: Step) -> float:
+    effect = ALL_REVERSED.partition(":")[0]
+    return prior_of(choice, [number for number in step.chosen if choice.forms[number].effect == effect])
 
 
 def _select(

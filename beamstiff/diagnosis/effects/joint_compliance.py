@@ -17,6 +17,9 @@ from beamstiff.robot.fields import RIGID
 
 SECTOR = 20.0  # deg, half a sector
 SECTORS = tuple(range(-180, 180, 30))
+TRAVEL = (
+    60.0  # deg, two sectors: over less a compliance that follows the angle is any, as is its zero beside it
+)
 
 
 def _rigid_drives(baseline: Baseline) -> list[str]:
@@ -66,8 +69,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("stiffening", linear, (less, stiffer), prior_factor=30.0, weight=0.5),
         Shape.of("any law", linear, (others, parts), prior_factor=30.0, weight=0.5),
     ]
-    if axis.turns and axis.joint.variable is not None:  # what carries it changes with the posture
-        angle = baseline.joint_values[axis.joint.variable]
+    variable = axis.joint.variable
+    angle = baseline.joint_values[variable] if axis.turns and variable is not None else np.zeros(1)
+    if np.ptp(angle) >= np.deg2rad(TRAVEL):  # what carries it changes with the posture
         courses = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
         names = [f"{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
         by_angle = column[..., None] * np.stack(courses, -1)[:, None]

@@ -22,6 +22,7 @@ UR10 = Path(__file__).resolve().parents[3] / "examples" / "data" / "ur10.yaml"
 NOISE = 1e-5  # m, of a laser tracker
 POSES = 90
 STOPS_SHORT, GEAR, SLIP = 4e-4, 3e-4, np.array([6e-4, -4e-4, 3e-4])  # rad, rad, m
+THREE = {"q1": 1e-4, "q3": 3e-4, "q5": 2e-4}  # rad
 LITTLE = np.array([9.0, 12, 15, 18, 21, 24]) * 1e-6  # rad, by which every joint stops short
 SLIPS_AT = 40
 HALL = np.array([5e-4, 0.0, -8e-4])  # m
@@ -48,6 +49,9 @@ def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generat
     true = q.copy()
     if "approach" in causes:
         true[:, 1] += STOPS_SHORT * last_direction(plan, "q2")
+    if "three" in causes:
+        for name, half in THREE.items():
+            true[:, names.index(name)] += half * last_direction(plan, name)
     if "friction" in causes:
         true += LITTLE * np.stack([last_direction(plan, name) for name in names], axis=1)
     if "gear" in causes:
@@ -120,6 +124,14 @@ def test_joints_that_all_stop_a_little_short_are_one_cause() -> None:
         one = sizes[f"half_lost_motion_q{at}"]
         assert abs(one.value - half) < 4.0 * one.std
         assert one.std < 1e-5 or at == 6  # about whose axis the tool stands
+
+
+def test_of_three_joints_that_stop_short_each_is_named() -> None:
+    causes = found("three")[0].to_dict()["causes"]
+    assert {(one["effect"], one["component"]) for one in causes} == {("approach-direction", q) for q in THREE}
+    for one in causes:
+        half = one["parameters"]["half_lost_motion"]
+        assert abs(half["value"] - THREE[one["component"]]) < 4.0 * half["std"]
 
 
 def test_promised_is_true_on_fresh_poses() -> None:

@@ -62,6 +62,17 @@ def test_a_joint_may_give_way_otherwise_at_another_angle() -> None:
     close(found, follows[:, None] * even)
 
 
+@pytest.mark.parametrize(("travel", "follows"), [(50.0, False), (70.0, True)])
+def test_over_a_short_travel_no_compliance_follows_the_angle(travel: float, follows: bool) -> None:
+    """Two waves over 7 degrees, beside the zero of the joint, may be any size (a real q2 of 28 to 35 deg)."""
+    robot, rng = elbow(torsional="rigid"), np.random.default_rng(3)
+    q = np.deg2rad(np.column_stack([rng.uniform(-90, 90, 9), np.linspace(20.0, 20.0 + travel, 9)]))
+    there = nominal(robot, rows_of(robot, q, rng.normal(size=(9, 6))))
+    names = {shape.name for shape in EFFECTS["joint-compliance"].shapes(there, "q2")}
+    assert ({"by its angle", "by sectors"} <= names) == follows
+    assert {"linear", "stiffening", "any law"} <= names
+
+
 def test_a_joint_may_be_worn_in_a_sector() -> None:
     robot = elbow(torsional="rigid")
     there = nominal(robot, at_random(robot, 60, seed=2))
