@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.tables import number
 from beamstiff.se3 import Array
@@ -169,11 +170,17 @@ def named(one: Candidate) -> str:
 
 
 def in_words(keys: Sequence[str]) -> str:
-    """Return effects, ``effect:component`` each, in words; names with spaces in quotation marks."""
-    parts = [key.partition(":") for key in keys]
-    return ", ".join(
-        effect if name in ("", "null") else f"{effect} at {quoted(name)}" for effect, _, name in parts
-    )
+    """Return effects, ``effect:component`` each, in words; names with spaces in quotation marks.
+
+    >>> in_words(["backlash:q2", "thermal-drift:null", "joint-compliance:null"])
+    'backlash at q2, thermal-drift, joint-compliance of all joints'
+    """
+    words = []
+    for key in keys:
+        effect, _, name = key.partition(":")
+        place = f" at {quoted(name)}" if name not in ("", "null") else ""
+        words.append(f"{effect} of all joints" if key in (ALL_DRIVES, ALL_REVERSED) else effect + place)
+    return ", ".join(words)
 
 
 def quoted(name: str) -> str:
