@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 from typer.testing import CliRunner
 
+from beamstiff import forward_kinematics
 from beamstiff.cli.main import app
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
@@ -57,6 +58,7 @@ NAMED = {  # types that have no quantity
     fields.Scale: "number, or list of numbers",
     fields.Correlation: "number, -1 to 1",
 }
+MOST_SHAPES = 6  # that are listed of an effect that only positions show: orders of a curve, rows of a slip
 INTERNAL = {"Robot": ("urdf",)}  # set by readers, not by people
 UNSHOWN = ("features", "written_by")  # quantities inside the verdict, and the seal of the file
 KINDS = {  # of keys whose quantity depends on the variable
@@ -216,18 +218,23 @@ def table_section() -> str:
 
 def effect_sections() -> Iterator[str]:
     """Yield a table an effect: its shapes and their parameters on robots that can have it."""
-    baselines = [_baseline(name) for name in ("ir663", "kr240-2")]
+    loaded, read = [_baseline(name) for name in ("ir663", "kr240-2")], _absolute("kr240-2")
     for effect in EFFECTS.values():
         shapes: dict[str, list[str]] = {}
         where = "null"
-        for baseline in baselines:
-            for component in effect.components(baseline)[:1]:
+        for baseline in (*loaded, read):
+            components = () if shapes and baseline is read else effect.components(baseline)
+            for component in components[:1]:
                 where = "null" if component is None else f"such as `{component}`"
-                for shape in effect.shapes(baseline, component):
+                where += ", or null: all of them" if None in components[1:] else ""
+                some = effect.shapes(baseline, component)
+                for shape in some[:MOST_SHAPES] if baseline is read else some:
                     shapes.setdefault(
                         shape.name,
                         [f"`{one.name}` ({one.unit or '1'}, {one.size:.1g})" for one in shape.parameters],
                     )
+                if baseline is read and len(some) > MOST_SHAPES:
+                    shapes[f"..., {len(some)} in all"] = []
         alike = ", ".join(effect.look_alikes) or "none"
         text = (
             f"### {effect.name}\n\n{effect.meaning} Component: {where}. Look-alikes: {alike}. To "
@@ -257,6 +264,19 @@ def _baseline(name: str) -> Any:
     moved = moved + 1e-5 * rng.standard_normal(moved.shape)
     table = make_measurements(
         names, q, tcp=robot.tcp, wrench=wrench, displacement=moved, sigma_position=1e-5, **given
+    )
+    return fit_baseline(robot, table)
+
+
+def _absolute(name: str) -> Any:
+    """Return a bundled robot whose positions were read in some postures, for the effects that they show."""
+    robot = load_robot(name)
+    low, high = np.array([one.limits or (-1.0, 1.0) for one in robot.actuated]).T
+    q = low + (high - low) * (0.3 + 0.4 * np.random.default_rng(0).random((40, len(low))))
+    names, rows = [one.name for one in robot.actuated], np.arange(len(q))
+    position = forward_kinematics(robot, q)[:, :3, 3]
+    table = make_measurements(
+        names, q, tcp=robot.tcp, position=position, sigma_position=1e-5, pose=rows, time=60.0 * rows
     )
     return fit_baseline(robot, table)
 
