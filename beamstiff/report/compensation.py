@@ -18,9 +18,9 @@ from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.functions.checks import effects_text
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
-from beamstiff.report.verdict import Verdict, rounded
+from beamstiff.report.verdict import NOTHING, Verdict, rounded
 
-NOTHING, LEAST = 1e-6, 0.001  # mm: what is rounding, what no robot reaches
+LEAST = 0.001  # mm, that no robot reaches
 UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
 

@@ -95,24 +95,24 @@ def decompose(
     check_names(model.baseline, prior)
     forms = _forms(model, prior)
     behind = behind_gears(model, forms, prior)
-    asked = _Asked(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
-    forms = _forms(model, asked.prior) if behind else forms
+    settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
+    forms = _forms(model, settings.prior) if behind else forms
     while True:
-        folds, step = _selected(asked, model, forms)
+        folds, step = _selected(settings, model, forms)
         astray = unsteady(folds, step, seed)
         if not astray:
-            found, unlike = _told(asked, folds, step)
+            found, unlike = _told(settings, folds, step)
             astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > WRONG else set()
         if not astray:
             return replace(found, behind=tuple(behind))
-        without = (*asked.prior.without, *astray)
-        asked = replace(asked, prior=replace(asked.prior, without=without))
+        without = (*settings.prior.without, *astray)
+        settings = replace(settings, prior=replace(settings.prior, without=without))
         forms = [form for form in forms if form.key not in astray]
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """What is asked: the causes of the gap between a robot and absolute positions.
+class _Settings:
+    """What holds for every fit of causes to absolute positions.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class _Asked:
     prior: Prior
     seed: int
 
-    def beside(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
+    def calibrated(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
         """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
         change, thetas = _solution(model, chosen)
         moved = moved_by(model, chosen, thetas, change)
@@ -138,17 +138,17 @@ class _Asked:
         opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
         return beside_loads(opened, chosen, thetas)
 
-    def anew(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
+    def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
         """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
         choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         return folds_of(model, choice, self.seed), same
 
 
-def _selected(asked: _Asked, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
+def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
     """Return the causes of absolute positions, and the folds of the model that is calibrated beside them."""
     choice = build_choice(model, forms)
-    folds = folds_of(model, choice, asked.seed)
+    folds = folds_of(model, choice, settings.seed)
     step = fit_step(choice, ())
     if _more_than_noise(choice, model, step):
         stage("selecting causes")
@@ -159,10 +159,10 @@ def _selected(asked: _Asked, model: OpenModel, forms: Sequence[Form]) -> tuple[F
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = asked.beside(model, chosen)
+            model = settings.calibrated(model, chosen)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
-        folds, same = asked.anew(model, chosen)
+        folds, same = settings.folds(model, chosen)
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = (select(choice, folds.squared_errors, start=one) for one in starts)
@@ -172,38 +172,38 @@ def _selected(asked: _Asked, model: OpenModel, forms: Sequence[Form]) -> tuple[F
     return folds, step
 
 
-def _told(asked: _Asked, folds: Folds, step: Step) -> tuple[Decomposition, float]:
+def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition, float]:
     """Return what the causes say, errors of loads on drives as these are fitted beside them.
 
     Where that does not settle, or makes held-out postures worse, the causes that came nearest to it. And how
     near, `unlike_linear`.
     """
-    found = nearest = told(folds, step, asked.seed)
+    found = nearest = told(folds, step, settings.seed)
     unlike = least = _unlike_linear(found)
     for _ in range(ROUNDS):
-        model = _settled(asked, found) if unlike > SETTLED else None
+        model = _settled(settings, found) if unlike > SETTLED else None
         if model is None:
             break
-        folds, same = asked.anew(model, _fitted_forms(found))
+        folds, same = settings.folds(model, _fitted_forms(found))
         step = select(folds.choice, folds.squared_errors, start=same)
-        if unsteady(folds, step, asked.seed):
+        if unsteady(folds, step, settings.seed):
             break
-        found = told(folds, step, asked.seed)
+        found = told(folds, step, settings.seed)
         unlike = _unlike_linear(found)
         if unlike < least:
             nearest, least = found, unlike
     return nearest, least
 
 
-def _settled(asked: _Asked, found: Decomposition) -> OpenModel | None:
+def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
     """Return the open model beside the same causes once neither loads nor drives change; None: they do."""
     model, chosen = found.model, _fitted_forms(found)
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
         for _ in range(SETTLING):
-            model = asked.beside(model, chosen)
+            model = settings.calibrated(model, chosen)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
-            forms = [*forms_of(model, asked.prior, effects), *laws]
+            forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
             if unlike_linear(model, chosen, thetas, change) <= SETTLED:

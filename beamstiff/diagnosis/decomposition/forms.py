@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -125,7 +125,7 @@ def forms_of(
     skipped = {*prior.without, *_open_already(model), "outliers"}
     found: list[Form] = []
     absent = _no_links(model)
-    softness = _softness(model)
+    scales = _scales(model)
     for effect in EFFECTS.values():
         if effect.name in skipped or effect.name not in effects:
             continue
@@ -137,20 +137,19 @@ def forms_of(
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             likely = prior.expected(effect.name, component)
-            own = _weighed(model, effect.name, component, shapes, total, likely)
-            found += [replace(form, softness=softness) for form in own]
+            found += _weighed(model, effect.name, component, shapes, total, likely, scales)
     return found
 
 
-def _softness(model: OpenModel) -> float:
-    """Return by how much softer than a heavy robot a machine is whose drives do not say it: carrying less."""
+def _scales(model: OpenModel) -> tuple[float, float]:
+    """Return `compliance_scale` and `softness`: where no drive says them, what carries less is softer."""
     if turning_drives(model.given):
-        return 1.0
+        return 1.0, 1.0
     baseline, robot = model.baseline, model.baseline.nominal
     driven = [joint for joint in robot.joints if joint.variable is not None]
     axes = [axis_at(baseline, component_of(robot, joint)) for joint in driven]
     carried = max((axis.typical for axis in axes if axis.turns), default=HEAVY_TORQUE)
-    return float(np.clip(HEAVY_TORQUE / carried, 1.0, UNKNOWN_SCALE))
+    return UNKNOWN_SCALE, float(np.clip(HEAVY_TORQUE / carried, 1.0, UNKNOWN_SCALE))
 
 
 def _open_already(model: OpenModel) -> Iterable[str]:
@@ -192,6 +191,7 @@ def _weighed(
     shapes: Sequence[Shape],
     total: float,
     likely: float,
+    scales: tuple[float, float],
 ) -> Iterable[Form]:
     if not shapes:
         return []
@@ -200,9 +200,8 @@ def _weighed(
         np.concatenate([s.columns * z for s, z in zip(shapes, sizes, strict=True)], axis=-1)
     )
     parts = np.split(every, np.cumsum([z.size for z in sizes])[:-1], axis=1)
-    scale = 1.0 if turning_drives(model.given) else UNKNOWN_SCALE
     return [
-        Form(effect, component, shape, part, float(np.log(shape.weight / total)), likely, scale)
+        Form(effect, component, shape, part, float(np.log(shape.weight / total)), likely, *scales)
         for shape, part in zip(shapes, parts, strict=True)
         if np.abs(part).max(initial=0.0) > 0
     ]

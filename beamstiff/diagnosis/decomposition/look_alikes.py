@@ -27,7 +27,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_further_forms,
 )
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
-from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED, REVERSED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
@@ -86,11 +86,12 @@ def rival_of(
     form: dict[str, int] = {}
     before = held_out(without)
     most = min(len(cause), FORMS)
-    for value, number in best_first(choice, without):
+    holding = _holding(own)
+    for value, number in best_first(choice, without, holding):
         key = choice.forms[number].key
         if value > without.bic or len(best) > MOST_RIVALS:
             break
-        if key in form or _holds(key, own):
+        if key in form:
             continue
         other = with_further_forms(choice, fit_step(choice, (*others, number)), choice.of_cause[key], most)
         if gain(before, held_out(other)) > 0.0:
@@ -98,7 +99,7 @@ def rival_of(
     tempering = tempering_of(step, without)
     for number, found in replaced:
         key = choice.forms[number].key
-        if _holds(key, own):
+        if key in holding:
             continue
         best[key] = min(found.bic, best.get(key, np.inf))
         form.setdefault(key, number)
@@ -126,9 +127,9 @@ def rival_of(
     )
 
 
-def _holds(every: str, own: str) -> bool:
-    """Return whether a cause is of all joints at once, this one among them: were it better, it stood here."""
-    return every == ALL_REVERSED and own.partition(":")[0] == ALL_REVERSED.partition(":")[0]
+def _holding(key: str) -> set[str]:
+    """Return the cause of all joints that holds this one: no rival, were it better it stood here."""
+    return {ALL_REVERSED} if key.partition(":")[0] == REVERSED else set()
 
 
 def presence(step: Step, without: Step) -> float:
@@ -171,7 +172,7 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
     """Return what is selected in place of a cause of a fit, beside the others."""
     choice = folds.choice
     others = [number for number in step.chosen if choice.forms[number].key != key]
-    forbidden = {key, ALL_REVERSED} if _holds(ALL_REVERSED, key) else {key}
+    forbidden = {key, *_holding(key)}
     other = select(choice, folds.squared_errors, start=others, forbidden=forbidden, exchange=False)
     new = (choice.forms[number] for number in other.chosen if number not in others)
     keys = (key_of(UNMODELLED, None) if one.effect == UNMODELLED else one.key for one in new)

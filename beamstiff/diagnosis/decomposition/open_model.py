@@ -20,7 +20,7 @@ from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.decomposition.known import known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
-from beamstiff.diagnosis.residual.repeats import independent
+from beamstiff.diagnosis.residual.repeats import independent, repeated
 from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.camera import without_motion
@@ -107,6 +107,8 @@ class OpenModel:
     @cached_property
     def independent(self) -> float:
         """As how many the measured values count beside what is systematic in them."""
+        if not repeated(self.baseline):
+            return float(self.count)
         basis = orthonormal(self.tangent)
         left = self.residual - basis @ (basis.T @ self.residual)
         return independent(self.baseline, left[: self.count])

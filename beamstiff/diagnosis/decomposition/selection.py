@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.forms import REPEATED
-from beamstiff.diagnosis.inference.library import ALL_REVERSED
+from beamstiff.diagnosis.inference.library import ALL_REVERSED, REVERSED
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -148,8 +148,7 @@ def select(
 
 
 def _log_prior_of_reversed(choice: Choice, step: Step) -> float:
-    effect = ALL_REVERSED.partition(":")[0]
-    return prior_of(choice, [number for number in step.chosen if choice.forms[number].effect == effect])
+    return prior_of(choice, [number for number in step.chosen if choice.forms[number].effect == REVERSED])
 
 
 def _select(

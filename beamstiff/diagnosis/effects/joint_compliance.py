@@ -17,9 +17,8 @@ from beamstiff.robot.fields import RIGID
 
 SECTOR = 20.0  # deg, half a sector
 SECTORS = tuple(range(-180, 180, 30))
-TRAVEL = (
-    60.0  # deg, two sectors: over less a compliance that follows the angle is any, as is its zero beside it
-)
+# deg, two sectors: over less, a compliance that follows the angle may be of any size beside its zero
+TRAVEL = 60.0
 
 
 def _rigid_drives(baseline: Baseline) -> list[str]:

@@ -20,8 +20,9 @@ OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "
 NO_CAMERA = "no camera read these rows"
 FAINT = 0.1  # sigma a value, at the largest realistic size
 # weighed by `decomposition` alone; the last two are all drives at once
-DECOMPOSED = ("angle-curve", "approach-direction", "target-slip")
-ALL_DRIVES, ALL_REVERSED = "joint-compliance:null", "approach-direction:null"
+REVERSED = "approach-direction"
+DECOMPOSED = ("angle-curve", REVERSED, "target-slip")
+ALL_DRIVES, ALL_REVERSED = "joint-compliance:null", f"{REVERSED}:null"
 
 
 @dataclass(frozen=True, eq=False)

@@ -313,7 +313,7 @@ def _rival(
     scale: float,
     least: float,
 ) -> Rival:
-    # what is fitted to few rows by its simplest shape foretells more than it knows, and gives way afterwards
+    # a simplest shape that is fitted to few rows predicts more than it knows, and loses against others later
     freest = [max(shapes, key=lambda one: one.hypothesis.columns.shape[1])] if shapes else []
     sized = [[replace(one, magnitude=max(one.magnitude, least))] for one in freest]
     return Rival(key, probability, fitted(baseline, used, sized, scale)[0])

@@ -46,7 +46,7 @@ class Repeats:
 
 def repeats(baseline: Baseline) -> Repeats:
     """Return what the repeats among a baseline's rows say."""
-    group = states(baseline)
+    group = _groups(baseline)
     noise, drift = np.full(2, np.nan), np.full(2, np.nan)
     freedom, likely, steady = np.zeros(2, dtype=np.intp), np.ones(2), np.ones(2)
     for kind, some in enumerate((slice(0, 3), slice(3, 6))):
@@ -68,6 +68,11 @@ def repeats(baseline: Baseline) -> Repeats:
     return Repeats(noise, freedom, likely, drift, steady)
 
 
+def repeated(baseline: Baseline) -> bool:
+    """Return whether a state was read more than once."""
+    return bool(np.bincount(_groups(baseline)).max(initial=0) > 1)
+
+
 def independent(baseline: Baseline, left: Array) -> float:
     """Return as how many values those of the rows count, of which a fit leaves `left` (n,), whitened.
 
@@ -76,7 +81,7 @@ def independent(baseline: Baseline, left: Array) -> float:
     is m where all is noise, and one where all is systematic.
     """
     row, component = np.nonzero(baseline.used)
-    group = np.unique(6 * states(baseline)[row] + component, return_inverse=True)[1].reshape(-1)
+    group = np.unique(6 * _groups(baseline)[row] + component, return_inverse=True)[1].reshape(-1)
     count = np.bincount(group)
     if count.max() == 1 or (baseline.sharing >= 0).any():  # what rows share is weighed by the covariance
         return float(len(left))
@@ -88,7 +93,7 @@ def independent(baseline: Baseline, left: Array) -> float:
     return float((whole / (whole - parts * (1.0 - 1.0 / count))).sum())
 
 
-def states(baseline: Baseline) -> NDArray[np.intp]:
+def _groups(baseline: Baseline) -> NDArray[np.intp]:
     """Return the number of each row's state, (N,)."""
     rows = baseline.rows
     names = np.unique(np.concatenate([rows.point, rows.load_point]))

@@ -24,7 +24,7 @@ from beamstiff.se3 import Array
 
 MOST = 0.15  # of the rows
 ROUNDS = 6
-MAIN = 1e-6  # of the largest variance of what the shapes do together, below which the rest is left out
+MAIN = 1e-6  # of the largest variance of what the shapes do together, below which others are omitted
 SURE = 1e-3  # probability that any row of a sound table is flagged
 SOUND, BUT = 0.58, 2  # of the bound, within which all other rows lie but for so many, where some are mishaps
 SILENCE = 0.3  # of the noise claimed: claims are off by two at times, not by more
