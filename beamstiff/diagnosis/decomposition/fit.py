@@ -55,6 +55,8 @@ class Choice:
         Parameters that cannot be negative.
     largest : (C,) array
         That parameters can be, SI.
+    least : (C,) array
+        Likewise.
     groups : tuple of (int array (g,), int array (g, c), array (g, c, c))
         Forms with c columns each, where these stand, and their products with one another.
     open_count : int
@@ -84,6 +86,7 @@ class Choice:
     at: tuple[slice, ...]
     positive: NDArray[np.bool_]
     largest: Array
+    least: Array
     groups: tuple[tuple[Integers, Integers, Array], ...]
     open_count: int
     drives: int
@@ -220,6 +223,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
         np.concatenate([np.ones(drives, dtype=bool), *(form.positive for form in forms)]),
         np.array([np.inf] * drives + [LARGEST.get(item.unit, np.inf) for item in parameters]),
+        np.array([-np.inf] * drives + [item.least for item in parameters]),
         tuple(groups),
         basis.shape[1],
         drives,
@@ -249,6 +253,7 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     # a sign that was left out is a choice too: it costs as much
     determined = float(at.size - choice.precision[at] @ (root**2).sum(axis=1))
     free = _allowed(choice, chosen, at, ends, triangle, root, pull)
+    variance = (root**2).sum(axis=1)[free]
     drives, each = free[: choice.drives], np.split(free[choice.drives :], ends)[:-1]
     if not free.all():
         at, gram = at[free], gram[np.ix_(free, free)]
@@ -258,9 +263,16 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     squares = float(left @ left + choice.precision[at] @ theta**2)
     prior = prior_of(choice, chosen)
     value = float(bic(squares, choice.open_count + determined, choice.independent, prior))
-    if (np.abs(theta * choice.units[at]) > choice.largest[at]).any():
-        value = np.inf  # no machine is like that
+    if impossible(choice, at, theta, np.sqrt(variance * max(squares / max(choice.count, 1), 1.0))):
+        value = np.inf
     return Step(chosen, tuple(each), drives, choice, at, triangle, theta, squares, determined, value)
+
+
+def impossible(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:
+    """Return whether no machine is like that, (...), by parameters (..., c) of some columns."""
+    value, up = theta * choice.units[at], SURELY * std * choice.units[at]
+    wrong = (np.abs(value) > choice.largest[at]) | (value + up < choice.least[at])
+    return np.asarray(wrong.any(axis=-1))
 
 
 def prior_of(choice: Choice, chosen: Sequence[int]) -> float:

@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from beamstiff.diagnosis.decomposition.fit import DRIVES, SURELY, Choice, Step, bic, fit_step, prior_of
+from beamstiff.diagnosis.decomposition.fit import (
+    DRIVES,
+    SURELY,
+    Choice,
+    Step,
+    bic,
+    fit_step,
+    impossible,
+    prior_of,
+)
 from beamstiff.diagnosis.decomposition.forms import REPEATED
 from beamstiff.diagnosis.inference.library import ALL_REVERSED, REVERSED
 from beamstiff.measure.arrays import Integers
@@ -113,7 +122,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         std = np.sqrt(variance * np.maximum(squares / max(choice.count, 1), 1.0)[:, None])
         wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
-        wrong |= (np.abs(theta * choice.units[at]) > choice.largest[at]).any(axis=1)
+        wrong |= impossible(choice, at, theta, std)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.independent, known + log_prior[numbers])
         result[numbers] = np.where(wrong, np.inf, values)

@@ -29,6 +29,8 @@ class Quantity:
         Whether it is of the postures at hand alone: it says nothing of others, and is not told.
     within : pair of str, optional
         Of a compliance that couples two directions, the names of theirs: their product bounds its square.
+    least : float
+        What it cannot be less than, in `unit`: no payload weighs less than nothing.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Quantity:
     positive: bool = False
     posture_specific: bool = False
     within: tuple[str, str] | None = None
+    least: float = -np.inf
 
 
 Quantities = tuple[Quantity, ...]

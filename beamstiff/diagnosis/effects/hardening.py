@@ -11,6 +11,7 @@ from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term
 from beamstiff.diagnosis.effects.torque_laws import (
     axis_at,
     by_law,
+    by_power,
     drive_compliance,
     drives,
     torque_scale,
@@ -31,10 +32,10 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     scale = Quantity("softening_at_largest_torque", unit, 0.3 * give, positive=True)
 
     def cubic(torque: Array) -> Array:
-        return np.asarray(-((torque / largest) ** 3))
+        return -by_power(torque / largest, 3.0)
 
     def square(torque: Array) -> Array:
-        return np.asarray(-(torque / largest) * np.abs(torque / largest))
+        return -by_power(torque / largest, 2.0)
 
     def knee(torque: Array, at: float) -> Array:
         return np.clip(torque / (at * largest), -1.0, 1.0)

@@ -16,6 +16,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, named, stated_scale
 from beamstiff.diagnosis.effects.external import each_by_each, shift_alone, tool_axes, turn_alone
+from beamstiff.diagnosis.effects.torque_laws import by_power
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.measure.rows import history_order
 from beamstiff.se3 import Array
@@ -93,7 +94,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of(sided, gain, (by_side(base), named("gain_by_side", "1", GAIN)), weight=0.5),
         Shape.of(f"{sided}, axes of the tool", gain_tool, by_side_tool, weight=0.5),
         Shape("gain, and a share that does not grow", moved(np.stack([wrench, along], -1)), shares),
-        Shape("nonlinear", moved((wrench * share)[..., None]), (bent,)),
+        Shape("nonlinear", moved((largest * along * by_power(share, 2.0))[..., None]), (bent,)),
         Shape("tare", constant(base), named("tare", "N", TARE)),
         Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
     ]

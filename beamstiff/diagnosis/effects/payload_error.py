@@ -33,7 +33,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     held = replace(baseline.rows, point=tcp)  # whatever point is read
     place = nominal_pose(baseline.nominal, held)[0]
     further = off(axes)
-    mass = (response @ weight, (Quantity("mass", "kg", MASS),))
+    mass = (response @ weight, (Quantity("mass", "kg", MASS, least=-_carried(baseline.nominal)),))
     centre = (further, named("mass_times", "kg*m", MASS_MOMENT))
     shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", MASS_MOMENT) for a in "xyz" for b in "xyz")
     swung = (off(each_by_each(axes, np.broadcast_to(down, (len(axes), 3)))), shifts)
@@ -50,6 +50,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("something that pulls, as hoses do", centre, pull, pull_tool, weight=0.5),
         Shape.of(drawing, mass, centre, pull, drawn, weight=0.5),
     ]
+
+
+def _carried(robot: Robot) -> float:
+    """Return the mass that hangs on the TCP, no joint between, kg."""
+    held = {robot.tcp}
+    parts = [{*part.nodes} for parts in (robot.rigids, robot.beams) for part in parts]
+    for _ in parts:
+        held = held.union(*(ends for ends in parts if ends & held))
+    return sum(mass.mass for mass in robot.masses if mass.node in held)
 
 
 def _centre(robot: Robot) -> Array:

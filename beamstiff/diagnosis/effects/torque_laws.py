@@ -233,6 +233,16 @@ def load_scales(baseline: Baseline, fitted: Place) -> dict[str, float]:
     }
 
 
+def by_power(share: Array, power: float) -> Array:
+    """Return the slip under a share of the largest load that was fitted, by a power of it; odd.
+
+    Powers above 1 go on along their tangent beyond that load, where nobody has seen how the place gives.
+    """
+    size = np.abs(share)
+    seen = np.minimum(size, 1.0) if power > 1.0 else size
+    return np.asarray(np.sign(share) * (seen**power + power * (size - seen)))
+
+
 def by_contacts(
     baseline: Baseline,
     place: Place,
@@ -251,8 +261,7 @@ def by_contacts(
 
     def term(at: int, scale: float, quantities: Quantities) -> Term:
         def law(load: Array) -> Array:
-            share = load / scale
-            return np.asarray(np.sign(share) * np.abs(share) ** power)
+            return by_power(load / scale, power)
 
         own = slice(at, at + 3)
         slip = loaded_less_unloaded(baseline, place.load[:, own], place.dead[:, own], law)

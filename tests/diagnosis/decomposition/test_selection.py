@@ -118,6 +118,17 @@ def test_no_parameter_takes_a_sign_that_it_cannot_have() -> None:
     assert step.squares == pytest.approx(alone, rel=0.05)
 
 
+@pytest.mark.parametrize(("least", "possible"), [(-2.1, True), (-1.99, True), (-1.5, False)])
+def test_a_fit_that_wants_less_than_there_can_be_is_no_machine(least: float, possible: bool) -> None:
+    """-2 is wanted, known to 0.13: what is less than there can be by noise alone may be so."""
+    rng = np.random.default_rng(0)
+    column = rng.standard_normal((VALUES, 1))
+    residual = -2.0 * column[:, 0] + rng.standard_normal(VALUES)
+    made = choice_of(residual, form(column, Quantity("mass", "kg", 1.0, least=least)))
+    assert np.isfinite(fit_step(made, (0,)).bic) == possible
+    assert np.isfinite(with_each(made, fit_step(made, ()))[0][0]) == possible
+
+
 @pytest.mark.parametrize(("change", "known"), [(0.5, True), (-3.0, False)])
 def test_no_drive_gives_less_than_nothing(change: float, known: bool) -> None:
     rng = np.random.default_rng(2)

@@ -11,7 +11,7 @@ from beamstiff import load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.evidence import NoisePrior, evidence
 from beamstiff.diagnosis.inference.library import build_library
-from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
 from beamstiff.diagnosis.residual.whitened import whiten
 from tests.diagnosis.hypotheses import of_any_sign
 from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
@@ -131,3 +131,21 @@ def test_nothing_gives_way_against_its_load(effect: str, component: str | None, 
     )
     assert freely.hypotheses[0] > freely.unknown + 50
     assert found.hypotheses[0] < found.unknown
+
+
+@pytest.mark.parametrize("campaign", ["serial", "absolute"])
+@pytest.mark.parametrize("effect", NAMES)
+def test_beyond_the_loads_that_were_fitted_no_law_grows_faster_than_the_load(
+    effect: str, campaign: str, rows: dict[str, Baseline]
+) -> None:
+    fitted = rows[campaign]
+    # ten and twenty times the load; offsets and weight stay, so what doubles at most triples by no chance
+    ten, twenty = (at_rows(fitted, replace(fitted.rows, wrench=fitted.rows.wrench * k)) for k in (10, 20))
+    for component in EFFECTS[effect].components(fitted):
+        shapes = {one.name: one for one in EFFECTS[effect].shapes(ten, component) if not one.data_selected}
+        for further in EFFECTS[effect].shapes(twenty, component):
+            if further.name in shapes and further.columns.shape == shapes[further.name].columns.shape:
+                before, after = (
+                    np.abs(one.columns).max(axis=(0, 1)) for one in (shapes[further.name], further)
+                )
+                assert (after <= 3.0 * before + 1e-9 * after.max()).all(), further.name

@@ -55,6 +55,13 @@ def test_a_centre_of_gravity_further_off_sags_as_that_mass_there(axis: int, camp
     close(found, more(campaign, carrying(20.0, at)) / (20 * 0.05), 1e-3)
 
 
+def test_no_payload_weighs_less_than_nothing(campaign: Baseline) -> None:
+    for shape in EFFECTS["payload-error"].shapes(campaign, None):
+        least = {item.name: item.least for item in shape.parameters}
+        assert least.pop("mass", -20.0) == -20.0
+        assert set(least.values()) <= {-np.inf}
+
+
 def test_displacements_do_not_show_it() -> None:
     there = nominal(carrying(20.0), at_random(kr240(), 4, seed=2))
     assert EFFECTS["payload-error"].components(there) == []

@@ -67,9 +67,13 @@ def test_what_is_seen_before_the_flange_does_not_move() -> None:
     assert columns[1].any()
 
 
-def test_under_twice_the_load_a_seam_that_opens_gives_eight_times_as_much() -> None:
+# the largest load that was fitted, N and N m: beyond it the law goes on along its tangent, 3 x - 2 for x^3
+@pytest.mark.parametrize(("largest", "times"), [(1e4, 8.0), (1e-4, 2.0)])
+def test_under_twice_the_load_a_seam_gives_eight_times_as_much_as_far_as_it_was_seen(
+    largest: float, times: float
+) -> None:
     rows = at_random(kr240(), 6, seed=4)
-    stated = {"force": 1e3, "moment": 1e3}
+    stated = {"force": largest, "moment": largest}
     once, more = (
         shape_of(
             replace(nominal(kr240(), some), stated=stated),
@@ -79,4 +83,4 @@ def test_under_twice_the_load_a_seam_that_opens_gives_eight_times_as_much() -> N
         ).columns[..., 6:]
         for some in (rows, rows_of(kr240(), rows.q, 2 * rows.wrench))
     )
-    close(more, 8 * once)
+    close(more, times * once, 1e-6)
