@@ -28,7 +28,7 @@ from beamstiff.diagnosis.held_out.score import (
     shift,
 )
 from beamstiff.diagnosis.inference.component_subspaces import ComponentSubspace, component_subspaces
-from beamstiff.diagnosis.inference.evidence import NoisePrior, detection
+from beamstiff.diagnosis.inference.evidence import NoisePrior
 from beamstiff.diagnosis.inference.library import Library, build_library, by_candidate, seen_by
 from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
@@ -51,7 +51,6 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.stages import stage
 
-NULLS = 200  # simulated campaigns without an effect
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
 REPORTED = 8  # candidates whose held-out gap is computed
 RIVALS = 3  # candidates that the next measurements are to tell apart at least
@@ -164,9 +163,8 @@ def _weighed_one_by_one(library: Library, screened: Screened, prior: Prior, seed
     if not library.hypotheses:
         raise BeamstiffError("no effect is left that these rows could show: measure more, or leave out fewer")
     scales = noise_prior_of(screened.baseline)
-    chance = _chance(white, library, scales, seed)
     weighed = _weigh(screened, white, library, scales, prior)
-    return _diagnosis(weighed, chance, "outliers" not in prior.without, seed)
+    return _diagnosis(weighed, "outliers" not in prior.without, seed)
 
 
 def _weigh(
@@ -186,15 +184,7 @@ def _weigh(
     return Weighed(screened, linear, white, library, laws, found, scales)
 
 
-def _chance(white: Whitened, library: Library, scales: NoisePrior, seed: int) -> tuple[float, float]:
-    """Return the log odds of any effect, and the share of simulated campaigns without one that reach them."""
-    fixed = [one for one in library.hypotheses if not one.shape.data_selected] or library.hypotheses
-    nulls = np.random.default_rng(seed).standard_normal((white.gap.size, NULLS))
-    odds = detection(white, fixed, scales, np.concatenate([white.gap[:, None], nulls], axis=1))
-    return float(odds[0]), float((1 + (odds[1:] >= odds[0]).sum()) / (1 + NULLS))
-
-
-def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: bool, seed: int) -> Diagnosis:
+def _diagnosis(weighed: Weighed, may_be_outliers: bool, seed: int) -> Diagnosis:
     screened, linear, white, found = weighed.screened, weighed.linear, weighed.white, weighed.found
     used, outlying = screened.used, screened.outliers
     best, pair = found.named[0], found.pairs[0] if found.pairs else None
@@ -212,7 +202,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
     if pair is not None and both is not None and _each_posture_its_own(pair):
         single = held_out(linear, used, [found.shapes[best]], scale, seed, by_load=True)
         by_load = single, held_out(linear, used, pair.shapes, scale, seed, by_load=True)
-    judged = judge(found, white.freedom, chance[1], odd_rows, shrinks[best], both, may_be_outliers, by_load)
+    judged = judge(found, white.freedom, odd_rows, shrinks[best], both, may_be_outliers, by_load)
     alone = None
     if judged.also not in (None, OUTLIERS):
         alone = {
@@ -270,7 +260,7 @@ def _diagnosis(weighed: Weighed, chance: tuple[float, float], may_be_outliers: b
         first=alone[judged.verdict] if alone else None,
         where=where(screened.baseline, used, shares(attributed, white, scale, causes, seed)),
         next=as_plain(test_plan),
-        features=_features(weighed, chance, judged, both, shrinks[best], scale),
+        features=_features(weighed, judged, both, shrinks[best], scale),
     )
 
 
@@ -324,7 +314,6 @@ def _in_fit(cause: Candidate, fit: Fitted) -> Candidate:
 
 def _features(
     weighed: Weighed,
-    chance: tuple[float, float],
     judged: Judged,
     both: HeldOutError | None,
     first: HeldOutError,
@@ -332,26 +321,19 @@ def _features(
 ) -> dict[str, float]:
     """Return what the verdict rests on, as numbers."""
     found, screened = weighed.found, weighed.screened
-    best, pair = found.named[0], found.pairs[0] if found.pairs else None
-    weight = found.log_weight[best]
+    best = found.named[0]
+    named = judged.features
+    parts = {"none": named.none, "two": named.two, "unknown": named.unknown, "of_two": named.unknown_of_two}
     return {
+        **{f"{part}_{name}": value for part, terms in parts.items() for name, value in terms.items()},
         "misfit": first.misfit if judged.also in (None, OUTLIERS) or both is None else both.misfit,
-        "log_odds": chance[0],
-        "chance": chance[1],
-        "none": found.log_weight[NONE] - weight,
-        "unknown": found.log_weight[UNKNOWN] - weight,
-        "left": found.residual_fraction[best],
-        "free": max(found.free.values(), default=-np.inf) - weight,
+        "unknown": found.log_weight[UNKNOWN] - found.log_weight[best],
         "shrink": first.shrink,
         "scale": scale,
         "outliers": float(screened.outliers.size),
         "outlier_strength": screened.strength,
         "noise_position": float(screened.noise[0]),
         "noise_rotation": float(screened.noise[1]),
-        "pair": pair.log_weight - weight if pair else -np.inf,
-        "pair_left": pair.residual_fraction if pair else np.nan,
-        "pair_after": both.after if both else np.nan,
-        "single_after": first.after,
     }
 
 

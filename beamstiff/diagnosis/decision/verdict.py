@@ -1,57 +1,31 @@
 """From evidence to a verdict: honest probabilities, what is indistinguishable, a second cause.
 
-Evidence takes its shapes for true, and no real drive or link has exactly the shape of a library: a truth
-that is off by a share of its own size shifts log odds by an amount that grows with the evidence itself. Log
-odds between effects are therefore divided by ``1 + E / TEMPERING``, E the log odds of the best against the
-unknown, and more where values are few; those between pairs, which are free enough to show by what they leave
-how far off they are, by ``1 + sqrt(E residual_fraction)``. The residual that a cause leaves to the
-unknown, the fraction it explains on held-out postures, and how far the subspaces of the components explain
-more than it does, decide between it and `unknown`.
-
-The constants are those of simulated campaigns (`beamstiff exam`) on seeds of their own, which are not
-reported.
+How probable it is that there is no cause, one, two or an unknown one is said by `classifier`. Log odds
+between effects are divided by ``1 + E / TEMPERING``, E the log odds of the best against the unknown, and more
+where values are few (`tempering`); those between pairs, which are free enough to show by what they leave how
+far off they are, by ``1 + sqrt(E residual_fraction)``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from beamstiff.diagnosis.decision.classifier import Coefficients, Features, features_of, shares_of
 from beamstiff.diagnosis.decision.tempering import divisor_of, tempered
 from beamstiff.diagnosis.held_out.score import HeldOutError
-from beamstiff.diagnosis.inference.component_subspaces import OF_POSTURES
-from beamstiff.diagnosis.inference.evidence import logsumexp
-from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search
 
-# log odds that a cause is real: of its share left to the unknown, of the share of its evidence that free laws
-# of the places have, and of its worth on held-out postures
-REAL, LEFT, FREE, WORTH = 2.2, 1.25, 6.8, 2.6
-BEHIND = 20.0  # log odds that are added to both evidences
-APART = 0.7  # share below which free laws do not speak for a cause any more
-FEW = 60  # values less fitted ones, below which nothing can be called unknown
-SCARCE, OPEN = 30, -0.7  # and below which the unknown keeps at least these log odds: nothing is sure
-LEAST_LOG_ODDS_NONE, PER_ODDS = 0.2, 10.0  # log odds of none that so few values allow: one for so many more
-FAINT, BARE = 15.0, 0.3  # log odds against none below which a cause has to be worth this share as well
-CAUTION = 2.0  # log odds that any effect needs before it is as likely as none
-CHANCE = 0.01  # share of simulated campaigns without an effect that look as if they had one
+SECOND = 8.0  # log odds of a second cause, from which it is weighed on held-out postures
 SURE = 0.92  # probability of the verdict with what cannot be told from it
-SLIGHT = 0.1  # share of the verdict's own from which a cause cannot be told from it
-BY_FAR = 5.0  # log odds, by which what is another in every posture has to be better than a cause
-BESIDE = 0.05  # probability from which a cause may be one of two instead of those that are named
-DOUBTED = 0.06  # probability of the unknown from which a set holds it
-SECOND = 8.0  # log odds of a second cause
-STILL_OPEN = 1.03  # of the noise, which the first must leave on held-out postures for a second to close
-SECOND_WORTH = 0.75  # share of that which both must close
-SECOND_LEFT = 0.33  # share of the gap that both leave to the unknown
-LITTLE = 0.1  # share that leaves nothing to it
-INSTEAD = 25.0  # log odds of two causes instead of the likeliest by itself, where they leave nothing
-EVIDENT, KNOWN = 50.0, 0.9  # log odds and worth of a second cause that leaves nothing, of what is known
-HALVED = 0.5  # share of what the first leaves of that, which both may leave
-CLEAR = 0.72  # probability that a second cause needs among those that could be it
-FIRST_CLEAR = 0.85  # and the first of two, to be named alone
+# share of the verdict's own from which a cause cannot be told from it, and probability from which the
+# unknown, or another cause of two, is one of a set
+SLIGHT = (
+    0.15  # at 0.1 a set has 1.9 members in the mean of the study, at 0.15 1.7, and holds the truth as often
+)
+CLEAR = 0.72  # probability that each of two causes needs among those that could be it
 DISTINCT, SEVERAL = 1.3, 3  # outliers: strength to be named, and number beside a cause
 GROSS = 10.0  # strength from which fewer are named beside it
 SEEN = 0.9  # probability of outliers beside a cause
@@ -73,6 +47,8 @@ class Judged:
     unclear : tuple of str
         What a second cause could be, where there is one and it is not clear which; of a verdict that is
         unknown, what two causes could be.
+    features : Features
+        What the probabilities rest on.
     """
 
     probabilities: dict[str, float]
@@ -81,98 +57,18 @@ class Judged:
     also: str | None = None
     also_probability: float = 0.0
     unclear: tuple[str, ...] = ()
-
-
-def doubt(residual_fraction: float, free: float, explained_fraction: float) -> float:
-    """Return the log odds of the unknown against a cause.
-
-    Parameters
-    ----------
-    residual_fraction : float
-        Share of the gap's size that it leaves to the unknown.
-    free : float
-        Share of its evidence that the best free law of a place has.
-    explained_fraction : float
-        The share of the gap that it closes on held-out postures.
-    """
-    left = min(residual_fraction, 1.0)  # of a gap that is rounding it can be anything
-    return LEFT * float(np.log(left + 0.01)) + FREE * free - WORTH * explained_fraction - REAL
-
-
-def share_of_subspaces(search: Search, log_weight: float) -> float:
-    """Return the share of a cause's evidence that the best free law of a place has."""
-    nothing = search.log_weight[NONE]
-    free = max(search.free.values(), default=-np.inf) - nothing + BEHIND
-    return float(np.clip(free / (max(log_weight - nothing, 0.0) + BEHIND), APART, 2.0))
-
-
-def odds_of_unmodelled(search: Search, log_weight: float) -> float:
-    """Return the log odds that some place follows a law outside the library, against a cause.
-
-    Divided as those between causes are. Play of the structure looks like a soft place that stiffens, a drive
-    that creeps like one with friction, and each is another repair. What is another in every posture holds
-    every law that follows the posture, and so counts only where it is the better one by far.
-    """
-    unmodelled = max(
-        (
-            weight
-            for (_, does), weight in search.unmodelled.items()
-            if does not in OF_POSTURES or weight > log_weight + BY_FAR
-        ),
-        default=-np.inf,
-    )
-    evidence = log_weight - search.log_weight[NONE]
-    return float((unmodelled - log_weight) / divisor_of(evidence))
-
-
-def accepted(
-    pair: Pair | None,
-    search: Search,
-    single: HeldOutError,
-    both: HeldOutError | None,
-    by_load: tuple[HeldOutError, HeldOutError] | None = None,
-) -> bool:
-    """Return whether there are two causes.
-
-    Beside the likeliest a second one has evidence, and closes what the first leaves on unseen postures. Where
-    each posture has something to itself it closes what is known of them, or what the first leaves of unseen
-    loads there. Two others instead of it, a flexible one that stood in for both, leave nothing and are worth
-    no less.
-    """
-    if pair is None or both is None:
-        return False
-    best = search.named[0]
-    ahead = pair.log_weight - search.log_weight[best]
-    whole = pair.residual_fraction <= LITTLE and both.misfit <= single.misfit
-    if whole and ahead >= INSTEAD and best not in (pair.first, pair.second):
-        return True
-    if single.misfit < STILL_OPEN or pair.residual_fraction > SECOND_LEFT or ahead < SECOND:
-        return False
-    known = both.explained_fraction >= KNOWN and 1.0 - both.explained_fraction <= HALVED * (
-        1.0 - single.explained_fraction
-    )
-    if whole and ahead >= EVIDENT and known:
-        return True
-    of_loads = (
-        by_load is not None and pair.residual_fraction <= LITTLE and ahead >= EVIDENT and _closes(*by_load)
-    )
-    return of_loads or _closes(single, both)
-
-
-def _closes(single: HeldOutError, both: HeldOutError) -> bool:
-    """Return whether a second cause closes most of what the first leaves."""
-    return both.misfit**2 - 1.0 <= (1.0 - SECOND_WORTH) * (single.misfit**2 - 1.0)
+    features: Features = field(default=Features({}, {}, {}, {}))
 
 
 def judge(
     search: Search,
     freedom: int,
-    chance: float,
     outliers: tuple[int, float, bool],
     single: HeldOutError,
     both: HeldOutError | None,
     may_be_outliers: bool = True,
     by_load: tuple[HeldOutError, HeldOutError] | None = None,
+    coefficients: Coefficients | None = None,
 ) -> Judged:
     """Return the verdict.
 
@@ -181,8 +77,6 @@ def judge(
     search : Search
     freedom : int
         Values less fitted parameters.
-    chance : float
-        Share of simulated campaigns without an effect that look as much as if they had one.
     outliers : (int, float, bool)
         How many rows were left out that nothing explains, their strength, and whether they are isolated
         (`Screened`).
@@ -192,67 +86,34 @@ def judge(
         Whether rows that nothing explains may be called wrong; else they are what is unknown.
     by_load : (HeldOutError, HeldOutError), optional
         The worth of both on held-out loads, where the pair has something to itself in each posture.
+    coefficients : dict of str to dict of str to float, optional
+        Of the classifier; default those of its file.
     """
-    named = search.named
-    odd_rows = outliers[0] > 0 and outliers[1] >= DISTINCT
-    nothing = OUTLIERS if odd_rows and may_be_outliers else NONE
-    best = named[0]
+    features = features_of(search, freedom, single, both, by_load)
+    found = shares_of(features, coefficients)
+    best = search.named[0]
     evidence = search.log_weight[best] - search.log_weight[UNKNOWN]
-    effects = tempered({key: search.log_weight[key] for key in named}, divisor_of(evidence, freedom))
-    total = float(logsumexp(np.array([search.log_weight[key] for key in named])))
-    log_odds_none = search.log_weight[NONE] - total  # log odds of nothing against any effect
-    evidence_of_any = -log_odds_none
-    log_odds_none += CAUTION
-    if evidence_of_any < FAINT:
-        log_odds_none += 3.0 * max(0.0, 1.0 - single.explained_fraction / BARE)
-    if chance > CHANCE:
-        log_odds_none = max(log_odds_none, np.log(chance / CHANCE))
-    pair = search.pairs[0] if search.pairs else None
-    two = accepted(pair, search, single, both, by_load)
-    left, explained_fraction, weight = (
-        search.residual_fraction[best],
-        single.explained_fraction,
-        search.log_weight[best],
-    )
-    if two and pair is not None and both is not None:
-        explained_fraction = (
-            max(both.explained_fraction, by_load[1].explained_fraction)
-            if by_load is not None
-            else both.explained_fraction
-        )
-        left, weight = pair.residual_fraction, pair.log_weight
-    log_odds_unknown = doubt(left, share_of_subspaces(search, weight), explained_fraction)
-    log_odds_unknown = float(np.logaddexp(log_odds_unknown, odds_of_unmodelled(search, weight)))
-    if freedom < FEW:
-        log_odds_unknown = min(log_odds_unknown, search.log_weight[UNKNOWN] - total, -1.0)
-    if freedom < SCARCE:  # nothing may show because nothing could
-        log_odds_unknown, log_odds_none = (
-            max(log_odds_unknown, OPEN),
-            min(log_odds_none, LEAST_LOG_ODDS_NONE + freedom / PER_ODDS),
-        )
-    logs = {
-        NONE: -np.inf,
-        nothing: log_odds_none,
-        UNKNOWN: min(
-            log_odds_unknown, log_odds_unknown - log_odds_none if log_odds_none > 0 else log_odds_unknown
-        ),
-    }
-    if odd_rows and not may_be_outliers:
-        logs = {NONE: -np.inf, UNKNOWN: float(np.logaddexp(logs[UNKNOWN], log_odds_none))}
-    whole = logsumexp(np.array([0.0, *logs.values()]))
-    shares = {key: float(np.exp(value - whole)) for key, value in logs.items()}
-    real = float(np.exp(-whole))
-    if two and pair is not None:
-        return _two(search, pair, effects, shares, real)
+    effects = tempered({key: search.log_weight[key] for key in search.named}, divisor_of(evidence, freedom))
+    odd_rows = outliers[0] > 0 and outliers[1] >= DISTINCT
+    shares = {NONE: found.none, UNKNOWN: found.unknown}
+    if odd_rows:  # rows that nothing explains are what there is, where there is nothing else
+        shares[NONE] = 0.0
+        what = OUTLIERS if may_be_outliers else UNKNOWN
+        shares[what] = shares.get(what, 0.0) + found.none
+    real = found.one + found.two
+    if found.two > found.one:
+        return replace(_two(search, effects, shares, real), features=features)
     probabilities = {key: real * share for key, share in effects.items()} | shares
-    if real >= max(shares.values()):
-        verdict = max(effects, key=effects.__getitem__)
+    likeliest = max(effects, key=effects.__getitem__)
+    alike = _set(effects, likeliest)
+    # of few values causes are many and none of them is likely
+    if sum(probabilities[key] for key in (likeliest, *alike)) >= max(shares.values()):
         wrong = odd_rows and (outliers[0] >= SEVERAL or outliers[1] >= GROSS) and outliers[2]
-        also = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
-        doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED or (wrong and not may_be_outliers) else ()
-        return Judged(probabilities, verdict, _set(effects, verdict) + doubted, *also)
-    rivals = tuple(key for key in named if probabilities[key] >= DOUBTED)
-    return Judged(probabilities, max(shares, key=shares.__getitem__), rivals)
+        also, seen = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
+        doubted = (UNKNOWN,) if shares[UNKNOWN] >= SLIGHT or (wrong and not may_be_outliers) else ()
+        return Judged(probabilities, likeliest, alike + doubted, also, seen, features=features)
+    rivals = tuple(key for key in search.named if probabilities[key] >= SLIGHT)
+    return Judged(probabilities, max(shares, key=shares.__getitem__), rivals, features=features)
 
 
 def larger_first(judged: Judged, closes: Mapping[str, float]) -> Judged:
@@ -277,9 +138,8 @@ def _set(effects: Mapping[str, float], verdict: str) -> tuple[str, ...]:
     return tuple(rest)
 
 
-def _two(
-    search: Search, pair: Pair, effects: Mapping[str, float], shares: dict[str, float], real: float
-) -> Judged:
+def _two(search: Search, effects: Mapping[str, float], shares: dict[str, float], real: float) -> Judged:
+    pair = search.pairs[0]
     names = {f"{k}": one for k, one in enumerate(search.pairs)}
     evidence = pair.log_weight - search.log_weight[UNKNOWN]
     divisor = 1.0 + float(np.sqrt(max(evidence, 0.0) * pair.residual_fraction))
@@ -294,8 +154,8 @@ def _two(
     others = [
         key for key in sorted(member, key=member.__getitem__, reverse=True) if key not in (first, second)
     ]
-    kept = tuple(key for key in others if member[key] > BESIDE)[:MOST]
-    unsure = member[second] < CLEAR and member[first] < FIRST_CLEAR
+    kept = tuple(key for key in others if member[key] >= SLIGHT)[:MOST]
+    unsure = max(member[first], member[second]) < CLEAR
     doubtful = real < max(shares.values())
     if unsure:  # what is sure of neither is no cause that has a name
         shares = shares | {UNKNOWN: shares[UNKNOWN] + real * (1.0 - member[first])}
@@ -307,9 +167,9 @@ def _two(
     if doubtful or unsure:
         unclear = (first, second, *kept)[:MOST] if not doubtful else ()
         possible = sorted(effects, key=probabilities.__getitem__, reverse=True)
-        rivals = tuple(key for key in possible if probabilities[key] >= DOUBTED)
+        rivals = tuple(key for key in possible if probabilities[key] >= SLIGHT)
         return Judged(probabilities, max(shares, key=shares.__getitem__), rivals, unclear=unclear)
-    doubted = (UNKNOWN,) if shares[UNKNOWN] >= DOUBTED else ()
+    doubted = (UNKNOWN,) if shares[UNKNOWN] >= SLIGHT else ()
     if member[second] < CLEAR:
         return Judged(probabilities, first, doubted, unclear=(second, *kept)[:MOST])
     return Judged(probabilities, first, kept + doubted, second, real * min(member[second], 1.0))

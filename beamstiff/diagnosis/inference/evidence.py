@@ -161,16 +161,6 @@ def evidence(
     )
 
 
-def detection(white: Whitened, hypotheses: Sequence[Hypothesis], scales: NoisePrior, gaps: Array) -> Array:
-    """Return the log odds of any effect against none for gaps (n, d), (d,), each shape taken as exact."""
-    spread = np.array([one.shape.prior_factor for one in hypotheses])
-    (logs,) = _log_densities(white, stacks_of(hypotheses), spread, scales, np.zeros(1), gaps)
-    prior = np.log([one.prior for one in hypotheses])
-    some = logsumexp(logs[1:], axis=1) - np.log(MAGNITUDES.size)  # (H, d)
-    result: Array = logsumexp(some + prior[:, None], axis=0) - logs[0, 0]
-    return result
-
-
 def _share_weights(size: Array, shares: Array) -> Array:
     """Return the prior of the shares of the unknown beside an effect of some size, (R, ...)."""
     off = np.exp(-0.5 * (np.log(shares[1:, None, None] / (AMISS * size)) / np.log(FACTOR)) ** 2)
