@@ -26,7 +26,7 @@ from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.evidence import logsumexp
 from beamstiff.diagnosis.inference.search import NONE, PRIOR, Search
 
-FEWEST = 25  # values of the smallest campaign that it was fitted to: the fewer below it, the more the prior says
+FEWEST = 25  # values of the smallest campaigns that it was fitted to: of fewer the prior says the rest
 EXCESS = 0.02  # of the noise's square, below which what is left over it is chance
 FEW = 60  # values less fitted ones m, of which what is left to the unknown says nothing
 
