@@ -37,11 +37,11 @@ FOLLOWS = 0.9  # correlation with what statics says, from which the sign of a jo
 STILL = 1e-3  # of the largest torque, below which what a joint holds does not change
 FINEST = 2e-3  # of what a joint holds: no torque is read to better, nor are weights known
 WEIGHT = 0.2  # standard deviation of the weights that a robot file states, as a share
-SPRING, FRICTION = 0.5, 0.05  # realistic shares, of a balancer and of friction, of what a joint holds
+SPRING = 0.5  # realistic share of a balancer, of what a joint holds
+PLAIN = 4.0  # standard deviations from which friction shows
 BESIDE_EFFECTS = "measured torques are not used: what the robot's effects make of them is not known"
 BALANCER = "gravity-compensator"
-# of what no effect of the positions is called: all links' weight by one factor, a link's, friction
-LIKELY = {"weights": 0.2, "weight": 0.1, "friction": 0.5}
+LIKELY = {"weights": 0.2, "weight": 0.1}  # of the weight of all links by one factor, of what hangs on a frame
 ROUNDS = 3  # of weighing the joints by their noise
 FEW = 6  # most parameters of a form
 SURE = 0.5  # probability from which it is said
@@ -205,21 +205,16 @@ def _candidates(
     level = EFFECTS[BALANCER].components(baseline)
     for at in np.unique(read.joint).tolist():
         name = rows.variables[at]
-        own = np.zeros((*read.statics.shape, 4))
         if name in level:
             turn = rows.q[:, at][:, None] * np.array([1, 2])
+            own = np.zeros((*read.statics.shape, 4))
             own[:, at] = np.concatenate([np.sin(turn), np.cos(turn)], axis=1)[:, [0, 2, 1, 3]]
-            waves = ("sine", "cosine", "sine_2", "cosine_2")
-            forms = [scaled("once a turn", own[..., :2], SPRING, *waves[:2])]
-            yield (
-                key_of(BALANCER, name),
-                [*forms, scaled("twice a turn", own, SPRING, *waves)],
-            )
-        way = last_direction(rows, name)
-        if len(np.unique(way[read.row[read.joint == at]])) > 1:
-            own[:, at, 0], own[:, at, 1] = way, way * np.abs(read.statics[:, at])
-            forms = [scaled("steady", own[..., :1], FRICTION, "friction")]
-            yield f"friction:{name}", [*forms, scaled("grows", own[..., :2], FRICTION, "friction", "share")]
+            once, twice = ("sine", "cosine"), ("sine_2", "cosine_2")
+            springs = [
+                scaled("once", own[..., :2], SPRING, *once),
+                scaled("twice", own, SPRING, *once, *twice),
+            ]
+            yield key_of(BALANCER, name), springs
 
 
 def _of_effect(baseline: Baseline, read: _Readings, effect: str, point: Names) -> list[_Form]:
@@ -251,7 +246,12 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
     rows, joints = baseline.rows, np.unique(read.joint)
     some = {name: [one for one in forms if one.columns.any()] for name, forms in every.items()}
     forms = {name: own for name, own in some.items() if own}
-    value, beside, columns, sigma = _stacked(rows, read, forms)
+    zero = np.unique(np.column_stack([read.joint, rows.run[read.row]]), axis=0, return_inverse=True)[1]
+    zeros = np.eye(zero.max() + 1)[zero.reshape(-1)]
+    own = (read.joint[:, None] == joints).astype(np.float64)
+    way = np.stack([last_direction(rows, name) for name in rows.variables], axis=1)
+    nuisance = np.hstack([zeros, own * read.of(way)[:, None], own * read.of(read.statics)[:, None]])
+    value, beside, columns, sigma = _stacked(read, nuisance, forms)
     likely = {name: LIKELY.get(name.partition(":")[0]) or _expected(prior, name) for name in forms}
     odds = probabilities(value, beside, columns, likely)
     alone = {name: min(score(value, np.hstack([beside, one])) for one in columns[name]) for name in odds}
@@ -271,8 +271,8 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
         for other in (one for one in odds if one.startswith("weight")):
             if (name in chosen) != (other in chosen):  # another weight of what the joint turns looks alike
                 better = 0.5 * (score(value, causes) - score(value, fitted(chosen ^ {name, other})[0]))
-                way = (-better if name in chosen else better) / TEMPERING
-                instead = float(expit(way + logit(likely[name]) - logit(likely[other])))
+                toward = (-better if name in chosen else better) / TEMPERING
+                instead = float(expit(toward + logit(likely[name]) - logit(likely[other])))
                 odds[name] = (min if name in chosen else max)(odds[name], instead)
     kinds = variable_kinds(baseline.nominal)
     units = ["N*m" if kinds[name] == "angle" else "N" for name in rows.variables]
@@ -288,40 +288,44 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
         part = slice(first, first := first + len(form.sizes))
         theta = (inverse[part] @ value) * form.sizes
         text = _text(name, form, theta, np.linalg.norm(inverse[part], axis=1) * form.sizes)
-        own = notes if name.startswith("friction") else doubts
-        own.append(f"measured torques: {text} ({100 * odds[name]:.0f} %)")
+        doubts.append(f"measured torques: {text} ({100 * odds[name]:.0f} %)")
     for name in odds.keys() - chosen if any(one.startswith("weight") for one in chosen) else ():
         if name.startswith(BALANCER) and odds[name] > likely[name]:
             text = f"a balancer at {name.partition(':')[2]} instead looks alike ({100 * odds[name]:.0f} %)"
             doubts.append(f"measured torques: {text}")
     if doubts:
         start = "measured torques are not those of the stated weights and loads: they differ by (RMS)"
-        raw = beside[:, : beside.shape[1] - len(joints)]  # no gain
+        raw = beside[:, : zeros.shape[1]]
         doubts.insert(0, f"{start} {differences(raw)}; with what follows by {differences(causes)}")
     else:
         notes.append(f"measured torques agree with weights and loads to (RMS) {differences(causes)}")
-    return Said(dict(_given(baseline, odds, columns, beside, prior)), tuple(doubts), tuple(notes))
+    given, rubs = dict(_given(baseline, odds, columns, beside, prior)), list[str]()
+    for joint, row in zip(joints.tolist(), inverse[zeros.shape[1] :][: len(joints)], strict=True):
+        name, friction = rows.variables[joint], abs(float(row @ value))
+        if friction > PLAIN * np.linalg.norm(row):
+            rubs.append(f"{name} {friction:.3g} {units[joint]}")
+            motions = [key for one in MOTIONS if (key := f"{one}:{name}") in _there(baseline)]
+            given |= {key: MOVES for key in motions if _expected(prior, key) < MOVES}
+    if rubs:
+        notes.append(f"measured torques: friction by the direction of the last motion, {listed(rubs, 12)}")
+    return Said(given, tuple(doubts), tuple(notes))
 
 
 def _stacked(
-    rows: Measurements, read: _Readings, forms: Mapping[str, Sequence[_Form]]
+    read: _Readings, nuisance: Array, forms: Mapping[str, Sequence[_Form]]
 ) -> tuple[Array, Array, dict[str, list[Array]], Array]:
     """Return readings, nuisance and forms in units of the noise, (M + k, ...), and the noise (M,).
 
-    Below the readings stands what is known of the gains and of the weights that are stated; and last what
-    readings lack that are fitted to better than sensors are.
+    Below the readings stands what is known of gains, the last columns of the nuisance, and of the weights
+    that are stated; and last what readings lack that are fitted to better than sensors are.
     """
-    joints = np.unique(read.joint)
-    zero = np.unique(np.column_stack([read.joint, rows.run[read.row]]), axis=0, return_inverse=True)[1]
-    zeros = np.eye(zero.max() + 1)[zero.reshape(-1)]
-    gains = (read.joint[:, None] == joints) * read.of(read.statics)[:, None]
-    nuisance = np.hstack([zeros, gains])
     sigma = _noise(read, nuisance, np.hstack([own[-1].columns for own in forms.values()]))
-    below = np.zeros((len(joints) + FEW * len(forms) + 1, nuisance.shape[1]))
-    below[: len(joints), zeros.shape[1] :] = np.eye(len(joints)) / GAIN
+    gains = len(np.unique(read.joint))
+    below = np.zeros((gains + FEW * len(forms) + 1, nuisance.shape[1]))
+    below[:gains, -gains:] = np.eye(gains) / GAIN
     columns: dict[str, list[Array]] = {}
     for at, (name, own) in enumerate(forms.items()):
-        first = len(joints) + FEW * at
+        first = gains + FEW * at
         for form in own:
             known = np.zeros((len(below), len(form.sizes)))
             if form.stated:  # evidence is tempered, what is known is not
@@ -363,6 +367,10 @@ def _expected(prior: Prior, name: str) -> float:
     return prior.expected(effect, None if where == "null" else where)
 
 
+def _there(baseline: Baseline) -> set[str]:
+    return {key_of(one.name, at) for one in EFFECTS.values() for at in one.components(baseline)}
+
+
 def _given(
     baseline: Baseline,
     odds: Mapping[str, float],
@@ -371,18 +379,11 @@ def _given(
     prior: Prior,
 ) -> Iterator[tuple[str, float]]:
     """Yield how likely effects are of which the torques can say it."""
-    there = {key_of(one.name, at) for one in EFFECTS.values() for at in one.components(baseline)}
-    for name, share in odds.items():
-        kind, _, where = name.partition(":")
-        if name in there:
-            # what would not show at a usual size is as likely as before
-            shows = max((_left(part, beside) ** 2).sum() for one in columns[name] for part in one.T)
-            least = SLIGHT if shows > 2.0 * TEMPERING * np.log(len(beside)) else _expected(prior, name)
-            yield name, float(np.clip(share, min(least, 1.0 - SLIGHT), 1.0 - SLIGHT))
-        elif kind == "friction" and share > SURE:
-            for motion in MOTIONS:
-                if (key := f"{motion}:{where}") in there and _expected(prior, key) < MOVES:
-                    yield key, MOVES
+    for name in odds.keys() & _there(baseline):
+        # what would not show at a usual size is as likely as before
+        shows = max((_left(part, beside) ** 2).sum() for one in columns[name] for part in one.T)
+        least = SLIGHT if shows > 2.0 * TEMPERING * np.log(len(beside)) else _expected(prior, name)
+        yield name, float(np.clip(odds[name], min(least, 1.0 - SLIGHT), 1.0 - SLIGHT))
 
 
 def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
@@ -403,8 +404,6 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
         return f"all links weigh {100 * theta[0]:+.0f} % of what the robot file states"
     if kind == "weight":
         return f"what hangs on frame {where} has another mass or centre than the robot file states"
-    if kind == "friction":
-        return f"friction of {where}"
     if kind == "load-error":
         return f"load-error, the loads are not as stated: {form.name}"
     return f"{kind} at {where}, a balancer of some {np.hypot(*theta[:2]):.3g} N*m, or so other a weight"
