@@ -299,12 +299,13 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
         doubts.insert(0, f"{start} {differences(raw)}; with what follows by {differences(causes)}")
     else:
         notes.append(f"measured torques agree with weights and loads to (RMS) {differences(causes)}")
-    given, rubs = dict(_given(baseline, odds, columns, beside, prior)), list[str]()
+    there = {key_of(one.name, at) for one in EFFECTS.values() for at in one.components(baseline)}
+    given, rubs = dict(_given(there, odds, columns, beside, prior)), list[str]()
     for joint, row in zip(joints.tolist(), inverse[zeros.shape[1] :][: len(joints)], strict=True):
         name, friction = rows.variables[joint], abs(float(row @ value))
         if friction > PLAIN * np.linalg.norm(row):
             rubs.append(f"{name} {friction:.3g} {units[joint]}")
-            motions = [key for one in MOTIONS if (key := f"{one}:{name}") in _there(baseline)]
+            motions = [key for one in MOTIONS if (key := f"{one}:{name}") in there]
             given |= {key: MOVES for key in motions if _expected(prior, key) < MOVES}
     if rubs:
         notes.append(f"measured torques: friction by the direction of the last motion, {listed(rubs, 12)}")
@@ -367,19 +368,15 @@ def _expected(prior: Prior, name: str) -> float:
     return prior.expected(effect, None if where == "null" else where)
 
 
-def _there(baseline: Baseline) -> set[str]:
-    return {key_of(one.name, at) for one in EFFECTS.values() for at in one.components(baseline)}
-
-
 def _given(
-    baseline: Baseline,
+    there: set[str],
     odds: Mapping[str, float],
     columns: Mapping[str, Sequence[Array]],
     beside: Array,
     prior: Prior,
 ) -> Iterator[tuple[str, float]]:
     """Yield how likely effects are of which the torques can say it."""
-    for name in odds.keys() & _there(baseline):
+    for name in sorted(odds.keys() & there):
         # what would not show at a usual size is as likely as before
         shows = max((_left(part, beside) ** 2).sum() for one in columns[name] for part in one.T)
         least = SLIGHT if shows > 2.0 * TEMPERING * np.log(len(beside)) else _expected(prior, name)
@@ -395,7 +392,7 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
         if "mass" in ends:
             kilograms, error = ends.pop("mass")
             parts.append(
-                f"{abs(kilograms):.2g} +- {error:.1g} kg {'more' if kilograms > 0 else 'less'} at the tool"
+                f"{abs(kilograms):.2g} ± {error:.1g} kg {'more' if kilograms > 0 else 'less'} at the tool"
             )
         if ends:
             parts.append("its centre of gravity elsewhere")

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import calibrate, diagnose, identify
+from beamstiff import calibrate, diagnose, identify, load_robot
+from beamstiff.diagnosis.effects.torque_laws import axis_at
 from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS, Said, measured_torques
+from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.model.drive_torques import drive_torques
 from beamstiff.model.linear import predict_displacements
@@ -104,7 +106,7 @@ def test_a_payload_is_found_with_its_mass_whatever_gains_offsets_signs_and_frict
         turned = rng.choice([-1.0, 1.0], 6)
         said = measured_torques(ROBOT, replace(rows, torque=rows.torque * turned))
         assert named(said) == {"payload-error:null"}
-        (found,) = re.findall(r"ask for ([\d.e+]+) \+- ([\d.]+) kg (more|less)", told(said))
+        (found,) = re.findall(r"ask for ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
         away.append((float(found[0]) * (1 if found[2] == "more" else -1) - more) / float(found[1]))
         assert named(measured_torques(ROBOT, rows)) == named(said)  # whichever way the sensors count
     size = float(np.sqrt(np.mean(np.square(away))))
@@ -256,3 +258,20 @@ def test_beside_effects_of_the_file_torques_are_not_used() -> None:
     machine = ROBOT.model_copy(update={"effects": (slack,)})
     rows = campaign(0, "payload")
     assert BESIDE_EFFECTS in diagnose(machine, rows).notes
+
+
+def test_a_closed_loop_is_held_as_its_structure_says() -> None:
+    """Truth: equilibrium of the elastic structure (`fem`), not virtual work."""
+    robot = load_robot("palletizer")
+    q = np.random.default_rng(0).uniform([-1, -0.3, 0, -1], [1, 0.7, 0.6, 1], (6, 4))
+    acts = np.random.default_rng(1).standard_normal((6, 6)) * 500.0
+    variables = [one.name for one in robot.actuated]
+    rows = make_measurements(variables, q, tcp=robot.tcp, wrench=acts, position=np.zeros((6, 3)))
+    stated, loads = drive_torques(robot, rows)
+    baseline = fit_baseline(robot, rows, keep=())
+    for at, name in enumerate(variables):
+        axis = axis_at(baseline, name)
+        for own, passed in ((loads[:, at], axis.load), (sum(one.torque[:, at] for one in stated), axis.dead)):
+            scale = np.abs(axis.load).max()
+            sign = -1.0 if np.sum(axis.load * loads[:, at]) < 0.0 else 1.0
+            np.testing.assert_allclose(sign * own, passed, atol=1e-6 * scale)
