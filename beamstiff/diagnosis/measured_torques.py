@@ -69,7 +69,7 @@ class Said:
 
     def informed(self, prior: Prior) -> Prior:
         """Return the prior after the torques were read."""
-        return replace(prior, given={**prior.given, **self.given})
+        return replace(prior, measured=self.given)
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
         theta = (inverse[part] @ value) * form.sizes
         text = _text(name, form, theta, np.linalg.norm(inverse[part], axis=1) * form.sizes)
         doubts.append(f"measured torques: {text} ({100 * odds[name]:.0f} %)")
-    for name in odds.keys() - chosen if any(one.startswith("weight") for one in chosen) else ():
+    for name in sorted(odds.keys() - chosen) if any(one.startswith("weight") for one in chosen) else ():
         if name.startswith(BALANCER) and odds[name] > likely[name]:
             text = f"a balancer at {name.partition(':')[2]} instead looks alike ({100 * odds[name]:.0f} %)"
             doubts.append(f"measured torques: {text}")

@@ -84,7 +84,7 @@ def informed(prior: Prior, said: Sequence[Behind]) -> Prior:
         for effect, value in one.probability.items()
         if effect != OWN
     }
-    return replace(prior, given={**prior.given, **given})
+    return replace(prior, measured={**prior.measured, **given})
 
 
 def _each(model: OpenModel, forms: Sequence[Form], prior: Prior) -> Iterator[Behind]:
