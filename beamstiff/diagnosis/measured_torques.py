@@ -279,7 +279,7 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
 
     def differences(columns: Array) -> str:
         left = read.rms(_left(value, columns)[: len(sigma)] * sigma)
-        return listed([f"{rows.variables[at]} {left[at]:.3g} {units[at]}" for at in joints], 12)
+        return listed([f"{rows.variables[at]} {left[at]:.4g} {units[at]}" for at in joints], 12)
 
     inverse, first = inverse_of(causes), beside.shape[1]
     doubts, notes = list[str](), list(read.notes)
@@ -304,7 +304,7 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
     for joint, row in zip(joints.tolist(), inverse[zeros.shape[1] :][: len(joints)], strict=True):
         name, friction = rows.variables[joint], abs(float(row @ value))
         if friction > PLAIN * np.linalg.norm(row):
-            rubs.append(f"{name} {friction:.3g} {units[joint]}")
+            rubs.append(f"{name} {friction:.4g} {units[joint]}")
             motions = [key for one in MOTIONS if (key := f"{one}:{name}") in there]
             given |= {key: MOVES for key in motions if _expected(prior, key) < MOVES}
     if rubs:
@@ -398,9 +398,10 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
             parts.append("its centre of gravity elsewhere")
         return f"payload-error, they ask for {' and '.join(parts)}"
     if kind == "weights":
-        return f"all links weigh {100 * theta[0]:+.0f} % of what the robot file states"
+        way = "more" if theta[0] > 0 else "less"
+        return f"all links weigh some {100 * abs(theta[0]):.0f} % {way} than the robot file states"
     if kind == "weight":
         return f"what hangs on frame {where} has another mass or centre than the robot file states"
     if kind == "load-error":
         return f"load-error, the loads are not as stated: {form.name}"
-    return f"{kind} at {where}, a balancer of some {np.hypot(*theta[:2]):.3g} N*m, or so other a weight"
+    return f"{kind} at {where}, a balancer of some {np.hypot(*theta[:2]):.4g} N*m, or so other a weight"
