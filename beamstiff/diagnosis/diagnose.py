@@ -34,6 +34,7 @@ from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
+from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
 from beamstiff.diagnosis.notes import notes
 from beamstiff.diagnosis.prior import Prior
@@ -104,7 +105,9 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
         )
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
-    found = with_next(_of_rows(robot, rows, prior, seed, stations), seed)
+    said = measured_torques(robot, rows, prior)
+    found = with_next(_of_rows(robot, rows, said.informed(prior), seed, stations), seed)
+    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes))
     if doubt := shared_reading(found):
         found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):

@@ -51,6 +51,8 @@ class Prior:
     given : mapping of str to float
         How many of a cause are expected at a component, by ``effect:component``, or by effect at each of its
         components; what is not named keeps its default.
+    measured : mapping of str to float
+        The same by ``effect:component`` after other readings than positions, which count in its place.
 
     Examples
     --------
@@ -61,13 +63,15 @@ class Prior:
 
     without: tuple[str, ...] = ()
     given: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
 
     def expected(self, effect: str, component: str | None) -> float:
         """Return how many causes of an effect are expected at a component."""
         default = default_expected(effect, component)
         if component is not None or effect not in ALL_DRIVES:
             default = self.given.get(effect, default)
-        return self.given.get(key_of(effect, component), default)
+        key = key_of(effect, component)
+        return self.measured.get(key, self.given.get(key, default))
 
     def ratio(self, effect: str, component: str | None) -> float:
         """Return how many times likelier than by default a cause is."""

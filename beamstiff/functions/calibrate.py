@@ -13,6 +13,7 @@ from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
+from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.without_effects import positions_without_effects
 from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
 from beamstiff.functions.checks import effects_text, names_of, whole, without_model
@@ -124,6 +125,8 @@ def calibrate(
             rows = positions_without_effects(machine, rows, found.bases)
             found = fit(bare, rows, method=method, folds=folds, **said)
             dropped += (f"the fit includes the robot's effects unchanged: {effects_text(machine.effects)}",)
+        if compliances:  # which wind-up by weights and loads tells
+            dropped += measured_torques(machine, rows).doubts
         errors, left_out = {}, list[str]()
         for name, table in tested.items():
             with optional(f"the test on {name}", left_out.append):

@@ -5,7 +5,10 @@ from dataclasses import replace
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from beamstiff.diagnosis.diagnose import diagnose as run
+from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.without_effects import without_effects
@@ -87,6 +90,9 @@ def diagnose(
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
         if known:  # so that geometry and measuring frame can be left open beside them
             bare, left = without_effects(machine, rows, stations=stations)
+            if np.isfinite(left.torque).any():
+                left = replace(left, torque=np.full_like(left.torque, np.nan))
+                doubts.append(BESIDE_EFFECTS)
         found = run(bare, left, without=excluded, prior=expected, seed=seed, stations=stations)
         result = replace(found, known=known)
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]

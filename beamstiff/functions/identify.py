@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.notes import chosen_for
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.without_effects import without_effects
@@ -181,6 +182,7 @@ def identify(
     }
     effort = Effort(evaluations, seed, population, searches, processes, scheduler)
     with doubted(doubts):
+        notes += measured_torques(machine, rows).doubts
         bare, rows = without_effects(machine, rows)
         if machine.effects and np.isfinite(rows.link).any():
             rows = without_encoders(rows)

@@ -5,6 +5,7 @@ import pytest
 
 from beamstiff import BeamstiffError, diagnose
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.prior import Prior
 from tests.diagnosis.machines import kr240
 from tests.diagnosis.planted import backlash, campaign, plan
 
@@ -37,3 +38,8 @@ def test_what_is_expected_more_often_is_likelier() -> None:
 def test_priors_of_nothing_are_refused(prior: dict[str, float], said: str) -> None:
     with pytest.raises(BeamstiffError, match=said):
         diagnose(kr240(), campaign(plan(3), backlash), prior=prior)
+
+
+def test_what_other_readings_say_counts_in_place_of_what_was_given() -> None:
+    prior = Prior(given={"backlash": 0.2, "backlash:q2": 0.6}, measured={"backlash:q2": 0.9})
+    assert [prior.expected("backlash", one) for one in ("q1", "q2")] == [0.2, 0.9]

@@ -84,7 +84,7 @@ def informed(prior: Prior, said: Sequence[Behind]) -> Prior:
         for effect, value in one.probability.items()
         if effect != OWN
     }
-    return replace(prior, given={**prior.given, **given})
+    return replace(prior, measured={**prior.measured, **given})
 
 
 def _each(model: OpenModel, forms: Sequence[Form], prior: Prior) -> Iterator[Behind]:
@@ -119,10 +119,10 @@ def _each(model: OpenModel, forms: Sequence[Form], prior: Prior) -> Iterator[Beh
         if 0.0 < axis.stiffness < np.inf:  # its compliance is fitted beside any cause
             wind = _centred((axis.load + axis.dead)[read][:, None], run)
         likely = {name: OWN_LIKELY if name == OWN else prior.expected(name, component) for name in columns}
-        yield Behind(component, rms, axis.turns, _probabilities(difference, wind, columns, likely))
+        yield Behind(component, rms, axis.turns, probabilities(difference, wind, columns, likely))
 
 
-def _probabilities(
+def probabilities(
     value: Array, wind: Array, columns: Mapping[str, Sequence[Array]], likely: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the probability of each effect beside the others that show, by name.
@@ -132,14 +132,14 @@ def _probabilities(
     value = _beside(value[:, None], wind)[:, 0]
     forms = {name: [_beside(one, wind) for one in some] for name, some in columns.items()}
 
-    def score(names: Sequence[str]) -> float:
+    def best_of(names: Sequence[str]) -> float:
         return _best(value, [forms[name] for name in names], [name in REPEATED for name in names])
 
     chosen: list[str] = []
     while True:
-        now = score(chosen)
+        now = best_of(chosen)
         gain = {
-            name: logit(likely[name]) + 0.5 * (now - score([*chosen, name])) / TEMPERING
+            name: logit(likely[name]) + 0.5 * (now - best_of([*chosen, name])) / TEMPERING
             for name in forms
             if name not in chosen
         }
@@ -149,7 +149,7 @@ def _probabilities(
         chosen.append(best)
     others = {name: [one for one in chosen if one != name] for name in forms}
     return {
-        name: float(expit(logit(likely[name]) + 0.5 * (score(rest) - score([*rest, name])) / TEMPERING))
+        name: float(expit(logit(likely[name]) + 0.5 * (best_of(rest) - best_of([*rest, name])) / TEMPERING))
         for name, rest in others.items()
     }
 
@@ -157,19 +157,20 @@ def _probabilities(
 def _best(value: Array, effects: Sequence[Sequence[Array]], repeated: Sequence[bool]) -> float:
     """Return the BIC of effects, each in its best form (n, c) after those before; some in several forms."""
     fitted = np.zeros((len(value), 0))
-    best = _score(value, fitted)
+    best = score(value, fitted)
     for some, again in zip(effects, repeated, strict=True):
         best = np.inf
         for _ in range(len(some) if again else 1):
             tried = [np.concatenate([fitted, one], axis=1) for one in some]
-            scores = [_score(value, one) for one in tried]
+            scores = [score(value, one) for one in tried]
             if min(scores) >= best:
                 break
             best, fitted = min(scores), tried[int(np.argmin(scores))]
     return best
 
 
-def _score(value: Array, columns: Array) -> float:
+def score(value: Array, columns: Array) -> float:
+    """Return the criterion of a fit of columns (n, c) to values (n,)."""
     basis = orthonormal(columns)
     left = value - basis @ (basis.T @ value)
     return float(bic(float(left @ left), basis.shape[1], len(value), 0.0))
