@@ -48,6 +48,10 @@ class OptionError(BeamstiffError):
         self.option, self.what = option, what
 
 
+class UnusableError(BeamstiffError):
+    """Readings that tell nothing of the machine; the message says all there is to say."""
+
+
 class UnwritableError(BeamstiffError):
     """A file that cannot be written: no folder, no right, no room on the disk."""
 

@@ -18,7 +18,7 @@ from beamstiff.cli.options import (
     robot_file,
 )
 from beamstiff.cli.output import Outputs, note, optional_file, working, write, write_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 
 
 def diagnose(
@@ -114,7 +114,9 @@ def diagnose(
             measuring = f"; {lost} is of measuring, not of the robot" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
-            holds = f"the fitted stiffness, and {added} added{measuring}"
+            guessed = listed(result.untouched)
+            kept_value = f"; {guessed} not touched by these loads, as in the robot file" if guessed else ""
+            holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             if doubt:
                 note(f"{apply}: {doubt}")

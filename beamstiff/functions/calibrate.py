@@ -19,7 +19,7 @@ from beamstiff.errors import BeamstiffError, OptionError, optional, shown, sugge
 from beamstiff.functions.checks import effects_text, names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
-from beamstiff.measure.doubts import stands_doubts
+from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity

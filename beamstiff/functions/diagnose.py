@@ -17,7 +17,7 @@ from beamstiff.functions.checks import axes_of, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.doubts import stands_doubts
+from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, OptionError, shown
-from beamstiff.measure.doubts import UnusableError, copies_between, doubts, require_scale
+from beamstiff.errors import BeamstiffError, OptionError, UnusableError, shown
+from beamstiff.measure.doubts import copies_between, doubts
+from beamstiff.measure.position_doubts import require_joints, require_loads, require_scale
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -51,9 +52,14 @@ def as_tables(
 
 
 def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
-    """Return what in a robot and in tables is hardly meant, a sentence each. Refuse a wrong scale."""
+    """Return what in a robot and in tables is hardly meant, a sentence each.
+
+    Raises UnusableError where positions have another scale, or joint values or loads surely another sign.
+    """
     for table in tables:
         require_scale(table, robot)
+        require_joints(table, robot)
+        require_loads(table, robot)
     own = (note for table in tables for note in doubts(table, robot))
     return [*robot_doubts(robot), *own, *copies_between(tables)]
 

@@ -135,8 +135,9 @@ EFFECT = Effect(
     components=lambda baseline: [None] if np.abs(baseline.rows.wrench).any() or baseline.stated else [],
     shapes=_shapes,
     separation="check first that the load acts where the robot file says (TCP, or column load_point): a load "
-    "that acts elsewhere looks like this; then hold a plumb line beside the cable; put a load cell at the "
-    "tool; run a closed load cycle",
+    "that acts elsewhere looks like this; then weigh the loads and check the masses of the robot file, since "
+    "positions show only how loads compare with weights; hold a plumb line beside the cable; run a closed "
+    "load cycle",
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
     scales=_normalisation,
