@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.loads import moved_by
+from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.measure.camera import without_motion
@@ -24,9 +25,10 @@ from beamstiff.se3 import Array
 def applied(found: Decomposition) -> Robot:
     """Return the robot calibrated beside the causes, and the causes as its effects.
 
-    The geometry is fitted once more, in full: the step from where the causes were linear may be long. A
-    target that slipped stands where it came to rest; what else is of the measured campaign alone is no part
-    of the robot.
+    The geometry is fitted once more: the step from where the causes were linear may be long. What was known
+    of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
+    that no other posture has. A target that slipped stands where it came to rest; what else is of the
+    measured campaign alone is no part of the robot.
     """
     causes = (*found.causes, *found.unclear)
     robot = _calibrated(found, causes)
@@ -69,8 +71,8 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     rows = model.baseline.rows
     forms = [form for cause in causes for form in cause.forms]
     moved = moved_by(model, forms, [theta for cause in causes for theta in cause.theta], found.change)
-    bare = model.given.model_copy(update={"identify": ()})
-    robot = calibrate(bare, without_motion(rows, moved), compliances=model.given.identify, folds=0).robot
+    again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters)
+    robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
