@@ -11,7 +11,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.loads import moved_by
+from beamstiff.diagnosis.decomposition.loads import errors_of_loads, moved_by, without_errors
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
@@ -34,8 +34,19 @@ def applied(found: Decomposition) -> Robot:
     robot = _calibrated(found, causes)
     slips = total(_slips(found, cause) for cause in causes)
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    added = [effect for cause in causes for effect in _added(found, cause)]
+    added, soft = list[AddedEffect](), _compliances(found, robot)
+    for cause in reversed(causes):  # `verify` leaves out the last ones first
+        left = without_errors(found.model) if errors_of_loads([cause]) else found.model
+        absorbed = absorbed_by(*left.told_apart, cause.moved, soft)
+        if own := [*_added(found, cause, absorbed)]:
+            added = [*own, *added]
+            soft = {name: value + absorbed.get(name, 0.0) for name, value in soft.items()}
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:
+    """Return the compliances of a robot's drives that are open, by name; 0 of rigid ones."""
+    return {name: 1.0 / robot.parameter(name) for name in found.model.given.identify}
 
 
 def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
@@ -44,10 +55,12 @@ def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float
     Of targets that slipped too: it finds them between where they were and where they came to rest.
     """
     result = [dict(one.absorbed) for one in robot.effects]
+    soft = _compliances(found, robot)
     for cause in (*found.causes, *found.unclear):
         if cause.rows:
             rest = {name: -by for name, by in _slips(found, cause).items()}
-            result += [rest, absorbed_by(*found.model.told_apart, cause.moved)]
+            left = {name: value + total(result).get(name, 0.0) for name, value in soft.items()}
+            result += [rest, absorbed_by(*found.model.told_apart, cause.moved, left)]
     return result
 
 
@@ -80,7 +93,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     return robot.with_parameters(finite).model_copy(update={"identify": linear.identify})
 
 
-def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
+def _added(found: Decomposition, cause: Cause, absorbed: dict[str, float]) -> Iterator[AddedEffect]:
     """Yield an entry for every effect and component of a cause, with all its forms."""
     own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
     for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
@@ -88,10 +101,7 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
     model = found.model
-    told: dict[str, Any] = {
-        "closes": round(cause.closes, 4),
-        "absorbed": absorbed_by(*model.told_apart, cause.moved),
-    }
+    told: dict[str, Any] = {"closes": round(cause.closes, 4), "absorbed": absorbed}
     for (effect, component), shapes in own.items():
         yield added_effect(model.baseline, effect, component, shapes, **told)
         told = {}  # of the whole cause: it stands in the first

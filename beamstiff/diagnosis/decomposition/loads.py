@@ -40,6 +40,15 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     return replace(model, tangent=tangent, carried=carried)
 
 
+def without_errors(model: OpenModel) -> OpenModel:
+    """Return the open model whose drives carry the loads as stated: what is left without errors of loads."""
+    if model.carried is None:
+        return model
+    tangent = model.tangent.copy()
+    tangent[:, -model.present.size :] -= model.weighed(model.carried)
+    return replace(model, tangent=tangent, carried=None)
+
+
 def moved_by(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> Array:
     """Return what causes move the points of all rows, errors of loads on drives as fitted, (N, 6), m and rad.
 
