@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.parameters import AXES, TURNS
@@ -25,13 +26,21 @@ from beamstiff.se3 import Array, rotation_from_vector
 DIGITS = 4  # of a change, which is itself known to some per cent
 
 
-def absorbed_by(names: Sequence[str], tangent: Array, moved: Array) -> dict[str, float]:
+def absorbed_by(
+    names: Sequence[str], tangent: Array, moved: Array, compliances: Mapping[str, float] | None = None
+) -> dict[str, float]:
     """Return the changes of parameters that fit what an effect moves, by name, SI.
 
     `names`: of geometry, base frame and stiffness; of the latter the compliance is meant. `tangent` (n, t),
-    `moved` (n,): in units of the noise.
+    `moved` (n,): in units of the noise. `compliances` with the effect, by name: no calibration makes them
+    negative, and where one comes to 0 the others change by what fits best then.
     """
     changes = inverse_of(tangent) @ moved
+    present = np.array([(compliances or {}).get(name, np.inf) for name in names])
+    if (changes < -present).any():
+        size = np.linalg.norm(tangent, axis=0)
+        left, right = np.linalg.qr(tangent / size)
+        changes = lsq_linear(right, left.T @ moved, (-present * size, np.inf), method="bvls").x / size
     return {
         name: float(f"{by:.{DIGITS}g}") for name, by in zip(names, changes.tolist(), strict=True) if by != 0.0
     }

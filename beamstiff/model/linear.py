@@ -1,5 +1,7 @@
 """The displacement of every row of a table of loads, for a robot whose stiffness is known."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
@@ -64,14 +66,32 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
     return (_with_preload if preload else _by_compliance)(structure, where, number, loads)
 
 
+def compliance_of_rows(robot: Robot, loads: Measurements) -> Array:
+    """Return the displacement of every row's point per unit wrench at its load point, (N, 6, 6), linear.
+
+    Raises
+    ------
+    BeamstiffError
+        As `predict_displacements`; loads on a node without a rotation are refused, whatever the rows carry.
+    """
+    refuse_idle_moments(robot, replace(loads, wrench=np.ones_like(loads.wrench)))
+    structure = compile_structure(robot)
+    poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
+    return _compliance(structure, posture(structure.kinematics, poses), pose.reshape(-1), loads)
+
+
 def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
+    return (_compliance(structure, where, pose, loads) @ loads.wrench[..., None])[..., 0]
+
+
+def _compliance(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
     observed = list(dict.fromkeys([*loads.point.tolist(), *loads.load_point.tolist()]))
     compliance = condense(structure, where, observed).clamped
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.stack([at[name] for name in loads.point.tolist()])
     loaded = np.stack([at[name] for name in loads.load_point.tolist()])
-    own = compliance[pose[:, None, None], seen[:, :, None], loaded[:, None, :]]
-    return (own @ loads.wrench[..., None])[..., 0]
+    own: Array = compliance[pose[:, None, None], seen[:, :, None], loaded[:, None, :]]
+    return own
 
 
 def displaced_points(robot: Robot, loads: Measurements) -> tuple[Array, Array]:

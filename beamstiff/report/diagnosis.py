@@ -233,7 +233,19 @@ def names_text(result: Diagnosis) -> list[str]:
     names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
     doubtful = [] if all(item.plausible for item in items) else [DOUBTFUL]
-    return [*doubtful, *([f"Names: {'; '.join(said)}."] if said else [])]
+    return [*doubtful, *([f"Names: {'; '.join(said)}."] if said else []), *_slips_text(result)]
+
+
+def _slips_text(result: Diagnosis) -> Iterator[str]:
+    """Yield from which row on each target that slipped stands elsewhere."""
+    if result.decomposition is None:
+        return
+    for cause in (*result.decomposition.causes, *result.decomposition.unclear):
+        rows = [result.baseline.rows.place(row) for row in cause.rows]
+        several = [f"{number} from {row}" for number, row in enumerate(rows, 1)]
+        if rows:
+            said = listed(several) if len(rows) > 1 else f"from {rows[0]}"
+            yield f"{in_words([cause.key])}: {said} on (FILE:LINE)."
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:

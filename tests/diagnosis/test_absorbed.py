@@ -82,3 +82,17 @@ def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
     assert "base.x" in sizes
     assert "f1.gamma" not in sizes  # the base's own turn
     assert max(sizes.values()) < 0.02  # rad or m: a few times the sag itself
+
+
+def test_no_calibration_makes_a_drive_stiffer_than_rigid() -> None:
+    """Where a compliance comes to 0, the other parameters fit what is left: the bounded least squares."""
+    tangent = np.random.default_rng(1).standard_normal((30, 3)) @ np.diag([1.0, 1e3, 1e6])
+    tangent[:, 2] += 1e6 * tangent[:, 0]  # the drive looks like the length
+    wanted = np.array([2e-3, 1e-6, -5e-9])
+    names, moved = ["f2.d", "q2", "J2.torsional"], tangent @ wanted
+    free = absorbed_by(names, tangent, moved)
+    assert [*free.values()] == pytest.approx(wanted, rel=1e-3)
+    found = absorbed_by(names, tangent, moved, {"J2.torsional": 2e-9})
+    rest = np.linalg.lstsq(tangent[:, :2], moved + 2e-9 * tangent[:, 2], rcond=None)[0]
+    assert [*found.values()] == pytest.approx([*rest, -2e-9], rel=1e-3)
+    assert absorbed_by(names, tangent, moved, {"J2.torsional": 6e-9}) == free

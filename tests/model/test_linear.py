@@ -1,12 +1,14 @@
 """Displacements of rows of loads: with gravity and K_C against pendulums and an exact planar arm."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import root
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.model.linear import predict_displacements
+from beamstiff.model.linear import compliance_of_rows, predict_displacements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Strut, Variable
 from beamstiff.robot.reader import load_robot
@@ -170,3 +172,14 @@ def test_a_moment_on_a_node_of_struts_is_refused_by_its_row(preload: bool) -> No
     table = rows(robot, [[], []], [[0, 0, 1, 0, 0, 0], [0, 0, 1, 5, 0, 0]])
     with pytest.raises(BeamstiffError, match=r"<arrays>:2: a moment acts on node 'top', which struts alone"):
         predict_displacements(robot, table, preload)
+
+
+def test_the_compliance_of_rows_is_what_unit_wrenches_displace() -> None:
+    robot = load_robot("kr240-2")
+    names = [variable.name for variable in robot.actuated]
+    q = np.random.default_rng(3).uniform(-0.5, 0.5, (4, len(names)))
+    rows = make_measurements(names, q, tcp=robot.tcp, wrench=np.zeros((4, 6)))
+    found = compliance_of_rows(robot, rows)
+    for at, wrench in enumerate(np.eye(6)):
+        moved = predict_displacements(robot, replace(rows, wrench=np.tile(wrench, (4, 1))))
+        np.testing.assert_allclose(found[:, :, at], moved, rtol=0, atol=1e-13 * np.abs(found).max())

@@ -14,6 +14,7 @@ from beamstiff.report.diagnosis import (
     causes_table,
     diagnosis_figure,
     diagnosis_tables,
+    names_text,
     next_best_text,
     notable,
     places_table,
@@ -34,7 +35,7 @@ from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.tables import worth
 from beamstiff.report.verdict import rounded
-from tests.diagnosis.decomposition.test_decompose import SLIP, found, machine_changes
+from tests.diagnosis.decomposition.test_decompose import SLIP, SLIPS_AT, found, machine_changes
 
 
 def test_causes_stand_in_their_order_with_what_each_closes() -> None:
@@ -136,6 +137,9 @@ def test_each_of_several_causes_is_told_with_its_size_and_its_check() -> None:
     rows = {tuple(row[1:3]): row for row in sizes_table(result, "How large").rows}
     assert float(rows["approach-direction at q2", "half_lost_motion"][3]) == pytest.approx(0.4, rel=0.02)
     assert float(rows["target-slip", "slip_x"][3]) == pytest.approx(1e3 * SLIP[0], rel=0.02)
+    said = names_text(result)[-1]
+    assert said.startswith("target-slip: from ")
+    assert said.endswith(f":{SLIPS_AT + 1} on (FILE:LINE).")
     checked = [line.removeprefix("To check ").partition(":")[0] for line in separations(result)]
     assert sorted(checked) == ["angle-curve", "approach-direction", "target-slip"]
 

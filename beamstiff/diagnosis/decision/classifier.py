@@ -3,7 +3,7 @@
     P(none) = s(c_n . x_n),  P(two | some) = s(c_t . x_t),
     P(unknown | some) = s(log(exp(c_u . x_u) + exp(u + d m / n)))
 
-with s the logistic function, and u the log odds of the best law that has no name in the library: one
+with s the logistic function, and u the log odds of the best law outside the library: one
 hypothesis more, which follows a few values n (of m) like any other. Evidence takes shapes for true, no real
 drive or link has exactly the shape of a library, and what that adds grows with the evidence: log odds enter
 as ``sign(x) log(1 + |x|)``, or divided as those between effects are. The coefficients in `decision.json` are

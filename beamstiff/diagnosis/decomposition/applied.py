@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.loads import moved_by
+from beamstiff.diagnosis.decomposition.loads import errors_of_loads, moved_by, without_errors
+from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.measure.camera import without_motion
@@ -24,16 +25,28 @@ from beamstiff.se3 import Array
 def applied(found: Decomposition) -> Robot:
     """Return the robot calibrated beside the causes, and the causes as its effects.
 
-    The geometry is fitted once more, in full: the step from where the causes were linear may be long. A
-    target that slipped stands where it came to rest; what else is of the measured campaign alone is no part
-    of the robot.
+    The geometry is fitted once more: the step from where the causes were linear may be long. What was known
+    of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
+    that no other posture has. A target that slipped stands where it came to rest; what else is of the
+    measured campaign alone is no part of the robot.
     """
     causes = (*found.causes, *found.unclear)
     robot = _calibrated(found, causes)
     slips = total(_slips(found, cause) for cause in causes)
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    added = [effect for cause in causes for effect in _added(found, cause)]
+    added, soft = list[AddedEffect](), _compliances(found, robot)
+    for cause in reversed(causes):  # `verify` leaves out the last ones first
+        left = without_errors(found.model) if errors_of_loads([cause]) else found.model
+        absorbed = absorbed_by(*left.told_apart, cause.moved, soft)
+        if own := [*_added(found, cause, absorbed)]:
+            added = [*own, *added]
+            soft = {name: value + absorbed.get(name, 0.0) for name, value in soft.items()}
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:
+    """Return the compliances of a robot's drives that are open, by name; 0 of rigid ones."""
+    return {name: 1.0 / robot.parameter(name) for name in found.model.given.identify}
 
 
 def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
@@ -42,10 +55,12 @@ def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float
     Of targets that slipped too: it finds them between where they were and where they came to rest.
     """
     result = [dict(one.absorbed) for one in robot.effects]
+    soft = _compliances(found, robot)
     for cause in (*found.causes, *found.unclear):
         if cause.rows:
             rest = {name: -by for name, by in _slips(found, cause).items()}
-            result += [rest, absorbed_by(*found.model.told_apart, cause.moved)]
+            left = {name: value + total(result).get(name, 0.0) for name, value in soft.items()}
+            result += [rest, absorbed_by(*found.model.told_apart, cause.moved, left)]
     return result
 
 
@@ -69,8 +84,8 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     rows = model.baseline.rows
     forms = [form for cause in causes for form in cause.forms]
     moved = moved_by(model, forms, [theta for cause in causes for theta in cause.theta], found.change)
-    bare = model.given.model_copy(update={"identify": ()})
-    robot = calibrate(bare, without_motion(rows, moved), compliances=model.given.identify, folds=0).robot
+    again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters)
+    robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
@@ -78,7 +93,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     return robot.with_parameters(finite).model_copy(update={"identify": linear.identify})
 
 
-def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
+def _added(found: Decomposition, cause: Cause, absorbed: dict[str, float]) -> Iterator[AddedEffect]:
     """Yield an entry for every effect and component of a cause, with all its forms."""
     own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
     for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
@@ -86,10 +101,7 @@ def _added(found: Decomposition, cause: Cause) -> Iterator[AddedEffect]:
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
     model = found.model
-    told: dict[str, Any] = {
-        "closes": round(cause.closes, 4),
-        "absorbed": absorbed_by(*model.told_apart, cause.moved),
-    }
+    told: dict[str, Any] = {"closes": round(cause.closes, 4), "absorbed": absorbed}
     for (effect, component), shapes in own.items():
         yield added_effect(model.baseline, effect, component, shapes, **told)
         told = {}  # of the whole cause: it stands in the first

@@ -16,7 +16,7 @@ from beamstiff.diagnosis.decomposition.causes import Cause
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.baseline import Baseline, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
@@ -38,6 +38,15 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     tangent = model.tangent.copy()
     tangent[:, -drives:] += model.weighed(carried)
     return replace(model, tangent=tangent, carried=carried)
+
+
+def without_errors(model: OpenModel) -> OpenModel:
+    """Return the open model whose drives carry the loads as stated: what is left without errors of loads."""
+    if model.carried is None:
+        return model
+    tangent = model.tangent.copy()
+    tangent[:, -model.present.size :] -= model.weighed(model.carried)
+    return replace(model, tangent=tangent, carried=None)
 
 
 def moved_by(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> Array:
@@ -76,8 +85,9 @@ def _of_load(form: Form) -> bool:
 
 
 def _there(model: OpenModel, change: Array) -> Baseline:
-    robot = model.robot(change).model_copy(update={"identify": ()})
-    return fit_baseline(robot, model.baseline.rows, keep=())
+    """Return what errors of loads look at, on a robot whose open parameters are changed by (t,)."""
+    robot, rows = model.robot(change), model.baseline.rows
+    return replace(model.baseline, robot=robot, nominal=robot, response=tool_response(robot, rows))
 
 
 def _moved(baseline: Baseline, loads: Iterable[tuple[Form, Array]]) -> Array:

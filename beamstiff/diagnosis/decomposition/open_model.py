@@ -57,6 +57,8 @@ class OpenModel:
         Open parameters that a calibration holds, as the readings do not tell them from others.
     carried : (N, 6, d) array or None
         What of the columns of the drives errors of loads are, see `beside_loads`.
+    parameters : tuple of str, or None
+        Groups of the calibration that are open; None: all.
     """
 
     given: Robot
@@ -69,6 +71,7 @@ class OpenModel:
     problem: Problem | None = None
     held: frozenset[str] = frozenset()
     carried: Array | None = None
+    parameters: tuple[str, ...] | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -83,6 +86,14 @@ class OpenModel:
         )
         at = [number for number, name in enumerate(names) if name not in self.held]
         return [names[number] for number in at], self.tangent[:, at]
+
+    @property
+    def of_told_apart(self) -> OpenModel:
+        """The same with the geometry that the readings do not tell apart as it is."""
+        known = [] if self.problem is None else [item.name in self.held for item in self.problem.parameters]
+        tangent = self.tangent.copy()
+        tangent[:, np.flatnonzero(known[: self.geometry.shape[1]])] = 0.0
+        return replace(self, tangent=tangent)
 
     @property
     def geometry(self) -> Array:
@@ -197,6 +208,7 @@ def open_geometry(
         problem.split(problem.expected)[1],
         problem,
         frozenset(one.name for one in found.parameters if not one.identified),
+        parameters=None if parameters is None else tuple(parameters),
     )
 
 

@@ -69,8 +69,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("any law", linear, (others, parts), prior_factor=30.0, weight=0.5),
     ]
     variable = axis.joint.variable
-    angle = baseline.joint_values[variable] if axis.turns and variable is not None else np.zeros(1)
-    if np.ptp(angle) >= np.deg2rad(TRAVEL):  # what carries it changes with the posture
+    if not axis.turns or variable is None:
+        return found
+    stated, travelled = baseline.stated is not None, np.ptp(baseline.fit.joint_values[variable])
+    if stated or travelled >= np.deg2rad(TRAVEL):  # what carries it changes with the posture
+        angle = baseline.joint_values[variable]
         courses = [wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin)]
         names = [f"{wave}_{k}" for k in ("q", "2q") for wave in ("cosine", "sine")]
         by_angle = column[..., None] * np.stack(courses, -1)[:, None]

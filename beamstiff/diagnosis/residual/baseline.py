@@ -23,7 +23,7 @@ from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
 from beamstiff.model.correction import model_correction
-from beamstiff.model.linear import displaced_points, predict_displacements
+from beamstiff.model.linear import compliance_of_rows, displaced_points, predict_displacements
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -272,12 +272,7 @@ def tool_response(robot: Robot, rows: Measurements) -> Array:
     """Return the displacement of the rows' points per unit wrench at their load points, (N, 6, 6), linear."""
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
         return np.zeros((len(rows), 6, 6))
-    columns = []
-    for at in range(6):
-        wrench = np.zeros_like(rows.wrench)
-        wrench[:, at] = 1.0
-        columns.append(predict_displacements(robot, replace(rows, wrench=wrench)))
-    return np.stack(columns, axis=-1)
+    return compliance_of_rows(robot, rows)
 
 
 def tcp_response(baseline: Baseline) -> Array:

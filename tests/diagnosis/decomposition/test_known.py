@@ -7,6 +7,7 @@ from beamstiff import calibrate, diagnose
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
+from beamstiff.diagnosis.verify import verify
 from beamstiff.robot.parts import CalibratedParameter
 from tests.calibration.machines import machine, machined, measured, serial, within
 
@@ -51,3 +52,14 @@ def test_drives_that_the_file_has_too_stiff_are_open_though_it_names_none_to_ide
     soft = compliant.with_parameters({"J2.torsional": 0.5 * compliant.parameter("J2.torsional")})
     rows = in_base_frame(calibration, measured(machine(soft, errors), within(serial(), 20, 91)))
     assert diagnose(calibration.robot, rows).verdict.effect == "none"
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_few_postures_of_a_later_day_do_not_undo_the_calibration(seed: int) -> None:
+    """Calibrated by them alone, without what is known, fresh poses would be 3.3 and 1.6 times as far off."""
+    real = machine(serial(), machined(serial(), 3 + seed))
+    before = calibrate(serial(), measured(real, within(serial(), 40, 1 + seed)), folds=0).robot
+    written = diagnose(before, measured(real, within(serial(), 10, 91 + seed))).applied
+    fresh = measured(real, within(serial(), 60, 500 + seed))
+    known, found = (verify(robot, fresh, refit_frame=True).after for robot in (before, written))
+    assert found < 1.1 * known

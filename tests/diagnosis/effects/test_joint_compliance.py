@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from beamstiff import predict
+from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.residual.baseline import at_rows
+from beamstiff.robot.parts import AddedEffect
 from tests.diagnosis.machines import (
     at_random,
     by_compliance_of,
@@ -106,3 +109,21 @@ def test_all_rigid_drives_at_once_are_one_cause_of_absolute_positions() -> None:
     for at, name in enumerate(("q2", "q3")):
         alone = shape_of(absolute, "joint-compliance", name, "linear").columns[..., 0]
         close(every.columns[..., at], alone, 1e-12)
+
+
+def test_what_was_found_to_follow_the_angle_holds_for_a_single_posture() -> None:
+    """A robot file that has the effect has it wherever it goes; rows that are predicted need no travel."""
+    robot = elbow(torsional="rigid")
+    fit = nominal(robot, at_random(robot, 8, seed=1))
+    one = at_random(robot, 1, seed=2)
+    added = AddedEffect(
+        effect="joint-compliance",
+        component="q2",
+        shape="by its angle",
+        parameters={"compliance_by_cosine_q": 2e-6},
+        scales=EFFECTS["joint-compliance"].scales(fit, "q2"),
+    )
+    moved = effects_displacement(robot.model_copy(update={"effects": (added,)}), one)
+    linear = shape_of(nominal(robot, one), "joint-compliance", "q2", "linear").columns[..., 0]
+    close(moved, 2e-6 * np.cos(one.q[0, 1]) * linear)
+    assert shape_of(at_rows(fit, one), "joint-compliance", "q2", "by its angle")
