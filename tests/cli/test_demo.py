@@ -15,7 +15,7 @@ def test_the_demo_finds_the_fault_and_writes_a_report(
     result = CliRunner().invoke(app, ["demo"])
     assert result.exit_code == 0, result.output
     assert "Gap of 0.40 mm on 14 postures, 100 % explained by base-compliance" in result.stdout
-    assert len(result.stdout.splitlines()) <= 20
+    assert len(result.stdout.splitlines()) <= 24  # a screen
     assert (tmp_path / "beamstiff-demo" / "measurements.csv").is_file()
     assert (tmp_path / "beamstiff-demo" / "report.html").stat().st_size > 100_000
 

@@ -96,7 +96,7 @@ def test_causes_refitted_leave_what_whole_models_with_them_leave(text: str) -> N
     whole = numbers(text, "and a constant one along x", 2)
     assert [fitted, tested] == pytest.approx(whole, abs=0.005)
     # all radial springs around the loop show as one
-    assert numbers(text, "bearing-tilt at q2", 3)[1] == pytest.approx(
+    assert numbers(text, "bearing-tilt at th3", 3)[1] == pytest.approx(
         numbers(text, "and a third along the coupler", 2)[0], abs=0.005
     )
 

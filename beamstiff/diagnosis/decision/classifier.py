@@ -19,7 +19,7 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from beamstiff.diagnosis.decision.tempering import divisor_of
 from beamstiff.diagnosis.held_out.score import HeldOutError
@@ -115,9 +115,7 @@ def features_of(
 def shares_of(features: Features, coefficients: Coefficients | None = None) -> Shares:
     """Return how probable it is that there is no cause, one, two, or another than is named."""
     fitted = coefficients or coefficients_of_file()
-    none = (
-        features.enough * probability(fitted["none"], features.none) + (1.0 - features.enough) * PRIOR[NONE]
-    )
+    none = float(expit(none_log_odds(fitted["none"], features)))
     two = probability(fitted["two"], features.two) if features.two else 0.0
     named = features.unknown_of_two if two > 0.5 else features.unknown
     unknown = (1.0 - none) * float(expit(unknown_log_odds(fitted["unknown"], named)))
@@ -135,6 +133,13 @@ def coefficients_of_file() -> Coefficients:
 def probability(coefficients: Terms, features: Terms) -> float:
     """Return what a model says."""
     return float(expit(coefficients["constant"] + sum(coefficients[key] * x for key, x in features.items())))
+
+
+def none_log_odds(coefficients: Terms, features: Features) -> float:
+    """Return the log odds that there is no cause; of few values what is known beforehand counts with them."""
+    level = coefficients["constant"] + coefficients["values"] * features.none["values"]
+    level = features.enough * level + (1.0 - features.enough) * float(logit(PRIOR[NONE]))
+    return level + coefficients["evidence"] * features.none["evidence"]
 
 
 def unknown_log_odds(coefficients: Terms, features: Terms) -> float:
