@@ -37,11 +37,11 @@ from beamstiff.units import UNITS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 PAGE = REPOSITORY / "docs" / "reference.md"
-DATA = "examples/data/ir663_compliance_xx.csv"
+DATA, CAMPAIGN = "examples/data/ir663_compliance_xx.csv", "examples/data/tutorial_campaign.csv"
 KEYS_OF = {  # JSON that is shown: a command that takes moments, for its keys
     "stiffness": "stiffness ir663 --q q2=10deg,q8=45deg",
     "identify": f"identify ir663 {DATA}",
-    "diagnose": f"diagnose ir663 {DATA}",
+    "diagnose": f"diagnose kr240-2 {CAMPAIGN}",
     "deflect": f"deflect ir663 {DATA}",
     "verify": f"verify ir663 {DATA}",
     "compare-runs": f"compare-runs ir663 {DATA} {DATA}",
@@ -286,7 +286,7 @@ def json_sections() -> Iterator[str]:
     for name, command in KEYS_OF.items():
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "out.json"
-            words = [str(REPOSITORY / one) if one == DATA else one for one in command.split()]
+            words = [str(REPOSITORY / one) if one in (DATA, CAMPAIGN) else one for one in command.split()]
             result = CliRunner().invoke(app, [*words, "--json", str(path), "--quiet"])
             assert result.exit_code == 0, result.output
             told = json.loads(path.read_text(encoding="utf-8").replace(f"{REPOSITORY}/", ""))

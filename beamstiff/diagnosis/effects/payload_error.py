@@ -48,7 +48,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("mass and centre of gravity", mass, centre),
         Shape.of("something loose", mass, centre, swung, weight=0.5),
         Shape.of("something that pulls, as hoses do", centre, pull, pull_tool, weight=0.5),
-        Shape.of(drawing, mass, centre, pull, drawn, weight=0.5),
+        Shape.of(drawing, centre, pull, drawn, weight=0.5),  # more mass is a pull along gravity
     ]
 
 
