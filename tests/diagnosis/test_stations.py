@@ -45,7 +45,9 @@ def test_the_column_that_bends_is_found_from_all_stands_at_once(tables: list[Mea
 
 def test_tables_of_one_stand_are_not_taken_for_tables_of_several(tables: list[Measurements]) -> None:
     found = diagnose(lift(), tables)
-    assert found.verdict.effect == "unknown"
+    # a measuring frame that is not one frame: no cause of the machine is sure
+    assert found.verdict.effect in ("unknown", "frame-misalignment")
+    assert found.verdict.probability < 0.6
     (note,) = (one for one in found.notes if "--stations" in one)
     assert note.startswith("the tables fit robot 'lift' one by one (within ")
     assert not any("--stations" in one for one in diagnose(lift(), tables, stations=True).notes)

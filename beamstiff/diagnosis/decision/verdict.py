@@ -107,8 +107,7 @@ def judge(
     likeliest = max(effects, key=effects.__getitem__)
     alike = _set(effects, likeliest)
     likely = sum(probabilities[key] for key in (likeliest, *alike))
-    # of few values causes are many, and none of them is likely
-    if likely * features.enough >= max(shares.values()):
+    if freedom > 0 and likely >= max(shares.values()):  # of no more values than are fitted nothing has a name
         wrong = odd_rows and (outliers[0] >= SEVERAL or outliers[1] >= GROSS) and outliers[2]
         also, seen = (OUTLIERS, SEEN) if wrong and may_be_outliers else (None, 0.0)
         doubted = (UNKNOWN,) if shares[UNKNOWN] >= SLIGHT or (wrong and not may_be_outliers) else ()
