@@ -1,6 +1,6 @@
 """Geometric calibration, with compliances in the same estimate where they are asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled_rows, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
+from beamstiff.calibration.result import Calibration, Errors, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
@@ -154,6 +154,8 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     with optional("the error of poses held out", left_out.append):
         held = held_out(statement, problem, found, method, folds)
     laid_over = rigid_gap(statement.problem)
+    before = errors_of(laid_over, problem.used)
+    left = None if held is None else errors_of(held, problem.used)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta).model_copy(
             update={"calibrated": calibrated_parameters(parameters, covariance, statement.robot.calibrated)}
@@ -163,9 +165,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters=tuple(parameters),
         covariance=covariance,
         observability=seen,
-        before=errors_of(laid_over, problem.used),
+        before=before,
         after=errors_of(gap, problem.used),
-        held_out=None if held is None else errors_of(held, problem.used),
+        held_out=left,
         predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),
         residual=np.where(problem.used, gap, np.nan),
         nominal_residual=np.where(problem.used, laid_over, np.nan),
@@ -176,10 +178,22 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         method=method,
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
-        notes=(*statement.notes, *_notes(problem, found, factor, widened), *left_out),
+        notes=(*statement.notes, *_notes(problem, found, factor, widened), *_worse(before, left), *left_out),
         statement=statement,
         targets=settled_rows(problem.rows, problem.values(theta)).targets,
     )
+
+
+def _worse(before: Errors, held_out: Errors | None) -> Iterator[str]:
+    """Yield that poses which were held out are farther off than with the robot as described, if so."""
+    if held_out is None or held_out.position_rms is None or before.position_rms is None:
+        return
+    if held_out.position_rms > before.position_rms:
+        told = [f"{1e3 * one.position_rms:.3g} mm" for one in (held_out, before) if one.position_rms]
+        yield (
+            f"poses that were held out are off by {told[0]}, with the robot as described by {told[-1]}: do "
+            "not use this calibration; measure more poses, or free less (parameters base,target,offsets)"
+        )
 
 
 def _notes(problem: Problem, found: Estimate, factor: float, widened: bool) -> tuple[str, ...]:

@@ -123,6 +123,16 @@ def test_held_out_errors_are_those_of_fresh_poses() -> None:
     assert calibrate(serial(), rows, folds=0).held_out is None
 
 
+def test_a_calibration_by_too_few_poses_that_makes_others_worse_says_so() -> None:
+    """A robot as described, read to 3 mm, and said to be read to 0.03: noise is taken for geometry."""
+    rows = measured(serial(), within(serial(), 12, 6), noise=3e-3, base=BASE)
+    few = calibrate(serial(), rows, folds=6)
+    assert few.held_out.position_rms > few.before.position_rms
+    assert "do not use this calibration" in few.notes[-1]
+    enough = calibrate(serial(), measured(REAL, within(serial(), 60, 6), base=BASE), folds=6)
+    assert not any("do not use" in note for note in enough.notes)
+
+
 def test_readings_of_one_pose_are_held_out_together_though_the_encoders_tremble() -> None:
     # each pose has an error of its own, common to its four rows: whoever fits three of them knows the fourth
     q, common = np.repeat(within(serial(), 14, 6), 4, axis=0), np.repeat(np.arange(14), 4)
