@@ -30,12 +30,13 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
         groups.append(
             (key_of("tool-compliance", None), bearing, *(key_of("link-bending", link) for link in bent))
         )
-    ground = {node.name for node in robot.nodes if node.frame == GROUND}
-    pedestal = [key_of("link-bending", name) for name, ends in parts if ends <= ground]
+    feet = {*robot.fixed, *(node.name for node in robot.nodes if node.frame == GROUND)}
+    pedestal = list(dict.fromkeys(name for foot in sorted(feet) for name in _joined(foot, parts)))
+    ground = feet.union(*(ends for name, ends in parts if name in pedestal))
     standing = [joint for joint in robot.joints if set(joint.nodes) & ground]
-    carried = [ends for _, ends in parts if ends & ground and not ends <= ground]
-    alone = len(standing) == 1 and not carried and not robot.struts
+    alone = len(standing) == 1 and not robot.struts
     bearings = [key_of("bearing-tilt", component_of(robot, joint)) for joint in standing if alone]
+    pedestal = [key_of("link-bending", name) for name in pedestal]
     groups.append((key_of("base-compliance", None), *bearings, *pedestal))
     return {key: group for group in groups for key in group}
 
