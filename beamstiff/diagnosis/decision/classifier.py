@@ -3,12 +3,12 @@
     P(none) = s(c_n . x_n),  P(two | some) = s(c_t . x_t),
     P(unknown | some) = s(log(exp(c_u . x_u) + exp(u + d m / n)))
 
-with s the logistic function, and u the log odds of the best law outside the library: one
-hypothesis more, which follows a few values n (of m) like any other. Evidence takes shapes for true, no real
-drive or link has exactly the shape of a library, and what that adds grows with the evidence: log odds enter
-as ``sign(x) log(1 + |x|)``, or divided as those between effects are. The coefficients in `decision.json` are
-fitted to simulated campaigns, none against the sense of its feature (`python -m benchmarks.decision_study`);
-the file says which campaigns, and how many of each kind.
+with s the logistic function, u the log odds of the best law outside the library, n the values less fitted
+ones and m = `FEW`: a law that explains few values explains them by its freedom. Evidence takes shapes for
+true, no real drive or link has exactly the shape of a library, and what that adds grows with the evidence:
+log odds enter as ``sign(x) log(1 + |x|)``, or divided as those between effects are. The coefficients in
+`decision.json` are fitted to simulated campaigns, none against the sense of its feature
+(`python -m benchmarks.decision_study`); the file says which campaigns, and how many of each kind.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def features_of(
     best, nothing = search.named[0], search.log_weight[NONE]
     outside = list(search.unmodelled.values())
     any_law = logsumexp(np.array([*(search.log_weight[key] for key in search.named), *outside]))
-    values, enough = float(np.log(max(freedom, FEWEST))), min(freedom / FEWEST, 1.0)
+    values, enough = float(np.log(max(freedom, FEWEST))), float(np.clip(freedom / FEWEST, 0.0, 1.0))
 
     def unknown(left: float, log_weight: float) -> Terms:
         divisor = divisor_of(log_weight - nothing)  # shapes are never exact, as between effects
