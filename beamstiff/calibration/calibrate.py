@@ -189,10 +189,10 @@ def _worse(before: Errors, held_out: Errors | None) -> Iterator[str]:
     if held_out is None or held_out.position_rms is None or before.position_rms is None:
         return
     if held_out.position_rms > before.position_rms:
-        told = [f"{1e3 * one.position_rms:.3g} mm" for one in (held_out, before) if one.position_rms]
         yield (
-            f"poses that were held out are off by {told[0]}, with the robot as described by {told[-1]}: do "
-            "not use this calibration; measure more poses, or free less (parameters base,target,offsets)"
+            f"poses that were held out are off by {1e3 * held_out.position_rms:.3g} mm, with the robot as "
+            f"described by {1e3 * before.position_rms:.3g} mm: do not use this calibration; measure more "
+            "poses, or free less (parameters base,target,offsets)"
         )
 
 

@@ -77,17 +77,18 @@ def work_between(table: Measurements, robot: Robot) -> Array:
 
     The measuring frame is turned as the robot lies over the positions; targets may sit beside the load.
     """
-    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1) & table.by_tracker)
-    if table.kind != "absolute" or len(rows) < LOADED or _on_a_line(table.position[rows]):
+    some = _comparable(table)
+    if not len(some) or not table.wrench[:, :3].any():
         return np.zeros(0)
     try:
-        frame = fit_rigid_motion(_places(table, robot, rows, table.q[rows]), table.position[rows]).rotation
+        frame = fit_rigid_motion(_places(table, robot, some, table.q[some]), table.position[some]).rotation
     except BeamstiffError:  # the loops do not close
         return np.zeros(0)
+    rows = _read_rows(table)
     force = table.wrench[rows, :3]
-    key = np.column_stack([table.q[rows], np.unique(table.point[rows], return_inverse=True)[1]])
-    order = np.lexsort([np.linalg.norm(force, axis=1), equal_rows(key)])
-    least = order[np.unique(equal_rows(key)[order], return_index=True)[1]][equal_rows(key)]
+    state = equal_rows(np.column_stack([table.q[rows], np.unique(table.point[rows], return_inverse=True)[1]]))
+    order = np.lexsort([np.linalg.norm(force, axis=1), state])
+    least = order[np.unique(state[order], return_index=True)[1]][state]
     more, moved = force - force[least], (table.position[rows] - table.position[rows[least]]) @ frame
     done = (more * moved).sum(axis=1)
     std = np.linalg.norm(more * np.nan_to_num(table.sigma[rows, :3]), axis=1) * np.sqrt(2.0)
@@ -96,12 +97,19 @@ def work_between(table: Measurements, robot: Robot) -> Array:
 
 def position_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield why the joint values or the assembly may not be those of the positions; mostly nothing."""
-    rows = _some_rows(table)
-    if table.kind != "absolute" or not len(rows) or _on_a_line(table.position[rows]):
+    rows = _comparable(table)
+    if not len(rows):
         return
     if robot.loops:
         yield from _of_the_assembly(table, robot, rows)
-    yield from _of_the_columns(table, robot, rows)
+    yield from (told for _, told in _misread(table, robot, rows))
+
+
+def _comparable(table: Measurements) -> Index:
+    """Return some rows whose absolute positions say how others lie over them; none where none do."""
+    rows = _some_rows(table)
+    unusable = table.kind != "absolute" or not len(rows) or _on_a_line(table.position[rows])
+    return rows[:0] if unusable else rows
 
 
 def _on_a_line(position: Array) -> bool:
@@ -129,9 +137,14 @@ def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]
         )
 
 
+def _read_rows(table: Measurements) -> Index:
+    """Return all rows with a position."""
+    return np.flatnonzero(~np.isnan(table.position).any(axis=1) & table.by_tracker)
+
+
 def _some_rows(table: Measurements) -> Index:
     """Return rows with a position, few enough to look at, from the whole table."""
-    rows = np.flatnonzero(~np.isnan(table.position).any(axis=1) & table.by_tracker)
+    rows = _read_rows(table)
     return rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))] if len(rows) else rows
 
 
@@ -155,17 +168,10 @@ def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator
 
 def require_joints(table: Measurements, robot: Robot) -> None:
     """Refuse joint values that bring the points by far nearer to where they were if read in another way."""
-    rows = _some_rows(table)
-    if table.kind != "absolute" or not len(rows) or _on_a_line(table.position[rows]):
-        return
+    rows = _comparable(table)
     for times, told in _misread(table, robot, rows):
         if times > SURELY:
             raise UnusableError(told)
-
-
-def _of_the_columns(table: Measurements, robot: Robot, rows: Index) -> Iterator[str]:
-    """Yield that joint values read in another way would bring the points to where they were read."""
-    return (told for _, told in _misread(table, robot, rows))
 
 
 def _misread(table: Measurements, robot: Robot, rows: Index) -> Iterator[tuple[float, str]]:

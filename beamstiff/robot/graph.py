@@ -30,6 +30,18 @@ def structure_graph(robot: Robot) -> Structure:
     return graph
 
 
+def joined(robot: Robot, node: str) -> dict[str, int]:
+    """Return the nodes that rigids and beams join to a node, the nearest first, and how many lie between.
+
+    No joint and no strut is between them; the node itself is the first.
+    """
+    graph: nx.Graph[str] = nx.Graph()
+    graph.add_node(node)
+    graph.add_edges_from(part.nodes for part in robot.rigids)
+    graph.add_edges_from(part.nodes for part in robot.beams)
+    return dict(nx.single_source_shortest_path_length(graph, node))
+
+
 def parts_without_support(graph: Structure, fixed: Collection[str]) -> list[set[str]]:
     """Return the connected parts that hold no fixed node, the largest first."""
     supported = set(fixed)

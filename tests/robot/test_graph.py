@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.robot.description import Robot
-from beamstiff.robot.graph import parts_without_support, structural_loops, structure_graph, support_tree
+from beamstiff.robot.graph import (
+    joined,
+    parts_without_support,
+    structural_loops,
+    structure_graph,
+    support_tree,
+)
 from beamstiff.robot.parts import Joint, JointStiffness, Node, Rigid, Strut
 from beamstiff.robot.reader import load_robot, parse_robot
 
@@ -146,3 +152,23 @@ def test_parts_without_support_are_told_the_largest_first(fixed: list[str]) -> N
     expected = [{"f", "f2", "f3", "f4"}, {"c", "d", "e"}, {"a", "b"}, {"g"}]
     hanging = [part for part in expected if not part & set(fixed)]
     assert parts_without_support(graph, fixed) == hanging
+
+
+def test_what_hangs_together_ends_at_joints_and_struts() -> None:
+    """A foot with a rod on it, a joint, two rods behind each other, and a strut from the last to the foot."""
+    robot = Robot(
+        name="mast",
+        nodes=[Node(name=name) for name in ("foot", "seat", "hub", "middle")]
+        + [Node(name="tip", at=(0, 0, 1))],
+        rigids=[
+            Rigid(name="far", nodes=("middle", "tip")),
+            Rigid(name="near", nodes=("hub", "middle")),
+            Rigid(name="post", nodes=("foot", "seat")),
+        ],
+        joints=[Joint(name="J", nodes=("seat", "hub"), frame="base", stiffness=JointStiffness())],
+        struts=[Strut(name="stay", nodes=("tip", "foot"), stiffness=1e6)],
+        fixed=["foot"],
+        tcp="tip",
+    )
+    assert joined(robot, "foot") == {"foot": 0, "seat": 1}
+    assert list(joined(robot, "hub").items()) == [("hub", 0), ("middle", 1), ("tip", 2)]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.robot.description import Robot
+from beamstiff.robot.graph import joined
 
 GROUND = "base"  # frame
 
@@ -20,33 +21,24 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     stands on the ground in front of the first joint is the pedestal, and the first joint's bearing, whose
     seat is the ground, tilts as it does where nothing else carries the machine.
     """
-    parts = [(part.name, set(part.nodes)) for part in robot.rigids]
-    parts += [(part.name, set(part.nodes)) for part in robot.beams]
     groups = []
     if robot.joints:
         last = robot.joints[-1]
-        bent = [link for node in last.nodes[::-1] for link in _joined(node, parts)]
+        bent = [link for node in last.nodes[::-1] for link in _links(robot, joined(robot, node))]
         bearing = key_of("bearing-tilt", last.variable or last.name)
-        groups.append(
-            (key_of("tool-compliance", None), bearing, *(key_of("link-bending", link) for link in bent))
-        )
+        groups.append((key_of("tool-compliance", None), bearing, *bent))
     feet = {*robot.fixed, *(node.name for node in robot.nodes if node.frame == GROUND)}
-    pedestal = list(dict.fromkeys(name for foot in sorted(feet) for name in _joined(foot, parts)))
-    ground = feet.union(*(ends for name, ends in parts if name in pedestal))
-    standing = [joint for joint in robot.joints if set(joint.nodes) & ground]
+    ground = {node: far for foot in feet for node, far in joined(robot, foot).items()}
+    standing = [joint for joint in robot.joints if ground.keys() & joint.nodes]
     alone = len(standing) == 1 and not robot.struts
     bearings = [key_of("bearing-tilt", component_of(robot, joint)) for joint in standing if alone]
-    pedestal = [key_of("link-bending", name) for name in pedestal]
-    groups.append((key_of("base-compliance", None), *bearings, *pedestal))
+    groups.append((key_of("base-compliance", None), *bearings, *_links(robot, ground)))
     return {key: group for group in groups for key in group}
 
 
-def _joined(node: str, parts: list[tuple[str, set[str]]]) -> list[str]:
-    """Return the parts that hang together with a node, no joint between."""
-    nodes, names = {node}, []
-    for _ in parts:
-        for name, ends in parts:
-            if name not in names and ends & nodes:
-                names.append(name)
-                nodes |= ends
-    return names
+def _links(robot: Robot, reached: Mapping[str, int]) -> list[str]:
+    """Return the bending of the links between nodes that are reached, the nearest first."""
+    parts = [(part.nodes, part.name) for part in robot.rigids]
+    parts += [(part.nodes, part.name) for part in robot.beams]
+    links = [(min(reached[node] for node in ends), name) for ends, name in parts if reached.keys() >= {*ends}]
+    return [key_of("link-bending", name) for _, name in sorted(links, key=lambda link: link[0])]

@@ -10,6 +10,7 @@ from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, named
 from beamstiff.diagnosis.effects.external import each_by_each, shift_alone, tool_axes, turn_alone
 from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose, tcp_response
 from beamstiff.robot.description import Robot
+from beamstiff.robot.graph import joined
 from beamstiff.se3 import Array
 
 MASS = 10.0  # kg
@@ -54,10 +55,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
 def _carried(robot: Robot) -> float:
     """Return the mass that hangs on the TCP, no joint between, kg."""
-    held = {robot.tcp}
-    parts = [{*part.nodes} for parts in (robot.rigids, robot.beams) for part in parts]
-    for _ in parts:
-        held = held.union(*(ends for ends in parts if ends & held))
+    held = joined(robot, robot.tcp)
     return sum(mass.mass for mass in robot.masses if mass.node in held)
 
 
