@@ -169,6 +169,8 @@ def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator
 def require_joints(table: Measurements, robot: Robot) -> None:
     """Refuse joint values that bring the points by far nearer to where they were if read in another way."""
     rows = _comparable(table)
+    if not len(rows):
+        return
     for times, told in _misread(table, robot, rows):
         if times > SURELY:
             raise UnusableError(told)
