@@ -20,6 +20,7 @@ from beamstiff.diagnosis.decomposition.loads import (
     errors_of_loads,
     moved_by,
     unlike_linear,
+    without_errors,
 )
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import select
@@ -140,6 +141,7 @@ class _Settings:
 
     def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
         """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
+        model = without_errors(model)  # a fit without these errors is one on drives under stated loads
         choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         return folds_of(model, choice, self.seed), same
