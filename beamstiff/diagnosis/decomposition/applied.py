@@ -11,7 +11,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.loads import errors_of_loads, moved_by, without_errors
+from beamstiff.diagnosis.decomposition.forms import shift_of
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
@@ -36,8 +36,7 @@ def applied(found: Decomposition) -> Robot:
     robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
     added, soft = list[AddedEffect](), _compliances(found, robot)
     for cause in reversed(causes):  # `verify` leaves out the last ones first
-        left = without_errors(found.model) if errors_of_loads([cause]) else found.model
-        absorbed = absorbed_by(*left.told_apart, cause.moved, soft)
+        absorbed = absorbed_by(*found.model.told_apart, cause.moved, soft)
         if own := [*_added(found, cause, absorbed)]:
             added = [*own, *added]
             soft = {name: value + absorbed.get(name, 0.0) for name, value in soft.items()}
@@ -83,7 +82,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
         return linear
     rows = model.baseline.rows
     forms = [form for cause in causes for form in cause.forms]
-    moved = moved_by(model, forms, [theta for cause in causes for theta in cause.theta], found.change)
+    moved = shift_of(forms, [theta for cause in causes for theta in cause.theta], len(rows))
     again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters)
     robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
