@@ -40,9 +40,7 @@ OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"),
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
-# share by which the drives may change what an error of a load moves: forms are no better than the first;
-# where it stays above the other the linear step is less than half right
-SETTLED, WRONG = 0.1, 0.5
+SETTLED = 0.1  # share by which drives may change what an error of a load moves: forms are no better
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -103,7 +101,7 @@ def decompose(
         astray = unsteady(folds, step, seed)
         if not astray:
             found, unlike = _told(settings, folds, step)
-            astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > WRONG else set()
+            astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > SETTLED else set()
         if not astray:
             return replace(found, behind=tuple(behind))
         without = (*settings.prior.without, *astray)
