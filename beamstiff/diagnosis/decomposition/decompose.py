@@ -206,7 +206,7 @@ def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
-            if unlike_linear(model, chosen, thetas, change) <= SETTLED:
+            if unlike_linear(without_errors(model), chosen, thetas, change) <= SETTLED:
                 return model
     except BeamstiffError:  # the machine may buckle beside loads that are far too large
         pass

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
@@ -59,8 +60,12 @@ def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_f
     def rows(q: Array) -> Measurements:
         return replace(read(load_robot(UR10), sagged(q, stiffness), (), rng), q=q)
 
-    diagnosis = diagnose(robot, rows(rng.uniform(-2.5, 2.5, (POSES, 6))))
+    measured = rows(rng.uniform(-2.5, 2.5, (POSES, 6)))
+    diagnosis = diagnose(robot, measured)
     (cause,) = diagnosis.to_dict()["causes"]
+    without = calibrate(robot.model_copy(update={"identify": ()}), measured, compliances=DRIVES).held_out
+    assert without is not None
+    assert diagnosis.rms == pytest.approx(without.position_rms, rel=0.1)  # on drives under stated loads
     assert cause["effect"] == "payload-error"
     for axis, arm in zip("xyz", AT, strict=True):
         moment = cause["parameters"][f"mass_times_{axis}"]
