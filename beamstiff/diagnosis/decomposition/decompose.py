@@ -100,8 +100,8 @@ def decompose(
         folds, step = _selected(settings, model, forms)
         astray = unsteady(folds, step, seed)
         if not astray:
-            found, unlike = _told(settings, folds, step)
-            astray = errors_of_loads((*found.causes, *found.unclear)) if unlike > SETTLED else set()
+            found, settled = _told(settings, folds, step)
+            astray = set() if settled else errors_of_loads((*found.causes, *found.unclear))
         if not astray:
             return replace(found, behind=tuple(behind))
         without = (*settings.prior.without, *astray)
@@ -172,16 +172,14 @@ def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> t
     return folds, step
 
 
-def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition, float]:
+def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition, bool]:
     """Return what the causes say, errors of loads on drives as these are fitted beside them.
 
-    Where that does not settle, or makes held-out postures worse, the causes that came nearest to it. And how
-    near, `unlike_linear`.
+    And whether that settles, without making held-out postures worse.
     """
-    found = nearest = told(folds, step, settings.seed)
-    unlike = least = _unlike_linear(found)
+    found = told(folds, step, settings.seed)
     for _ in range(ROUNDS):
-        model = _settled(settings, found) if unlike > SETTLED else None
+        model = None if _is_settled(found) else _settled(settings, found)
         if model is None:
             break
         folds, same = settings.folds(model, _fitted_forms(found))
@@ -189,10 +187,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition,
         if unsteady(folds, step, settings.seed):
             break
         found = told(folds, step, settings.seed)
-        unlike = _unlike_linear(found)
-        if unlike < least:
-            nearest, least = found, unlike
-    return nearest, least
+    return found, _is_settled(found)
 
 
 def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
@@ -213,10 +208,11 @@ def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
     return None
 
 
-def _unlike_linear(found: Decomposition) -> float:
+def _is_settled(found: Decomposition) -> bool:
     told_of = (*found.causes, *found.unclear)
     forms = [form for cause in told_of for form in cause.forms]
-    return unlike_linear(found.model, forms, [part for one in told_of for part in one.theta], found.change)
+    thetas = [part for one in told_of for part in one.theta]
+    return unlike_linear(found.model, forms, thetas, found.change) <= SETTLED
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:
