@@ -39,6 +39,7 @@ def absorbed_by(
     present = np.array([(compliances or {}).get(name, np.inf) for name in names])
     if (changes < -present).any():
         size = np.linalg.norm(tangent, axis=0)
+        size = np.where(size > 0.0, size, 1.0)  # what the readings do not see stays as it is
         left, right = np.linalg.qr(tangent / size)
         changes = lsq_linear(right, left.T @ moved, (-present * size, np.inf), method="bvls").x / size
     return {
