@@ -201,7 +201,7 @@ def _sources(data: Sequence[str]) -> str:
 def _head(found: Identification, data: Sequence[str]) -> str:
     names = ", ".join(item.name for item in found.parameters)
     head = f"# Stiffness of {names} identified by beamstiff from {_sources(data)}.\n"
-    if unbounded := [item.name for item in found.parameters if not item.identifiable]:
+    if unbounded := [item.name for item in found.parameters if not (item.identifiable or item.silent)]:
         head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
     return head
 

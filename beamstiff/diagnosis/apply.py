@@ -178,6 +178,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
         are 0.
     """
     found = _found(diagnosis)
+    found = found.with_unmeasured(diagnosis.fitted_stiffness, diagnosis.untouched)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 

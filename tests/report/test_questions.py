@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
+from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
@@ -92,7 +93,9 @@ def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
         assert fitted[name]["given"] == pytest.approx(fitted[name]["value"])
     page = diagnosis_html(result, provenance([], 0, []))
     assert page.count("not touched by these loads") == 2
+    assert extended(result).unmeasured == ends  # `compensate` says what comes of these
     assert diagnosed("backlash").untouched == ()
+    assert extended(diagnosed("backlash")).unmeasured == ()
 
 
 def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
