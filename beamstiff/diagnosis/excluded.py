@@ -23,7 +23,7 @@ def not_noise(found: Diagnosis, whole: Diagnosis) -> Diagnosis:
     others = [one for one in found.candidates if one.key not in (NONE, UNKNOWN)]
     candidates = [Candidate("none", None, none), Candidate("unknown", None, unknown), *others]
     candidates.sort(key=lambda one: -one.probability)
-    said = ()
+    said: tuple[str, ...] = ()
     if whole.verdict.key != UNKNOWN:
         cause = whole.verdict.key.removesuffix(":null")
         said = (f"with no cause excluded, the verdict is {cause} ({100 * whole.verdict.probability:.0f} %)",)
