@@ -112,18 +112,18 @@ def diagnose(
             kept = {one.effect for one in larger.effects}
             found = () if result.decomposition is None else result.decomposition.causes
             lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
-            measuring = f"; {lost} is of measuring, not of the robot" if lost else ""
+            measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.untouched)
-            kept_value = f"; {guessed} not touched by these loads, as in the robot file" if guessed else ""
+            kept_value = f"; kept, as no load touches it: {guessed}" if guessed else ""
             holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             if doubt:
                 note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
-                note(f"{apply} holds what is no more than the likeliest cause ({share})")
+                note(f"{apply} contains only the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
 

@@ -26,9 +26,9 @@ def compensation_notes(
     said = [*robot_doubts(machine.controller), *unproven, *_from_start_values(result, taught), *program.notes]
     if machine.actual is None and machine.controller.calibrated:
         said.append(
-            f"robot {machine.controller.name!r} is calibrated and stands for the controller's robot too: its "
-            "geometry errors stay uncorrected unless the controller has this geometry; else name the nominal "
-            "robot first and this one with --actual"
+            f"robot {machine.controller.name!r} is calibrated and serves as the controller's robot too: its "
+            f"geometry errors stay uncorrected. Unless the controller has this geometry, name the nominal "
+            f"robot first and this one with --actual"
         )
     if missing_stiffness(machine.real) and not machine.real.effects:
         what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
@@ -39,11 +39,11 @@ def compensation_notes(
     for what in ("base", "tool"):
         stated = [one for place in program.places if (one := getattr(place, what)) is not None]
         if stated and given[what]:
-            said.append(f"{what} as given, in place of {stated[0].name} of the program")
+            said.append(f"{what} is the given one, not {stated[0].name} of the program")
         elif used := dict.fromkeys(
             one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
         ):
-            said.append(f"{what} as the program says: {listed(used, 4)}")
+            said.append(f"{what} is that of the program: {listed(used, 4)}")
     if postures := [one.text for one in found.path.stated_postures if one is not None]:
         if branch:
             said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
@@ -60,41 +60,46 @@ def compensation_notes(
         said.append(f"the path begins at {posture}; --q chooses another posture")
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
-        said.append(f"the joints have to jump before line {lines}: another configuration")
+        said.append(f"the joints must jump to another configuration before line {lines}")
     if result.learned is not None:
         if result.learned.effects:
             said.append(
-                f"beside the process the run shows {effects_text(result.learned.effects)}: added to the robot"
+                f"the run shows {effects_text(result.learned.effects)} besides the process; added to the "
+                f"robot"
             )
         if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
-            said.append(f"the run does not identify {listed(open_ones)}: kept near what was expected")
+            said.append(
+                f"the run does not identify {listed(open_ones)}, which stay near their expected values"
+            )
         if not result.learned.pays:
             said.append(
-                "another correction no longer pays: the run was "
+                "another correction would not help: the run was "
                 f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
                 f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
             )
     if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
         names = [found.path.names[row] for row in partly]
         said.append(
-            f"no command is exact for {len(names)} of {len(found.path)} targets, the real robot jumps there: "
+            f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
+            f"jumps there: "
             f"at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
         )
     if result.left_alone:
         names = [found.path.names[row] for row in result.left_alone]
         said.append(
-            f"{len(names)} of {len(found.path)} targets stay as they are, their correction is below twice "
-            f"its standard deviation: {listed(names, 5)}"
+            f"{len(names)} of {len(found.path)} targets stay as they are, because their correction is below "
+            f"twice its standard deviation: {listed(names, 5)}"
         )
     if machine.set_aside:
-        said.append(f"{effects_text(machine.set_aside)} is of measuring and moves no tool: ignored")
+        said.append(f"{effects_text(machine.set_aside)} is an error of measuring that moves no tool: ignored")
     if machine.real.model is not None:
         said.append(
-            f"by the robot's model ({machine.real.model.kind}), fitted to {machine.real.model.source}"
+            f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
+            f"{machine.real.model.source}"
         )
         said += extrapolation_notes(machine.real, found.q[result.known], "targets")
     if machine.real.effects:
-        said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
+        said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
     return said
 
 

@@ -235,7 +235,7 @@ def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, succeed: 
     (cell / "soft.yaml").write_text(robot_to_yaml(load_robot("kr500")) + tilting)
     (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
     result = succeed("compensate", "kr500", "path.csv", "--actual", "soft.yaml")
-    assert "with the robot's effects: base-compliance" in result.stderr
+    assert "the robot's effects are included: base-compliance" in result.stderr
     assert "unloaded tool" not in result.stderr
 
 

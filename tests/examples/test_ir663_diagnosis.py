@@ -49,7 +49,7 @@ def numbers(text: str, row: str, count: int) -> list[float]:
 
 
 def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(text: str) -> None:
-    assert "no confident verdict can come of them" in text
+    assert "no confident verdict is possible" in text
     assert "Undecided: unknown (" in text
     assert "Indistinguishable from tool-compliance with these data: " in text
     table = text[text.index("Residual with each cause") : text.index("Each cause is added")]

@@ -86,7 +86,7 @@ def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
     ends = kr240().identify[0], kr240().identify[-1]  # about the vertical, and through the TCP
     assert result.untouched == ends
     told = stiffness_text(result)
-    assert f"Stiffness not touched by these loads, as in the robot file: {', '.join(ends)}." in told
+    assert f"Not touched by these loads, and kept as in the robot file: {', '.join(ends)}." in told
     fitted = result.to_dict()["fitted"]
     assert [name for name, one in fitted.items() if not one["touched"]] == [*ends]
     for name in ends:

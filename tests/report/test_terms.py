@@ -105,7 +105,7 @@ def test_the_table_holds_the_texts() -> None:
         "no row carries a load: measure with one",  # notes
         "expected NAME=NUMBER such as backlash:q2=0.5",  # errors
         "Check a robot with its effects on fresh measurements.",  # help of a command
-        "Write the measurements that discriminate best",  # help of an option
+        "Write the measurements that distinguish the causes best",  # help of an option
         "Position gap on held-out postures, and the noise floor.",  # docstrings
     ):
         assert any(one in text for text in told), one
