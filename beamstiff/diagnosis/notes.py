@@ -20,7 +20,7 @@ SURE = 0.001  # probability of what repeats show by chance
 
 
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
-    """Yield what a reader of the verdict should know of the data; mistakes of the table are said where it is read.
+    """Yield what a reader of the verdict should know of the data, beside the doubts of its tables.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def chosen_for(robot: Robot) -> Iterator[str]:
     else:
         yield (
             f"robot {robot.name!r}: nothing is fitted, because no joint is compliant about or along its "
-            "axis; with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its drives "
-            "are fitted before effects are sought"
+            "axis; with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
+            "drives are fitted before effects are sought"
         )
 
 

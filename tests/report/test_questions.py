@@ -56,7 +56,7 @@ def test_a_load_that_acts_elsewhere_is_told_with_its_place() -> None:
     action = verdict(of(cause)).action
     assert action.startswith("Check where the load acts.")
     assert "--tcp" in action
-    assert f"by about ({1e3 * found[0]:+.0f}, {1e3 * found[1]:+.0f}, " in action
+    assert f"acts about ({1e3 * found[0]:+.0f}, {1e3 * found[1]:+.0f}, " in action
 
 
 def test_another_error_of_a_load_is_no_place_but_may_look_like_one() -> None:
