@@ -15,7 +15,6 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGE = REPOSITORY / "beamstiff"
-OLD_NAMES = "RENAMED"  # the mapping of what earlier versions wrote into files
 PAGES = [*(REPOSITORY / "docs").glob("*.md"), *(REPOSITORY / one for one in ("README.md", "CONTRIBUTING.md"))]
 PAGES.append(REPOSITORY / "benchmarks" / "README.md")
 SHORTEST = 3  # words that make a sentence
@@ -70,9 +69,6 @@ def sentences(path: Path) -> Iterator[tuple[int, str]]:
         return
     tree = ast.parse(text)
     told = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == OLD_NAMES:
-            told.update(id(one) for one in ast.walk(node.value))
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             parts = node.values
