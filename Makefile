@@ -27,7 +27,7 @@ $(STAMP): pyproject.toml
 	@touch $@
 
 demo: venv
-	$(BIN)/python examples/demo.py
+	$(BIN)/beamstiff demo
 
 # docs/demo.md shows what the demo prints.
 readme: venv

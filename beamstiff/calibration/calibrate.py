@@ -65,7 +65,9 @@ def calibrate(
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
-    return _told(statement, problem, found, method, folds)
+    result = _told(statement, problem, found, method, folds)
+    untouched = {*compliances} - {*problem.elastic.names} | {*seen.silent}
+    return replace(result, robot=result.robot.with_unmeasured(compliances, untouched))
 
 
 def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Observability:

@@ -31,36 +31,41 @@ def calibrate(
     ],
     parameters: list[str] | None = option(
         "NAME,...",
-        "What to estimate: f3.d, q2 (an encoder's zero), n7.x (a reflector's place), a frame, or base, "
-        "target, offsets, frames; default all.",
+        "What to estimate: f3.d, q2 (zero of an encoder), n7.x (place of a reflector), a frame, or the "
+        "groups base, target, offsets, frames; default: all.",
     ),
     fix: list[str] | None = option(
-        "NAME,...", "What stays, likewise; `base` where the readings are in the robot's own base frame."
+        "NAME,...",
+        "What to keep, named as in --parameters; `base` if the readings are in the robot's own base frame.",
     ),
-    last: list[str] | None = option("NAME,...", "Of indistinguishable parameters, hold these first."),
+    last: list[str] | None = option(
+        "NAME,...", "Parameters to hold first where several are indistinguishable."
+    ),
     compliances: list[str] | None = option(
         "NAME,...", "Stiffness values to estimate along with the geometry, such as J2.torsional."
     ),
     prior: list[str] | None = option(
         "NAME=STD",
-        "Known to within a standard deviation, such as f3.d=0.2mm; of a group (frames=0.5mm) those "
-        "of the unit; repeatable.",
+        "Standard deviation about the robot's value, such as f3.d=0.2mm, or frames=0.5mm for all parameters "
+        "of a group with this unit; repeatable.",
     ),
     method: str = option("NAME", "levenberg-marquardt or gauss-newton.", "levenberg-marquardt"),
     stations: bool = typer.Option(
         False,
         "--stations",
-        help="Every table has a base of its own (base1, base2, ...): robot or tracker were moved.",
+        help="The robot or the tracker was moved between the tables: estimate a base for each (base1, base2, "
+        "...).",
     ),
-    folds: int = option("N", "Folds of the errors held out; 0 for none.", 5, min=0),
+    folds: int = option(
+        "N", "Number of cross-validation folds for the held-out errors; 0 for none.", 5, min=0
+    ),
     test: list[str] | None = option("CSV", "Readings to test the calibrated robot on; repeatable."),
     out: str | None = option("FILE", "Write the calibrated robot: YAML, or .urdf, .sdf, .xml (MJCF)."),
-    readings: str | None = option(
-        "CSV", "Write the readings, as they are, in the base frame found, for verify."
-    ),
+    readings: str | None = option("CSV", "Write the readings in the base frame that was found, for verify."),
     apply_to: list[str] | None = option(
         "CSV=CSV",
-        "Write another table, which is not fitted, in the base frame found: fresh.csv=moved.csv; repeatable.",
+        "Write another table, which is not fitted, in the base frame that was found: fresh.csv=moved.csv; "
+        "repeatable.",
     ),
     sensitivity: str | None = option("FILE", "Draw how far each parameter moves and turns the tool."),
     recursion: str | None = option("FILE", "Draw the residual over the number of poses used."),
@@ -70,10 +75,10 @@ def calibrate(
 ) -> None:
     """Calibrate the geometry from measured absolute positions.
 
-    Or from poses. Weighted least squares over the parameters that the poses can distinguish; the
-    others are listed, with what they look like, and keep their values. Gravity, payload and loads
-    deform the robot as its stiffness says. By default the robot's base is estimated in the
-    tracker's frame.
+    Poses work as well. Weighted least squares over the parameters that the poses can distinguish. The
+    others keep their values and are listed with the parameters that they resemble. Gravity, payload
+    and loads deform the robot according to its stiffness. By default, the place of the robot's base
+    in the tracker's frame is estimated too.
 
     \b
     Examples:

@@ -26,19 +26,24 @@ def campaign(
     folder: Annotated[str, typer.Argument(metavar="FOLDER", help="Where the campaign is kept.")],
     what: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[WHAT]...", help="Of new the robot, of add tables, of remove numbers."),
+        typer.Argument(
+            metavar="[WHAT]...", help="For new: the robot. For add: tables. For remove: numbers of batches."
+        ),
     ] = None,
-    out: str | None = option("CSV", "Of next: the rows to measure, a table to fill in."),
+    out: str | None = option("CSV", "For next: write the rows to measure, as a table to fill in."),
     region: Region = None,
-    directions: str = option("AXES", "Of new: where loads can pull, base frame.", "x,y,z"),
-    rows: int = typer.Option(10, help="Of new: rows of a proposal at most; a load cycle stays whole.", min=1),
-    seed: int = typer.Option(0, help="Of new: of simulated campaigns and held-out postures.", min=0),
+    directions: str = option("AXES", "For new: directions in which loads can pull, base frame.", "x,y,z"),
+    rows: int = typer.Option(
+        10, help="For new: largest number of rows in a proposal; a load cycle is not split.", min=1
+    ),
+    seed: int = typer.Option(0, help="For new: seed of simulated campaigns and held-out postures.", min=0),
 ) -> None:
-    """Keep a campaign: after every batch what it tells, what to measure next, whether to stop.
+    """Measure in batches until the cause is clear.
 
-    `new FOLDER ROBOT` begins one. `next FOLDER --out CSV` proposes rows; `add FOLDER CSV ...` takes
-    them, filled in; `remove FOLDER NUMBER ...` withdraws batches; `status FOLDER` says where it
-    stands. Stop where a cause is decided, or where nothing more can be with this instrument.
+    `new FOLDER ROBOT` begins a campaign. `next FOLDER --out CSV` proposes rows to measure. `add FOLDER
+    CSV ...` reads them, filled in. `remove FOLDER NUMBER ...` removes batches. `status FOLDER` shows
+    the diagnosis so far, and whether to stop: when a cause is decided, or when this instrument cannot
+    decide any more.
 
     \b
     Example:

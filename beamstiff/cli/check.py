@@ -25,13 +25,16 @@ def check(
     result: Annotated[
         str, typer.Argument(metavar="RESULT", help="JSON of verify, identify, calibrate or diagnose.")
     ],
-    max_gap: str = typer.Option(..., metavar="LENGTH", help="Exit with 3 where the gap is larger: 0.2mm."),
+    max_gap: str = typer.Option(
+        ..., metavar="LENGTH", help="Exit with code 3 if the gap is larger, such as 0.2mm."
+    ),
 ) -> None:
     """Check that the gap in a result is within a limit.
 
-    For scripts: exit code 0 within the limit, 3 beyond it, 2 where RESULT holds no gap. The gap is
-    the RMS position error: of verify with the robot's effects; of identify and calibrate on held-out
-    poses, or where none were held out on the fitted rows; of diagnose what remains beyond its causes.
+    For scripts: exit code 0 within the limit, 3 beyond it, 2 if RESULT contains no gap. The gap is
+    the RMS position error. For verify: with the robot's effects. For identify and calibrate: on
+    held-out poses, or on the fitted rows if none were held out. For diagnose: what its causes do not
+    explain.
 
     \b
     Example:

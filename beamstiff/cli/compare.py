@@ -33,26 +33,27 @@ def compare(
     robot: RobotFile,
     data: DataFiles,
     models: list[str] | None = option(
-        "NAME,...", "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default all."
+        "NAME,...", "rigid, nominal, parametric, fuzzy, grid, gray box, gaussian process; default: all."
     ),
     parameters: list[str] | None = option(
         "NAME,...",
-        "Stiffness values that are fitted, and may vary; default: what the robot lists under `identify`.",
+        "Stiffness values to fit; default: what the robot lists under `identify`.",
     ),
     share: float = option("X", "Share of the poses to hold out.", 0.25),
     fit_load: str | None = option(
         "LOAD",
-        "Fit to rows of this load alone, such as 900N, hold all others out; default: hold the largest out.",
+        "Fit to rows with this load only, such as 900N, and hold out all others; default: hold out the "
+        "largest load.",
     ),
     cube: str | None = option(
-        "LENGTH", "Side of the grid's cubes, with its unit: 300mm; default a third of the workspace."
+        "LENGTH", "Side length of the grid's cubes, such as 300mm; default: a third of the workspace."
     ),
     separate: bool = typer.Option(
         False,
         "--separate",
-        help="As published: every cube by its own rows alone; sets of its own for every fuzzy term.",
+        help="As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
     ),
-    seed: int = option("N", "Of all that is drawn at random.", 0),
+    seed: int = option("N", "Seed of the random numbers.", 0),
     assembly: Assembly = None,
     figure: str | None = option("FILE", "Draw the errors over the workspace (.png, .svg or .pdf)."),
     rules: str | None = option("FILE", "Draw the fuzzy model's rule surface and membership functions."),
@@ -63,11 +64,11 @@ def compare(
 ) -> None:
     """Compare models of elasticity on held-out rows.
 
-    Each is fitted to the same rows. rigid has no compliance, nominal is the robot file as it is,
-    parametric has its stiffness identified; fuzzy is fitted to the readings alone; grid, gray box
-    and gaussian process let the identified springs vary: by cubes of the workspace, by fuzzy rules
-    of the joint values, smoothly over these. Poses are held out at random, and the largest load
-    where there are several. "outside" counts rows outside a model's training range.
+    All models are fitted to the same rows. rigid has no compliance, nominal is the robot file as it
+    is, parametric has identified stiffness, fuzzy is fitted to the readings alone. In the others the
+    identified springs vary: by cubes of the workspace (grid), by fuzzy rules of the joint values
+    (gray box), smoothly over the joint values (gaussian process). Random poses are held out, and the
+    largest load if there are several. "outside" counts rows outside a model's training range.
 
     \b
     Examples:

@@ -16,22 +16,24 @@ def compare_runs(
     a: Annotated[str, typer.Argument(metavar="A", help="CSV table of the earlier campaign.")],
     b: Annotated[str, typer.Argument(metavar="B", help="CSV table of the later campaign.")],
     parameters: list[str] | None = option(
-        "NAME,...", "What may have changed, as of `identify` or `calibrate`; default: what these fit."
+        "NAME,...",
+        "Parameters that may have changed, named as for `identify` or `calibrate`; default: "
+        "those that these commands fit.",
     ),
-    fix: list[str] | None = option("NAME,...", "What stays, likewise."),
+    fix: list[str] | None = option("NAME,...", "Parameters to keep, named in the same way."),
     compliances: list[str] | None = option(
-        "NAME,...", "Of absolute positions: stiffness values that are estimated along, such as J2.torsional."
+        "NAME,...", "With absolute positions: stiffness values to estimate too, such as J2.torsional."
     ),
-    level: float = option("P", "Chance of a false alarm.", 0.05),
+    level: float = option("P", "Probability of a false alarm.", 0.05),
     assembly: Assembly = None,
 ) -> None:
     """Find what changed between two campaigns of one machine.
 
     A and B hold displacements, or absolute positions, of the same machine, say before and after a
-    collision, a season or a new tool; postures and loads need not be the same. The robot is fitted
-    to both; then each alone determines the parameters again. A Wald test says whether any changed
-    beyond the uncertainty of both; Holm's p-values say which. Of positions, each campaign has a
-    measuring frame of its own.
+    collision, a season or a new tool; postures and loads need not be the same. The robot is fitted to
+    both together, then to each alone. A Wald test says whether any parameter changed by more than the
+    uncertainty of both fits; Holm's p-values say which. With positions, each campaign has its own
+    measuring frame.
 
     \b
     Examples:

@@ -32,7 +32,7 @@ def compensate(
         str,
         typer.Argument(
             metavar="ROBOT",
-            help="The robot that the controller believes in, as a rule the nominal one: YAML, URDF or SDF "
+            help="The robot as the controller has it, usually the nominal one: YAML, URDF or SDF "
             "file, or the name of a bundled robot.",
             autocompletion=robots_beginning,
         ),
@@ -47,11 +47,12 @@ def compensate(
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
     actual: str | None = option(
         "ROBOT",
-        "The real robot: what calibrate --out or diagnose --apply wrote. Without it ROBOT is both, so that "
-        "its weight, load and effects are corrected, and its geometry counts as the controller's.",
+        "The real robot, as calibrate --out or diagnose --apply wrote it. Default: ROBOT; then its weight, "
+        "load and effects are corrected, but no geometry error.",
     ),
     wrench: list[str] | None = option(
-        "NAME=VALUE,...", "Load on the tool's tip, base frame, such as fz=-900N,mx=20; on top of the others."
+        "NAME=VALUE,...",
+        "Load on the tool's tip, base frame, such as fz=-900N,mx=20; added to the other loads.",
     ),
     process: str | None = option("FILE", "Process model (YAML): bent beam, table of forces."),
     base: str | None = option(
@@ -65,61 +66,67 @@ def compensate(
         "else the TCP.",
     ),
     q: list[str] | None = option(
-        "NAME=VALUE,...", "Posture near the first target, in place of what the path says of it."
+        "NAME=VALUE,...", "Posture near the first target, instead of the one that the path states."
     ),
-    only: list[str] | None = option("NAME,...", "Correct these targets alone; XP* takes many."),
+    only: list[str] | None = option("NAME,...", "Correct only these targets; XP* matches several."),
     taught: bool = typer.Option(
-        False, "--taught", help="Targets were taught on the unloaded robot: correct the load's part."
+        False,
+        "--taught",
+        help="Targets were taught on the unloaded robot: correct only the effect of the load.",
     ),
     positions_only: bool = typer.Option(
         False, "--positions-only", help="Leave the orientations as they are."
     ),
     unreachable: str = option(
-        "refuse|keep", "Targets that cannot be corrected: write nothing, or leave these as they are.", REFUSE
+        "refuse|keep",
+        "If a target cannot be corrected: write nothing, or keep such targets as they are.",
+        REFUSE,
     ),
     resample: str | None = option(
-        "step=LENGTH,angle=ANGLE", "Put targets in between; --out is a path table (.csv) then."
+        "step=LENGTH,angle=ANGLE", "Insert targets in between; --out is a path table (.csv) then."
     ),
     std: str | None = option(
-        "FILE", "Standard deviations of stiffness: what `identify --json` wrote; effects bring their own."
+        "FILE", "Standard deviations of stiffness, as `identify --json` wrote them; effects have their own."
     ),
     load_std: list[str] | None = option("NAME=VALUE,...", "Standard deviation of the load, such as fz=20N."),
     leave_doubtful: bool = typer.Option(
-        False, "--leave-doubtful", help="Leave targets whose correction is below twice its std as they are."
+        False,
+        "--leave-doubtful",
+        help="Keep targets as they are if their correction is below twice its standard deviation.",
     ),
     stream: bool = typer.Option(
-        False, "--stream", help="Answer lines of stdin with commands on stdout: compensation on line."
+        False, "--stream", help="Answer lines of stdin with commands on stdout (online compensation)."
     ),
     measured: list[str] | None = option(
         "RUN.csv",
         "A measured run (x, y, z of every target, loads if a cell read them): fit the process to it.",
     ),
-    ran: list[str] | None = option("PROGRAM", "The program that ran then; default: PATH."),
-    learned: str | None = option("FILE", "Write the process as the measured runs teach it, for --process."),
+    ran: list[str] | None = option("PROGRAM", "The program of this run; default: PATH."),
+    learned: str | None = option("FILE", "Write the process as fitted to the measured runs, for --process."),
     figure: str | None = option("FILE", "Draw the path before and after (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
 ) -> None:
     """Correct a tool path for the errors of the real robot.
 
-    Every target gets the command (fake pose) at which the real tool comes to rest at the target:
-    with the geometry, weight, stiffness and effects of the robot, under the load of the process.
-    Position and orientation; of robots with fewer than six joints, and where the file holds no
-    orientation, the position alone. Only numbers of targets change, everything else stays byte
-    for byte. The error after correction is that of the numbers as they are written.
+    Each target is replaced by the command (fake pose) at which the real tool comes to rest at the
+    target, with the robot's geometry, weight, stiffness and effects, under the process load. Position
+    and orientation are corrected; only the position for robots with fewer than six joints and for
+    files without orientations. Only the numbers of targets change; everything else stays byte for
+    byte. The error after correction includes the rounding of the written numbers.
 
-    --stream prepares the targets and answers one line each: `target NAME fx fy fz mx my mz` or
+    --stream prepares the targets and answers each line `target NAME fx fy fz mx my mz` or
     `pose x y z a b c fx fy fz mx my mz` (SI, rotation vector, frame of the path; loads in the
-    base frame) with `ok`, the command likewise, its standard deviation, the joint values, and
-    whether it was warm.
+    base frame) with `ok`, the command in the same form, its standard deviation, the joint values, and
+    whether the answer was prepared (`warm`).
 
-    --measured learns from a run: friction, stiffness and clamp of a beam, size of tabulated
-    forces, gain and frame of a load cell, from where the tool really went. Give all runs made
-    so far, each with the program that --ran it, and correct again until that no longer pays.
+    --measured learns from where the tool really went in a run: friction, stiffness and clamp of a
+    beam, size of tabulated forces, gain and frame of a load cell. Give all runs so far, each with its
+    program (--ran), and repeat until the path no longer improves.
 
     Loads add up: columns fx to mz of a path table, --wrench, --process. A target that cannot be
-    reached or corrected is listed with its line; unless --unreachable keep, neither path nor page
-    is written then and the exit code is 2.
+    reached or corrected is listed with its line. Then no path and no report is written and the
+    exit code is 2, unless --unreachable keep.
 
     \b
     Examples:

@@ -38,34 +38,35 @@ def convert(
     ],
     out: str = option(
         "FILE",
-        "What to write, by its ending: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or points).",
+        "File to write; its ending says the format: .yaml, .urdf, .sdf, .xml (MJCF), .csv (frames, or "
+        "points).",
         ...,
     ),
-    tcp: str | None = option("NAME", "Link (or node) at the TCP, where there are several ends."),
+    tcp: str | None = option("NAME", "Link (or node) at the TCP, if the robot has several ends."),
     joint_stiffness: list[str] | None = option(
         "[NAME=]VALUE",
         "Stiffness about (or along) a joint's axis: 'lift=1e8 N/m' for one joint, '1e6 N*m/rad' for all "
         "other rigid ones that the unit fits. Repeatable.",
     ),
     convention: str | None = option(
-        "NAME", "Of a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
+        "NAME", "For a table of frames: classic or modified (Denavit-Hartenberg) or khalil-kleinfinger."
     ),
     like: str | None = option(
         "FILE",
-        "Write into this URDF (default: that which IN came from) or MJCF, leaving all else as it is; or the "
-        "robot of a log, or of measurements.",
+        "Write into this URDF or MJCF and keep everything else in it; default: the URDF that IN came from. "
+        "For a log or measurements: the robot.",
     ),
     q: list[str] | None = option(
-        "NAME=VALUE,...", "Of an MJCF: the posture whose values stand for what varies with it."
+        "NAME=VALUE,...", "For MJCF: the posture at which values that vary with it are taken."
     ),
     series: bool = typer.Option(
         False, "--series", help="URDF, SDF: every compliance a joint in series, as in MJCF."
     ),
     settle: str = option(
-        "TIME", "Of an MJCF: within which its springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
+        "TIME", "For MJCF: time in which the springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
     ),
     profile: str | None = option(
-        "FILE", "What the columns of a list of points, or of a log, are: a YAML file, ur-rtde or kuka-rsi."
+        "FILE", "Columns of a list of points, or of a log: a YAML file, ur-rtde or kuka-rsi."
     ),
     joints: str | None = option(
         "FILE",
@@ -73,34 +74,35 @@ def convert(
         "the log of the robot.",
     ),
     joints_profile: str | None = option(
-        "FILE", "What the columns of the robot's log are: a YAML file, ur-rtde or kuka-rsi."
+        "FILE", "Columns of the robot's log: a YAML file, ur-rtde or kuka-rsi."
     ),
     hold: list[str] | None = option(
-        "NAME=VALUE", "Of a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
+        "NAME=VALUE", "For a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
     ),
     point: list[str] | None = option(
-        "NODE=TOPIC", "Of a log: which reflector a topic is; repeatable. Others are ignored then."
+        "NODE=TOPIC", "For a log: the reflector of a topic; repeatable. Other topics are ignored then."
     ),
-    skip: list[str] | None = option("TOPIC", "Of a bag: leave this out; repeatable."),
+    skip: list[str] | None = option("TOPIC", "For a bag: topic to ignore; repeatable."),
     lag: str | None = option(
-        "TIME", "Of a log: what the points' clock shows more than the joints' (else found)."
+        "TIME",
+        "For a log: how far the clock of the points is ahead of that of the joints; default: estimated.",
     ),
-    shortest: str = option("TIME", "Of a log: shortest plateau that is kept.", "0.3 s"),
+    shortest: str = option("TIME", "For a log: shortest plateau to keep.", "0.3 s"),
     mend_labels: bool = typer.Option(
         False,
         "--mend-labels",
-        help="Of measurements (--like ROBOT): put exchanged names of reflectors back, by their distances; "
-        "leave out one that slipped.",
+        help="For measurements (--like ROBOT): correct exchanged names of reflectors by their distances, and "
+        "drop one that slipped.",
     ),
-    figure: str | None = option("FILE", "Of a log: draw what was kept and cut (.png, .svg or .pdf)."),
+    figure: str | None = option("FILE", "For a log: draw what was kept and cut (.png, .svg or .pdf)."),
 ) -> None:
     """Convert robots and points from and to other formats.
 
-    URDF keeps what beamstiff has no use for (meshes, inertias, transmissions, comments): it is
-    written back as it was, with stiffness in <beamstiff> elements that other readers pass over. SDF
-    holds links, joints, limits, masses and joint stiffness; MJCF (MuJoCo) every compliance as a joint
-    in series; notes list what they lose. Tables of frames hold the chain to the TCP. A profile says
-    what the columns of a tracker's list of points are, and in which units; docs/files.md shows some.
+    A URDF keeps what beamstiff does not use (meshes, inertias, transmissions, comments). Stiffness is
+    written in <beamstiff> elements, which other readers ignore. SDF contains links, joints, limits,
+    masses and joint stiffness; MJCF (MuJoCo) contains every compliance as a joint in series. Notes
+    list what is lost. A table of frames contains the chain to the TCP. A profile states the columns
+    and units of a tracker's list of points; docs/files.md shows examples.
 
     \b
     Examples:

@@ -21,21 +21,22 @@ def deflect(
     assembly: Assembly = None,
     out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
     vtu: str | None = option(
-        "FILE", "Write the deformed structure for ParaView (.vtu): of the row that moves most, or --line."
+        "FILE", "Write the deformed structure of the row that moves most, or of --line, for ParaView (.vtu)."
     ),
-    line: int | None = option("N", "With --vtu: the line of DATA whose row it is."),
+    line: int | None = option("N", "With --vtu: the line of the row in DATA."),
     html: Html = None,
 ) -> None:
     """Predict displacements of a table of postures and loads.
 
-    Linear, loaded minus unloaded: C wrench, base frame, at the TCP or the row's `point`, under the
-    wrench at the TCP or the row's `load_point`. Columns of measured displacements may be missing;
-    where they are there, the gap to the prediction is printed. Of absolute positions (x y z) it predicts
-    where the points are in the base frame, under weight, payload and load.
+    The prediction is linear, loaded minus unloaded (C wrench), in the base frame. It is the
+    displacement of the TCP, or of the row's `point`, under the wrench at the TCP, or at the row's
+    `load_point`. Measured displacements may be missing; where present, the gap to the prediction is
+    printed. For absolute positions (x y z), the places of the points in the base frame are predicted,
+    under weight, payload and load.
 
-    --preload takes equilibria to second order in the loads, with the geometric stiffness K_C: the
-    displacement under gravity, payload and the row's wrench, less that under gravity and payload.
-    A load under which the machine buckles is refused.
+    --preload calculates equilibria to second order in the loads, with the geometric stiffness K_C: the
+    displacement under gravity, payload and the row's wrench, minus that under gravity and payload. A
+    load under which the machine buckles is an error.
 
     Effects that the robot has (`effects:`, such as backlash) are added.
 

@@ -25,30 +25,30 @@ def diagnose(
     robot: RobotFile,
     data: DataFiles,
     without: list[str] | None = option(
-        "NAME,...", "Effects, or effect:component, that cannot be the cause (checked by other means)."
+        "NAME,...", "Causes to exclude, because other checks rule them out: an effect, or effect:component."
     ),
     prior: list[str] | None = option(
         "NAME=NUMBER",
-        "How many of an effect are expected at a component, or at this one: backlash:q2=0.5; repeatable.",
+        "Expected number of an effect at each component, or at one: backlash:q2=0.5; repeatable.",
     ),
-    seed: int = typer.Option(0, help="Of simulated campaigns and held-out postures.", min=0),
+    seed: int = typer.Option(0, help="Seed of simulated campaigns and held-out postures.", min=0),
     stations: bool = typer.Option(
         False,
         "--stations",
-        help="The robot, or the tracker, stood elsewhere for each table of absolute positions.",
+        help="The robot or the tracker was moved between tables of absolute positions.",
     ),
     next_to: str | None = typer.Option(
         None,
         "--next",
-        help="Write the measurements that discriminate best, ready to fill in; near where the tool was "
-        "measured, or in --region.",
+        help="Write the measurements that distinguish the causes best, as a table to fill in. The tool stays "
+        "near where it was measured, or in --region.",
         metavar="CSV",
     ),
     region: Region = None,
     apply: str | None = option(
         "FILE",
-        "Write the robot with the fitted stiffness and the effects of the verdict, for deflect, "
-        "identify and diagnose: YAML, or as ROBOT is a URDF or MJCF (.xml), into its own elements.",
+        "Write the robot with the fitted stiffness and the effects of the verdict, for verify, compensate "
+        "and others: YAML, or URDF or MJCF (.xml) if ROBOT is one.",
     ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
@@ -56,8 +56,9 @@ def diagnose(
 ) -> None:
     """Find where model and machine differ, and what causes it.
 
-    The robot's `identify` parameters are fitted first. The residual is then explained by every effect
-    of the library at every component in several shapes, by noise alone, and by an unknown cause. The
+    The robot's `identify` parameters are fitted first. The residual is then explained by every
+    effect of the library at every component in several shapes, by noise alone, and by an unknown
+    cause. The
     answer is a verdict with its probability, the causes indistinguishable from it, the effects that
     the data cannot show, how much of the gap closes on held-out data, and what to measure next. The
     verdict may be `none` or `unknown`.
@@ -111,18 +112,18 @@ def diagnose(
             kept = {one.effect for one in larger.effects}
             found = () if result.decomposition is None else result.decomposition.causes
             lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
-            measuring = f"; {lost} is of measuring, not of the robot" if lost else ""
+            measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.untouched)
-            kept_value = f"; {guessed} not touched by these loads, as in the robot file" if guessed else ""
+            kept_value = f"; kept, as no load touches it: {guessed}" if guessed else ""
             holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             if doubt:
                 note(f"{apply}: {doubt}")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
-                note(f"{apply} holds what is no more than the likeliest cause ({share})")
+                note(f"{apply} contains only the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
 

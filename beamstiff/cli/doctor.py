@@ -28,10 +28,10 @@ def doctor(
 ) -> None:
     """Check the installation.
 
-    Which versions are installed, which optional parts are there, whether they calculate right. What
-    is missing is named with the command that installs it. The self check takes a second: the
-    compliance of a clamped tube against its closed form. Exit code 2 where something must be
-    mended. Send the output along when you report a fault.
+    Prints the installed versions and optional parts, and whether they calculate correctly. Missing
+    parts are named with the command that installs them. The self check takes a second: it compares
+    the compliance of a clamped tube with its closed form. Exit code 2 if something must be repaired.
+    Include the output when you report a bug.
 
     \b
     Examples:

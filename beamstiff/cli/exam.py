@@ -14,17 +14,16 @@ def exam(
         str | None,
         typer.Argument(
             metavar="[ROBOT]",
-            help="Examine on this robot only: YAML file, or the name of a bundled one; default: two "
+            help="Use only this robot: YAML file, or the name of a bundled one; default: two "
             "serial robots, arms of random proportions and the closed-loop ir663.",
         ),
     ] = None,
     plan: str | None = option(
         "CSV",
-        "Examine on these poses and loads only, a table of measurements or a plan: what could "
-        "be found with it?",
+        "Use only these poses and loads (a table of measurements, or a plan), to see what they could find.",
     ),
-    cases: int = typer.Option(100, help="How many cases.", min=1),
-    seed: int = typer.Option(0, help="Of all draws; the same cases again.", min=0),
+    cases: int = typer.Option(100, help="Number of cases.", min=1),
+    seed: int = typer.Option(0, help="Seed of all draws; the same seed draws the same cases.", min=0),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     classes: list[str] | None = option(
@@ -33,30 +32,30 @@ def exam(
         "(backlash, ...), in equal shares.",
     ),
     sets: str | None = option(
-        "FOLDER", "Examine on the campaigns of a folder with a labels.json instead of simulated ones."
+        "FOLDER", "Use the campaigns of a folder with a labels.json instead of simulated ones."
     ),
     crowded: bool = typer.Option(
         False,
         "--crowded",
-        help="Examine on machines with three to six effects at once, and a geometry that is off.",
+        help="Use machines with three to six effects at once and with errors of geometry.",
     ),
     out: str | None = option(
-        "FILE", "Keep every case's result as a line of JSON; a broken-off exam is taken up again there."
+        "FILE", "Write every case's result as a line of JSON; an interrupted exam continues there."
     ),
-    reports: str | None = option("FOLDER", "Keep every diagnosis' report there."),
+    reports: str | None = option("FOLDER", "Write the report of every diagnosis there."),
     figure: str | None = option("FILE", "Draw the reliability diagram (.png, .svg or .pdf)."),
     compare: bool = typer.Option(
-        True, "--compare/--no-compare", help="Ask a plain regression too (best BIC), as a control."
+        True, "--compare/--no-compare", help="Also run a plain regression (best BIC) as a control."
     ),
     html: Html = None,
 ) -> None:
     """Examine the diagnosis on simulated campaigns.
 
-    Their effect is withheld from it. A simulator that shares no equations with the library draws a
-    robot, what is wrong with it (an effect, none, two, one outside the library, or one whose class
-    is taken from the library), a campaign, its noise and what is claimed of the noise. The label is
-    sealed by its SHA-256, the rows are diagnosed, the report is sealed, and the label is opened.
-    The table shows each figure beside what is required, the worst class first.
+    The diagnosis does not see the effects. A simulator that shares no equations with the library
+    draws a robot, its fault (an effect, none, two, one outside the library, or one whose class is
+    removed from the library), a campaign, its noise, and the noise that the table states. The label
+    is sealed by its SHA-256, the rows are diagnosed, the report is sealed, and then the label is
+    opened. The table shows each result beside its target, the worst class first.
 
     \b
     Examples:

@@ -39,8 +39,8 @@ def identify(
     data: DataFiles,
     parameters: list[str] | None = option(
         "NAME,...",
-        "Stiffness values to identify, such as J12.torsional (a joint's), screw2 (a strut's) or "
-        "arm.E (a beam's modulus); default: what the robot lists under `identify`.",
+        "Stiffness values to identify, such as J12.torsional (of a joint), screw2 (of a strut) or arm.E "
+        "(modulus of a beam); default: what the robot lists under `identify`.",
     ),
     method: str = option(
         "NAME",
@@ -48,29 +48,37 @@ def identify(
         "esch, mlsl, genetic.",
         "trust-region",
     ),
-    fix: list[str] | None = option("NAME,...", "Parameters that stay as they are in the robot."),
+    fix: list[str] | None = option("NAME,...", "Parameters that keep the robot's values."),
     tie: list[str] | None = option("NAME,NAME,...", "Parameters that keep their ratio; repeatable."),
     bound: list[str] | None = option(
-        "NAME=LOW:HIGH", "Least and largest value, either may be empty; repeatable."
+        "NAME=LOW:HIGH", "Smallest and largest allowed value; either may be empty; repeatable."
     ),
     prior: list[str] | None = option(
         "NAME=VALUE:FACTOR",
-        "Known beforehand, to within a factor at one standard deviation (1.5); repeatable.",
+        "Value known beforehand, and the factor (such as 1.5) that is one standard deviation; repeatable.",
     ),
-    loss: str = option("NAME", "linear (least squares); against bad rows soft_l1, huber, cauchy.", "linear"),
-    use: str = option("WHAT", "Readings that count: position, rotation or both.", "both"),
+    loss: str = option(
+        "NAME", "linear (least squares), or robust against bad rows: soft_l1, huber, cauchy.", "linear"
+    ),
+    use: str = option("WHAT", "Readings to use: position, rotation or both.", "both"),
     input_error: list[str] | None = option(
         "NAME=VALUE,...",
-        "Standard deviations of what the table gives: load (a balance), force, moment (a sensor), "
-        "angle, length (joint readings), hold_angle, hold_length (drives that move between the two "
-        "readings); they add to the noise.",
+        "Standard deviations of the inputs: load (of a balance), force, moment (of a sensor), angle, length "
+        "(of joint readings), hold_angle, hold_length (of drives that move between the two readings). They "
+        "add to the noise.",
     ),
-    folds: int = option("N", "Folds of the held-out gap; 0 for none.", 5),
-    bootstrap: int = option("N", "Intervals from N fits to poses drawn again; 0 for none.", 0),
-    seed: int = option("N", "Of all that is drawn at random.", 0),
-    evaluations: int = option("N", "At most; mostly of the global methods.", 20_000),
-    population: int | None = option("N", "Of the global methods; default theirs."),
-    searches: int = option("N", "Of a global method, with seeds from --seed on; the best counts.", 1),
+    folds: int = option("N", "Number of cross-validation folds for the held-out gap; 0 for none.", 5),
+    bootstrap: int = option(
+        "N", "Number of bootstrap fits (to resampled poses) for the intervals; 0 for none.", 0
+    ),
+    seed: int = option("N", "Seed of the random numbers.", 0),
+    evaluations: int = option(
+        "N", "Largest number of evaluations; it matters mostly for the global methods.", 20_000
+    ),
+    population: int | None = option("N", "Population of a global method; default: the method's own."),
+    searches: int = option(
+        "N", "Number of searches by a global method, with seeds from --seed on; the best is kept.", 1
+    ),
     processes: Processes = 1,
     scheduler: Scheduler = None,
     assembly: Assembly = None,
@@ -79,29 +87,32 @@ def identify(
     ),
     model: str | None = option(
         "KIND",
-        "Fit a model of elasticity too (fuzzy, grid, gray-box, gaussian-process); --out holds it, and "
-        "deflect, map, diagnose, verify and compensate follow it.",
+        "Also fit a model of elasticity (fuzzy, grid, gray-box, gaussian-process). --out contains it, and "
+        "deflect, map, diagnose, verify and compensate use it.",
     ),
     cube: str | None = option(
-        "LENGTH", "With --model grid: side of the cubes, 300mm; default a third of the workspace."
+        "LENGTH",
+        "With --model grid: side length of the cubes, such as 300mm; default: a third of the workspace.",
     ),
     separate: bool = typer.Option(
         False,
         "--separate",
-        help="As published: every cube by its own rows alone; sets of its own for every fuzzy term.",
+        help="As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
     ),
     positions: str | None = option(
         "CSV",
-        "With --model grid: absolute positions of the unloaded TCP, for kinematic parameters of its own in "
-        "every cube.",
+        "With --model grid: absolute positions of the unloaded TCP, to fit kinematic parameters in each "
+        "cube.",
     ),
     reduce: str | None = option(
         "FILE",
         "Write the reduced robot as YAML: springs identifiable only in combination become one, springs "
         "that cannot be identified are removed.",
     ),
-    pareto: int = option("N", "Points of the front of position error against rotation error; 0 for none.", 0),
-    front: str | None = option("FILE", "Draw that front (.png, .svg or .pdf)."),
+    pareto: int = option(
+        "N", "Number of points on the Pareto front of position error against rotation error; 0 for none.", 0
+    ),
+    front: str | None = option("FILE", "Draw the Pareto front (.png, .svg or .pdf)."),
     figure: str | None = option(
         "FILE", "Draw the residuals before and after over load and posture (.png, .svg or .pdf)."
     ),
@@ -109,12 +120,12 @@ def identify(
 ) -> None:
     """Identify joint stiffness from measured displacements.
 
-    DATA holds displacements dx dy dz (rx ry rz), loaded minus unloaded, in the base frame; the
-    start are the robot's present values. Weighted least squares; rotations count where the table
-    states sigma_rotation. The uncertainty is one standard deviation; a stiffness that the data do
-    not bound from above gets a lower bound instead. Springs identifiable only in combination are
-    listed with their known sum and the measurement that distinguishes them. Ctrl-C ends with the
-    best values so far.
+    DATA holds displacements dx dy dz (rx ry rz), loaded minus unloaded, in the base frame. The
+    fit is weighted least squares and starts at the robot's present values. Rotations are used if the
+    table states sigma_rotation. The uncertainty is one standard deviation; a stiffness that the data
+    do not bound from above gets a lower bound instead. Springs that are identifiable only in
+    combination are listed with their known sum and the measurement that distinguishes them. Ctrl-C
+    stops and keeps the best values so far.
 
     \b
     Examples:
@@ -201,7 +212,7 @@ def _sources(data: Sequence[str]) -> str:
 def _head(found: Identification, data: Sequence[str]) -> str:
     names = ", ".join(item.name for item in found.parameters)
     head = f"# Stiffness of {names} identified by beamstiff from {_sources(data)}.\n"
-    if unbounded := [item.name for item in found.parameters if not item.identifiable]:
+    if unbounded := [item.name for item in found.parameters if not (item.identifiable or item.silent)]:
         head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
     return head
 

@@ -65,8 +65,8 @@ def beamstiff(
       beamstiff demo
       beamstiff doctor
 
-    Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a fault of beamstiff,
-    130 after Ctrl-C. Output files are written whole or not at all.
+    Exit code: 0 success, 2 bad input (one line on stderr says what), 1 a bug in
+    beamstiff, 130 after Ctrl-C. An output file is written completely or not at all.
     """
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

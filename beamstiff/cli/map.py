@@ -29,7 +29,7 @@ def map(
     robot: RobotFile,
     grid: list[str] = option(
         "NAME=FROM:TO:COUNT,...",
-        "An axis each: actuated joint variables, or x, y, z of the TCP in the base frame; repeatable.",
+        "Axes of the map: actuated joint variables, or x, y, z of the TCP in the base frame; repeatable.",
         ...,
     ),
     quantity: list[str] | None = option(
@@ -40,21 +40,22 @@ def map(
     ),
     q: list[str] | None = option(
         "NAME=VALUE,...",
-        "The other joint variables; not named are 0. Over x, y, z: the posture whose configuration "
-        "the map keeps to.",
+        "The other joint variables; those not named are 0. Over x, y, z: a posture with the configuration "
+        "that the map keeps.",
     ),
     orientation: str | None = option(
         "FRAME",
-        "Of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
+        "Orientation of the TCP over x, y, z: a, b, c (intrinsic Z-Y-X) such as b=180deg, a quaternion qw to "
         "qz, or free; default: as in the posture --q, free with fewer than six actuated variables.",
     ),
     wrench: list[str] | None = option(
-        "NAME=VALUE,...", "On the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20."
+        "NAME=VALUE,...",
+        "Load on the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20.",
     ),
     gravity: bool = typer.Option(
         False, "--gravity", help="Add the sag under dead weight to deflection and displacement."
     ),
-    direction: str | None = option("AXIS", "Of stiffness_along, base frame: x, -z or 0.6,0,0.8."),
+    direction: str | None = option("AXIS", "Direction of stiffness_along, base frame: x, -z or 0.6,0,0.8."),
     length: str | None = option(
         "LENGTH", "Characteristic length for kappa, dexterity, manipulability; default: the robot's own."
     ),
@@ -70,8 +71,9 @@ def map(
     loops, out of reach, another configuration) are NaN with a reason. Undeformed geometry, base
     frame, SI.
 
-    With --out every finished chunk is kept in OUT.parts until the map is written: the same command
-    goes on where a kill, a full disk or Ctrl-C stopped it. Processes and interruptions change no bit.
+    With --out, finished chunks are kept in OUT.parts until the map is written. After a kill, a full
+    disk or Ctrl-C, the same command continues. The result does not depend on interruptions or on the
+    number of processes.
 
     The figure shows the last two axes, a panel for each of some values of the first.
 

@@ -37,8 +37,8 @@ Assembly = Annotated[
     typer.Option(
         "--assembly",
         metavar="NAME",
-        help="How closed loops are put together, such as +-: show lists the names. Default: as the robot "
-        "file says, else nearest to the guesses.",
+        help="Assembly mode of closed loops, such as +-; `beamstiff show` lists the names. Default: that of "
+        "the robot file, else the one nearest to the guesses.",
     ),
 ]
 DataFiles = Annotated[
@@ -71,11 +71,9 @@ Region = Annotated[
 ]
 Preload = Annotated[
     bool,
-    typer.Option("--preload", help="Let gravity, payload and the load itself stiffen or soften the machine."),
+    typer.Option("--preload", help="Include the geometric stiffness that gravity, payload and load cause."),
 ]
-Processes = Annotated[
-    int, typer.Option("--processes", metavar="N", min=1, help="Calculate with that many processes.")
-]
+Processes = Annotated[int, typer.Option("--processes", metavar="N", min=1, help="Number of processes.")]
 Scheduler = Annotated[
     str | None,
     typer.Option(

@@ -9,26 +9,28 @@ TESTS = 20  # as of the function, which is not loaded for --help
 def plan(
     robot: RobotFile,
     out: str | None = option("FILE", "Write the tests as a CSV table to fill in."),
-    tests: int | None = option("N", f"Tests (rows) to make; {TESTS} by default."),
-    poses: int | None = option("N", "Poses instead of tests: each takes all loads."),
-    force: str = option("FORCE", "Of each load along a direction; 0 for none.", "1000 N"),
-    moment: str = option("MOMENT", "Of each load about a direction; 0 for none.", "0 N*m"),
-    directions: str = option("AXES", "Of these loads, base frame.", "x,y,z"),
+    tests: int | None = option("N", f"Number of tests (rows); {TESTS} by default."),
+    poses: int | None = option("N", "Number of poses, instead of --tests: each pose gets all loads."),
+    force: str = option("FORCE", "Force of each load along a direction; 0 for none.", "1000 N"),
+    moment: str = option("MOMENT", "Moment of each load about a direction; 0 for none.", "0 N*m"),
+    directions: str = option("AXES", "Directions of these loads, base frame.", "x,y,z"),
     load: list[str] | None = option(
         "NAME=VALUE,...",
-        "A load of its own, such as fz=-900N,mx=20, instead of --force and --moment; repeatable.",
+        "A load, such as fz=-900N,mx=20, instead of --force and --moment; repeatable.",
     ),
-    criterion: str = option("D|A|E", "What to make small: volume, mean or worst of the errors.", "D"),
+    criterion: str = option(
+        "D|A|E", "What to minimise: volume (D), mean (A) or largest (E) of the errors.", "D"
+    ),
     sigma_position: str = option("LENGTH", "Noise of a measured displacement.", "0.03 mm"),
     sigma_rotation: str | None = option("ANGLE", "Noise of a measured rotation; default: none is measured."),
-    gauges: str | None = option("AXES", "What dial gauges read along, such as z; default: a tracker."),
+    gauges: str | None = option("AXES", "Axes along which dial gauges read, such as z; default: a tracker."),
     parameters: list[str] | None = option(
         "NAME,...", "Stiffness values to find; default: what the robot lists under `identify`."
     ),
     speed: list[str] | None = option(
         "[NAME=]VALUE",
-        "Speed of the joints (30deg/s, q1=0.2m/s): of tests that tell within 2 % as much as the best, those "
-        "soonest driven to; repeatable.",
+        "Speed of the joints (30deg/s, q1=0.2m/s): of tests within 2 % of the best, choose those that need "
+        "the least time for moving; repeatable.",
     ),
     region: Region = None,
     candidates: int = option("N", "Random poses to choose from.", 300),
@@ -37,10 +39,10 @@ def plan(
 ) -> None:
     """Plan which poses and loads determine the stiffness best.
 
-    The tests are chosen, optimal by a criterion, from all loads in random poses within the joint
-    limits whose loops close. The robot's present stiffness is taken as expected. Forces and
-    moments act at the TCP in the base frame. Nothing looks out for collisions and cables: look
-    through the poses before you drive to them; --region keeps the TCP where it can be measured.
+    The tests are chosen by an optimality criterion from all loads in random poses, within the joint
+    limits and with closed loops. The robot's present stiffness is assumed. Forces and moments act at
+    the TCP, in the base frame. Collisions and cables are not checked: look through the poses before
+    you drive to them. --region keeps the TCP where it can be measured.
 
     \b
     Examples:

@@ -17,14 +17,14 @@ def schema(
 ) -> None:
     """Print the JSON Schema of robot files, or of measurement tables.
 
-    With the first editors complete keys and mark wrong ones. Where an editor knows YAML schemas, the
-    first line of a robot file names it:
+    With the schema of robot files, editors complete keys and mark wrong ones. The first line of a
+    robot file names it:
 
     \b
       # yaml-language-server: $schema=robot.schema.json
 
-    The second is for programs that make or check tables: `header` holds the lines above the header,
-    `rows` the cells by column.
+    The schema of measurement tables is for programs that make or check tables: `header` contains the
+    lines above the header, `rows` the cells by column.
 
     \b
     Examples:

@@ -16,7 +16,8 @@ def show(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot; without it these are listed.",
+            help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot; without it, the bundled "
+            "robots are listed.",
             autocompletion=robots_beginning,
         ),
     ] = None,
@@ -27,12 +28,12 @@ def show(
     """Show what a robot file means, and the robot's reach.
 
     Variables, frames, loops, nodes, stiffness, mass and reach of the TCP. Positions are in the base
-    frame. The reach is that of postures drawn evenly within the limits of the actuated variables
-    (turning joints without limits: -180 to 180 deg), as far as their loops close. Mass, unknowns
+    frame. The reach is that of random postures within the limits of the actuated
+    variables (turning joints without limits: -180 to 180 deg) whose loops close. Mass, unknowns
     and condition hold for the reference posture: the middle of the limits, or the first sample that
-    closes. Ways to put closed loops together (assemblies) are listed with their names, the one
-    taken marked; --assembly takes another, as does `assembly:` in the robot file. A file that is
-    wrong is refused with the line and the reason.
+    closes. Assembly modes of closed loops are listed with their names; the one in use is
+    marked. --assembly, or `assembly:` in the robot file, chooses another. An error in the file is
+    reported with its line and the reason.
 
     \b
     Examples:

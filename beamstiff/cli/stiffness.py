@@ -31,16 +31,16 @@ def stiffness(
 ) -> None:
     """Print the 6 x 6 stiffness and compliance at the TCP.
 
-    In one posture. Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C
+    For one posture. Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C
     wrench. Base frame, wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry,
-    without gravity. A mechanism is refused and its free motion named. A TCP that is rigid in some
+    without gravity. A mechanism is an error that names its free motion. A TCP that is rigid in some
     direction, such as that of an arm with drive springs only in a singular posture, has a
-    compliance but no stiffness: the rigid directions are named, and --json, which holds both
+    compliance but no stiffness: the rigid directions are named, and --json, which needs both
     matrices, is refused.
 
-    --preload gives the tangent stiffness of the loaded machine instead, for a small wrench on top
-    of what loads it: gravity and payload always, and --wrench. It adds the geometric stiffness K_C
-    of these loads, where they have moved the machine; K is not symmetric then if a moment acts.
+    --preload gives the tangent stiffness of the machine under gravity, payload and --wrench instead:
+    its response to a small additional wrench. It adds the geometric stiffness K_C of these loads at
+    the displaced machine. K is not symmetric if a moment acts.
 
     \b
     Examples:

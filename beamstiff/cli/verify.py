@@ -31,7 +31,7 @@ def verify(
     refit_frame: bool = typer.Option(
         False, "--refit-frame", help="The measuring frame is not the base frame: fit it first."
     ),
-    max_gap: str | None = option("LENGTH", "Exit with 3 where a larger gap is left: 0.2mm."),
+    max_gap: str | None = option("LENGTH", "Exit with code 3 if a larger gap is left, such as 0.2mm."),
     engine: str | None = option(
         "NAME", "Compare deflections with those of a physics engine instead: mujoco (extra of this name)."
     ),
@@ -44,8 +44,9 @@ def verify(
     is added in turn. `promised` is the share of the gap that they closed on held-out postures when
     they were found, `true` the share that they close here.
 
-    With --engine the rows are postures and loads alone: the deflection under --preload beside that of
-    the exported model (`beamstiff convert --out robot.xml`), its drives held exactly.
+    With --engine, rows are postures and loads only. The deflection (as of deflect --preload) is
+    compared with that of the exported model (`beamstiff convert --out robot.xml`) in the engine, with
+    its drives held exactly.
 
     \b
     Examples:

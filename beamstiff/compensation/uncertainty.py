@@ -25,17 +25,37 @@ def parameter_columns(
     `std`: of stiffness parameters, as `identify` gives them, SI. Effects of the real robot bring their own.
     `q` (N, A), `wrench` (N, 6), `tip` (N, 4, 4): as of `Machine.moved`.
     """
-    columns = []
-    if std:
-        as_is = machine.moved(q, wrench, tip)
-        for robot, scale in _stiffness(machine.real, std):
-            columns.append((replace(machine, actual=robot).moved(q, wrench, tip) - as_is) * scale)
+    columns = [*stiffness_columns(machine, q, wrench, tip, std)]
     alone = uncertain_effects(machine.real, machine.real.effects)
     if alone:  # an effect is its parameters times its shapes
         bare = machine.real.model_copy(update={"effects": ()})
         without = replace(machine, actual=bare).moved(q, wrench, tip)
         columns += [replace(machine, actual=robot).moved(q, wrench, tip) - without for robot in alone]
     return np.array(columns).reshape(-1, len(q), 6)
+
+
+def stiffness_columns(
+    machine: Machine, q: Array, wrench: Array, tip: Array, std: Mapping[str, float]
+) -> Array:
+    """Return how the real tool moves with one standard deviation of each stiffness in `std`, (K, N, 6)."""
+    if not std:
+        return np.zeros((0, len(q), 6))
+    as_is = machine.moved(q, wrench, tip)
+    columns = [
+        (replace(machine, actual=robot).moved(q, wrench, tip) - as_is) * scale
+        for robot, scale in _stiffness(machine.real, std)
+    ]
+    return np.array(columns).reshape(-1, len(q), 6)
+
+
+def from_start_values(machine: Machine, q: Array, wrench: Array, tip: Array) -> Array:
+    """Return the displacement (N, 6) by stiffness that no measured load touched, m and rad.
+
+    A compliance 1/k displaces by what it is, to first order: -k times the derivative by k.
+    """
+    known = stiffness_parameters(machine.real)
+    std = {name: known[name] for name in machine.real.unmeasured}
+    return np.asarray(-stiffness_columns(machine, q, wrench, tip, std).sum(axis=0))
 
 
 def load_columns(machine: Machine, q: Array, wrench: Array, tip: Array, load_std: Array) -> Array:

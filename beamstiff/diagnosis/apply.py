@@ -56,13 +56,6 @@ class EffectError(BeamstiffError):
         super().__init__(f"robot {robot!r}: {where}")
 
 
-RENAMED = {  # shapes, from the first version of the format on
-    "off rest": "asymmetric",
-    "hooked on anew in every posture": "per-posture offset",
-    "hooked on anew for every direction": "per-direction offset",
-}
-
-
 def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
     """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
 
@@ -178,6 +171,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
         are 0.
     """
     found = _found(diagnosis)
+    found = found.with_unmeasured(diagnosis.fitted_stiffness, diagnosis.untouched)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 
@@ -249,7 +243,6 @@ def written_std(robot: Robot) -> dict[str, float]:
 def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: bool) -> Array:
     """Return what a shape adds, (N, 6); `alone` is the only one of its effect at its component."""
     _known("effect", effect.effect, EFFECTS)
-    part = _by_todays_name(part)
     law = EFFECTS[effect.effect]
     view = replace(bare, stated=part.scales)
     other = replace(view, rows=replace(view.rows, kind="displacement" if view.absolute else "absolute"))
@@ -275,14 +268,6 @@ def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: 
         )
     result: Array = shape.columns @ values
     return result
-
-
-def _by_todays_name(effect: AddedShape) -> AddedShape:
-    """Return a shape with the name that its shape has today: files of every earlier version are read."""
-    shape = effect.shape
-    for former, today in RENAMED.items():
-        shape = shape.replace(former, today)
-    return effect if shape == effect.shape else effect.model_copy(update={"shape": shape})
 
 
 def _values(effect: AddedShape, shape: Shape, alone: bool) -> Array:

@@ -20,9 +20,9 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior, key_of
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.torque_readings import Readings, readings_of
 from beamstiff.errors import listed
 from beamstiff.identification.input_errors import rigid_motion
-from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements, Names
 from beamstiff.model.drive_torques import Weight, drive_torques
 from beamstiff.robot.coupling import variable_kinds
@@ -30,11 +30,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.se3 import Array
 
-LEAST, MOST = 10, 200  # readings of a joint: fewer say nothing; of more some, evenly spread
 GAIN = 0.1  # standard deviation of a sensor's gain: of motor currents; strain gauges are better
-FACTOR = 3.0  # times what statics says, from which a reading has another unit or is of the motor's side
-FOLLOWS = 0.9  # correlation with what statics says, from which the sign of a joint's readings is sure
-STILL = 1e-3  # of the largest torque, below which what a joint holds does not change
 FINEST = 2e-3  # of what a joint holds: no torque is read to better, nor are weights known
 WEIGHT = 0.2  # standard deviation of the weights that a robot file states, as a share
 SPRING = 0.5  # realistic share of a balancer, of what a joint holds
@@ -73,29 +69,6 @@ class Said:
 
 
 @dataclass(frozen=True)
-class _Readings:
-    """M readings, each of a row (of N) and a joint (of A).
-
-    `value`: what it reads more than `statics` (N, A), which weights and loads as stated make.
-    """
-
-    row: Integers
-    joint: Integers
-    value: Array
-    statics: Array
-    notes: tuple[str, ...]
-
-    def of(self, columns: Array) -> Array:
-        """Return the readings (M, ...) of columns (N, A, ...)."""
-        return np.asarray(columns[self.row, self.joint])
-
-    def rms(self, values: Array) -> Array:
-        """Return the RMS (A,) of values (M,) at each joint; 0 where nothing is read."""
-        count = np.bincount(self.joint, minlength=self.statics.shape[1])
-        return np.asarray(np.sqrt(np.bincount(self.joint, values**2, len(count)) / np.maximum(count, 1)))
-
-
-@dataclass(frozen=True)
 class _Form:
     """A way in which something shows: columns (M, c) of realistic sizes; `stated`: whether those bound it."""
 
@@ -123,60 +96,15 @@ def measured_torques(robot: Robot, rows: Measurements, prior: Prior = DEFAULT) -
     links = [one for one in weights if one.frame != carried and np.abs(one.unit).any()]
     if any(robot.gravity) and not any(np.abs(one.torque).any() for one in links):
         return Said(notes=("measured torques are not used: the robot file states no weight of the links",))
-    read = _readings(rows, np.sum([loads, *(one.torque for one in weights)], axis=0))
+    read = readings_of(rows, np.sum([loads, *(one.torque for one in weights)], axis=0))
     if not len(read.row):
         return Said(notes=read.notes)
     baseline = fit_baseline(robot, rows, keep=())
     return _said(baseline, read, dict(_candidates(baseline, read, links)), prior)
 
 
-def _readings(rows: Measurements, statics: Array) -> _Readings:
-    """Return the readings that can be used, and why others cannot."""
-    used, alike, reasons = dict[int, Integers](), dict[int, tuple[float, float]](), dict[int, str]()
-    largest = float(np.ptp(statics, axis=0).max())
-    for at in np.flatnonzero(np.isfinite(rows.torque).any(axis=0)).tolist():
-        some = np.flatnonzero(np.isfinite(rows.torque[:, at]))
-        states = np.column_stack([rows.run, rows.q, rows.wrench, rows.torque[:, at]])[some]
-        some = some[np.sort(np.unique(states, axis=0, return_index=True)[1])]  # what several points saw
-        some = some[np.unique(np.linspace(0, len(some) - 1, MOST).astype(np.intp))]
-        value, should = (one[some, at] - one[some, at].mean() for one in (rows.torque, statics))
-        size, expected = float(np.linalg.norm(value)), float(np.linalg.norm(should))
-        used[at] = some
-        if len(some) < LEAST:
-            reasons[at] = f"found {len(some)} readings at rest, expected {LEAST} or more"
-        elif size <= 1e-9 * float(np.linalg.norm(rows.torque[some, at])):
-            reasons[at] = "all readings are equal"
-        elif expected <= STILL * largest * np.sqrt(len(some)):
-            reasons[at] = (
-                "weight and loads make it hold the same everywhere, so that its sign cannot be found"
-            )
-        else:
-            alike[at] = float(value @ should / (size * expected)), size / expected
-    sign = {at: np.sign(r) for at, (r, n) in alike.items() if abs(r) > FOLLOWS and 1 / FACTOR < n < FACTOR}
-    common = set(sign.values())
-    for at, (follows, ratio) in alike.items():
-        if at not in sign and ratio < FACTOR and len(common) == 1:  # a balancer may carry most of it
-            sign[at] = next(iter(common))
-        elif at not in sign and abs(follows) > FOLLOWS:
-            reasons[at] = (
-                f"it changes {ratio:.2g} times as much as weight and loads make it: check its unit, and that "
-                "a motor's own torque is taken times the gear ratio"
-            )
-        elif at not in sign:
-            reasons[at] = (
-                f"its sign cannot be found: correlation {follows:.2f} with what weight and loads make"
-            )
-    names, joints = rows.drive_columns[1], sorted(sign)
-    row = np.concatenate([np.zeros(0, dtype=np.int64), *(used[at] for at in joints)])
-    joint = np.repeat(np.array(joints, dtype=np.int64), [len(used[at]) for at in joints])
-    turned = np.array([sign.get(at, 0.0) for at in range(len(names))])
-    value = turned[joint] * rows.torque[row, joint] - statics[row, joint]
-    notes = tuple(f"{names[at]} is not used: {why}" for at, why in reasons.items())
-    return _Readings(row, joint, value, statics, notes)
-
-
 def _candidates(
-    baseline: Baseline, read: _Readings, links: Sequence[Weight]
+    baseline: Baseline, read: Readings, links: Sequence[Weight]
 ) -> Iterator[tuple[str, list[_Form]]]:
     """Yield what the difference may come from, by ``what:where``, and its forms."""
     rows, robot = baseline.rows, baseline.nominal
@@ -217,7 +145,7 @@ def _candidates(
             yield key_of(BALANCER, name), springs
 
 
-def _of_effect(baseline: Baseline, read: _Readings, effect: str, point: Names) -> list[_Form]:
+def _of_effect(baseline: Baseline, read: Readings, effect: str, point: Names) -> list[_Form]:
     """Return the forms of an effect that acts as a wrench at a point of each row.
 
     What wrenches displace by a response, they make drives hold by ``-J^T`` in its place: six joints at once.
@@ -241,11 +169,39 @@ def _of_effect(baseline: Baseline, read: _Readings, effect: str, point: Names) -
     return found
 
 
-def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]], prior: Prior) -> Said:
-    """Return what the readings say of candidates."""
+@dataclass(frozen=True)
+class _Weighed:
+    """Candidates, weighed by the readings.
+
+    Attributes
+    ----------
+    value, beside : (M + k,), (M + k, z) array
+        Readings and nuisance, of which the first `zeros` columns are offsets; as of `_stacked`.
+    columns : dict of str to list of (M + k, c) array
+    sigma : (M,) array
+    likely, odds : dict of str to float
+        Before the readings, and after.
+    chosen : set of str
+    picked : dict of str to int
+        The form of each that is chosen, in the order of their columns in `causes`.
+    causes : (M + k, z + c) array
+    """
+
+    value: Array
+    beside: Array
+    zeros: int
+    columns: Mapping[str, Sequence[Array]]
+    sigma: Array
+    likely: Mapping[str, float]
+    odds: Mapping[str, float]
+    chosen: set[str]
+    picked: Mapping[str, int]
+    causes: Array
+
+
+def _weighed(baseline: Baseline, read: Readings, forms: Mapping[str, list[_Form]], prior: Prior) -> _Weighed:
+    """Return which candidates the readings need."""
     rows, joints = baseline.rows, np.unique(read.joint)
-    some = {name: [one for one in forms if one.columns.any()] for name, forms in every.items()}
-    forms = {name: own for name, own in some.items() if own}
     zero = np.unique(np.column_stack([read.joint, rows.run[read.row]]), axis=0, return_inverse=True)[1]
     zeros = np.eye(zero.max() + 1)[zero.reshape(-1)]
     own = (read.joint[:, None] == joints).astype(np.float64)
@@ -274,34 +230,45 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
                 toward = (-better if name in chosen else better) / TEMPERING
                 instead = float(expit(toward + logit(likely[name]) - logit(likely[other])))
                 odds[name] = (min if name in chosen else max)(odds[name], instead)
+    return _Weighed(value, beside, zeros.shape[1], columns, sigma, likely, odds, chosen, picked, causes)
+
+
+def _said(baseline: Baseline, read: Readings, every: Mapping[str, list[_Form]], prior: Prior) -> Said:
+    """Return what the readings say of candidates."""
+    rows, joints = baseline.rows, np.unique(read.joint)
+    some = {name: [one for one in forms if one.columns.any()] for name, forms in every.items()}
+    forms = {name: own for name, own in some.items() if own}
+    found = _weighed(baseline, read, forms, prior)
+    odds, value = found.odds, found.value
     kinds = variable_kinds(baseline.nominal)
     units = ["N*m" if kinds[name] == "angle" else "N" for name in rows.variables]
 
     def differences(columns: Array) -> str:
-        left = read.rms(_left(value, columns)[: len(sigma)] * sigma)
+        left = read.rms(_left(value, columns)[: len(found.sigma)] * found.sigma)
         return listed([f"{rows.variables[at]} {left[at]:.4g} {units[at]}" for at in joints], 12)
 
-    inverse, first = inverse_of(causes), beside.shape[1]
+    inverse, first = inverse_of(found.causes), found.beside.shape[1]
     doubts, notes = list[str](), list(read.notes)
-    for name, at in picked.items():
+    for name, at in found.picked.items():
         form = forms[name][at]
         part = slice(first, first := first + len(form.sizes))
         theta = (inverse[part] @ value) * form.sizes
         text = _text(name, form, theta, np.linalg.norm(inverse[part], axis=1) * form.sizes)
         doubts.append(f"measured torques: {text} ({100 * odds[name]:.0f} %)")
-    for name in sorted(odds.keys() - chosen) if any(one.startswith("weight") for one in chosen) else ():
-        if name.startswith(BALANCER) and odds[name] > likely[name]:
+    others = sorted(odds.keys() - found.chosen)
+    for name in others if any(one.startswith("weight") for one in found.chosen) else ():
+        if name.startswith(BALANCER) and odds[name] > found.likely[name]:
             text = f"a balancer at {name.partition(':')[2]} instead looks alike ({100 * odds[name]:.0f} %)"
             doubts.append(f"measured torques: {text}")
     if doubts:
-        start = "measured torques are not those of the stated weights and loads: they differ by (RMS)"
-        raw = beside[:, : zeros.shape[1]]
-        doubts.insert(0, f"{start} {differences(raw)}; with what follows by {differences(causes)}")
+        start = "measured torques differ from those of the stated weights and loads by (RMS)"
+        raw, rest = differences(found.beside[:, : found.zeros]), differences(found.causes)
+        doubts.insert(0, f"{start} {raw}; with the causes named next by {rest}")
     else:
-        notes.append(f"measured torques agree with weights and loads to (RMS) {differences(causes)}")
+        notes.append(f"measured torques agree with weights and loads to (RMS) {differences(found.causes)}")
     there = {key_of(one.name, at) for one in EFFECTS.values() for at in one.components(baseline)}
-    given, rubs = dict(_given(there, odds, columns, beside, prior)), list[str]()
-    for joint, row in zip(joints.tolist(), inverse[zeros.shape[1] :][: len(joints)], strict=True):
+    given, rubs = dict(_given(there, odds, found.columns, found.beside, prior)), list[str]()
+    for joint, row in zip(joints.tolist(), inverse[found.zeros :][: len(joints)], strict=True):
         name, friction = rows.variables[joint], abs(float(row @ value))
         if friction > PLAIN * np.linalg.norm(row):
             rubs.append(f"{name} {friction:.4g} {units[joint]}")
@@ -313,7 +280,7 @@ def _said(baseline: Baseline, read: _Readings, every: Mapping[str, list[_Form]],
 
 
 def _stacked(
-    read: _Readings, nuisance: Array, forms: Mapping[str, Sequence[_Form]]
+    read: Readings, nuisance: Array, forms: Mapping[str, Sequence[_Form]]
 ) -> tuple[Array, Array, dict[str, list[Array]], Array]:
     """Return readings, nuisance and forms in units of the noise, (M + k, ...), and the noise (M,).
 
@@ -339,7 +306,7 @@ def _stacked(
     return value, beside, columns, sigma
 
 
-def _noise(read: _Readings, nuisance: Array, others: Array) -> Array:
+def _noise(read: Readings, nuisance: Array, others: Array) -> Array:
     """Return the standard deviation (M,) of each reading: of what everything leaves of those of its joint.
 
     Where the readings are too few for that, of what the nuisance leaves; no less than sensors are good for.
@@ -395,13 +362,13 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
                 f"{abs(kilograms):.2g} ± {error:.1g} kg {'more' if kilograms > 0 else 'less'} at the tool"
             )
         if ends:
-            parts.append("its centre of gravity elsewhere")
-        return f"payload-error, they ask for {' and '.join(parts)}"
+            parts.append("another centre of gravity")
+        return f"payload-error, which fits with {' and '.join(parts)}"
     if kind == "weights":
         way = "more" if theta[0] > 0 else "less"
-        return f"all links weigh some {100 * abs(theta[0]):.0f} % {way} than the robot file states"
+        return f"all links weigh about {100 * abs(theta[0]):.0f} % {way} than the robot file states"
     if kind == "weight":
         return f"what hangs on frame {where} has another mass or centre than the robot file states"
     if kind == "load-error":
         return f"load-error, the loads are not as stated: {form.name}"
-    return f"{kind} at {where}, a balancer of some {np.hypot(*theta[:2]):.4g} N*m, or so other a weight"
+    return f"{kind} at {where}, a balancer of about {np.hypot(*theta[:2]):.4g} N*m, or an equal weight"

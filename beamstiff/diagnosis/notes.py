@@ -11,7 +11,6 @@ from beamstiff.diagnosis.residual.repeats import repeats
 from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
-from beamstiff.measure.doubts import doubts
 from beamstiff.robot.description import Robot
 
 OFF = 1.5  # a claimed noise is wrong by more than this factor
@@ -21,7 +20,7 @@ SURE = 0.001  # probability of what repeats show by chance
 
 
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
-    """Yield what a reader of the verdict should know of the data: mistakes of the table first.
+    """Yield what a reader of the verdict should know of the data, beside the doubts of its tables.
 
     Parameters
     ----------
@@ -32,14 +31,13 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
     """
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size
-    yield from doubts(rows, baseline.nominal)
     yield from chosen_for(baseline.nominal)
     yield from undetermined_at(baseline)
     if white.freedom < FEW_VALUES:
         plural = "s"[: white.freedom != 1]
-        yield f"only {white.freedom} value{plural} beyond those fitted: no confident verdict can come of them"
+        yield f"only {white.freedom} value{plural} beyond those fitted: no confident verdict is possible"
     elif poses < FEW_POSES:
-        yield f"only {poses} posture{'s' * (poses > 1)}: what holds there need not hold in others"
+        yield f"only {poses} posture{'s' * (poses > 1)}: the result may not hold in others"
     if not baseline.claimed:
         yield "the table states no noise: it was estimated together with the effects"
     else:
@@ -83,11 +81,11 @@ def unloaded(baseline: Baseline) -> Iterator[str]:
     if not baseline.absolute:
         yield "no row carries a load: no compliance can show"
     elif not weightless(baseline):
-        yield "no row carries a load: only compliance under the dead weight can show"
+        yield "no row carries a load: only compliance under the machine's own weight can show"
     else:
         yield (
-            "no row carries a load, and the robot weighs nothing: what sags under its weight looks like an "
-            "angle-curve or geometry-error; give it `masses`, estimates too"
+            "no row carries a load, and the robot weighs nothing: sag under its weight looks like an "
+            "angle-curve or geometry-error; give it `masses`, estimates are enough"
         )
 
 
@@ -104,14 +102,14 @@ def chosen_for(robot: Robot) -> Iterator[str]:
         return
     if names := fitted_names(robot):
         yield (
-            f"robot {robot.name!r} names nothing under `identify:`: the fit takes the stiffness "
-            f"of its joints about or along their axes: {listed(names, 12)}"
+            f"robot {robot.name!r} names nothing under `identify:`: the stiffness of its "
+            f"joints about or along their axes is fitted: {listed(names, 12)}"
         )
     else:
         yield (
-            f"robot {robot.name!r}: nothing is fitted, no joint is compliant about or along its axis; "
-            "with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') the fit "
-            "takes its drives before any effect is sought"
+            f"robot {robot.name!r}: nothing is fitted, because no joint is compliant about or along its "
+            "axis; with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
+            "drives are fitted before effects are sought"
         )
 
 

@@ -13,21 +13,18 @@ from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, StatedFrame
-from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
-from beamstiff.functions.checks import effects_text, names_of, shown_value, six_numbers
+from beamstiff.functions.checks import names_of, six_numbers
+from beamstiff.functions.compensation_notes import compensation_notes
 from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
-from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.coerce import RobotLike
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import actuated_values
-from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.se3 import Array
 
 
@@ -129,7 +126,7 @@ def compensate(
     )
     given = {"base": base is not None, "tool": tool is not None}
     result = replace(result, learned=learned)
-    return replace(result, notes=tuple(_notes(result, program, given, q is not None, taught)))
+    return replace(result, notes=tuple(compensation_notes(result, program, given, q is not None, taught)))
 
 
 def compensate_online(
@@ -281,102 +278,3 @@ def _process(process: Process | str | os.PathLike[str] | None) -> Process | None
 def _sum(*loads: Process | None) -> Process | None:
     parts = tuple(load for load in loads if load is not None)
     return Together(parts) if parts else None
-
-
-def _notes(
-    result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
-) -> list[str]:
-    """Return what is worth knowing, where frames are `given` and the `branch` is chosen or not."""
-    machine = result.machine
-    unproven = [] if taught else _unproven(result, machine)
-    found, said = result.correction, [*robot_doubts(machine.controller), *unproven, *program.notes]
-    if machine.actual is None and machine.controller.calibrated:
-        said.append(
-            f"robot {machine.controller.name!r} is calibrated and stands for the controller's robot too: its "
-            "geometry errors stay uncorrected unless the controller has this geometry; else name the nominal "
-            "robot first and this one with --actual"
-        )
-    if missing_stiffness(machine.real) and not machine.real.effects:
-        what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
-        said.append(
-            f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
-            f"real robot {what}; give it a stiffness, or the real robot as `actual`"
-        )
-    for what in ("base", "tool"):
-        stated = [one for place in program.places if (one := getattr(place, what)) is not None]
-        if stated and given[what]:
-            said.append(f"{what} as given, in place of {stated[0].name} of the program")
-        elif used := dict.fromkeys(
-            one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
-        ):
-            said.append(f"{what} as the program says: {listed(used, 4)}")
-    if postures := [one.text for one in found.path.stated_postures if one is not None]:
-        if branch:
-            said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
-        elif arm_of(machine.kinematics) is None:
-            said.append(
-                f"{postures[0]} and the like in the program are not followed: robot "
-                f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
-            )
-    if not branch:
-        names = [variable.name for variable in machine.controller.actuated]
-        first = zip(names, found.q[0].round(6).tolist(), strict=True)
-        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
-        posture = ", ".join(shown)
-        said.append(f"the path begins at {posture}; --q chooses another posture")
-    if found.switched.size:
-        lines = listed([found.path.line(row) for row in found.switched.tolist()])
-        said.append(f"the joints have to jump before line {lines}: another configuration")
-    if result.learned is not None:
-        if result.learned.effects:
-            said.append(
-                f"beside the process the run shows {effects_text(result.learned.effects)}: added to the robot"
-            )
-        if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
-            said.append(f"the run does not identify {listed(open_ones)}: kept near what was expected")
-        if not result.learned.pays:
-            said.append(
-                "another correction no longer pays: the run was "
-                f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
-                f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
-            )
-    if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
-        names = [found.path.names[row] for row in partly]
-        said.append(
-            f"no command is exact for {len(names)} of {len(found.path)} targets, the real robot jumps there: "
-            f"at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
-        )
-    if result.left_alone:
-        names = [found.path.names[row] for row in result.left_alone]
-        said.append(
-            f"{len(names)} of {len(found.path)} targets stay as they are, their correction is below twice "
-            f"its standard deviation: {listed(names, 5)}"
-        )
-    if machine.set_aside:
-        said.append(f"{effects_text(machine.set_aside)} is of measuring and moves no tool: ignored")
-    if machine.real.model is not None:
-        said.append(
-            f"by the robot's model ({machine.real.model.kind}), fitted to {machine.real.model.source}"
-        )
-        said += extrapolation_notes(machine.real, found.q[result.known], "targets")
-    if machine.real.effects:
-        said.append(f"with the robot's effects: {effects_text(machine.real.effects)}")
-    return said
-
-
-def _unproven(result: Compensated, machine: Machine) -> list[str]:
-    """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
-    said = []
-    for effect, parts in machine.unproven(result.correction.q[result.known]).items():
-        source = {one.found_from for one in machine.real.effects if effects_text([one]) == effect}
-        if source == {"positions"}:  # which show the unloaded tool itself
-            continue
-        why = "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can"
-        if None in source:
-            why = f"its file does not say from which readings it was found; {why}"
-        shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
-        said.append(
-            f"part of the correction assumes that {effect} moves the unloaded tool too ({shown}): {why}; "
-            "check a target, or teach the targets and correct only what the load does (--taught)"
-        )
-    return said

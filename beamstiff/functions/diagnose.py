@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.diagnose import diagnose as run
+from beamstiff.diagnosis.excluded import not_noise
 from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Diagnosis
@@ -45,7 +46,8 @@ def diagnose(
     data : Measurements or path, or several
         Displacements or absolute positions.
     without : sequence of str
-        Effects, or ``effect:component``, that are no candidates.
+        Effects, or ``effect:component``, that cannot be the cause. A gap that they would explain does not
+        count as noise: its cause is unknown then, and a note names them.
     prior : mapping of str to float, optional
         How many of a cause are expected at a component before the data, above 0 and at most 1, by effect or
         ``effect:component``; what is not named keeps the default (`docs/diagnosis_method.md`).
@@ -93,7 +95,10 @@ def diagnose(
             if np.isfinite(left.torque).any():
                 left = replace(left, torque=np.full_like(left.torque, np.nan))
                 doubts.append(BESIDE_EFFECTS)
-        found = run(bare, left, without=excluded, prior=expected, seed=seed, stations=stations)
+        options: dict[str, Any] = {"prior": expected, "seed": seed, "stations": stations}
+        found = run(bare, left, without=excluded, **options)
+        if excluded and found.verdict.effect == "none":
+            found = not_noise(found, run(bare, left, **options))
         result = replace(found, known=known)
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it

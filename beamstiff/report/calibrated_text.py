@@ -31,9 +31,9 @@ def recalibration_text(changed: Recalibration) -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
     placed = ""
     if rounded(changed.placed) != rounded(changed.before):
-        placed = f", {rounded(1e3 * changed.placed)} mm with the reflectors placed anew"
+        placed = f", {rounded(1e3 * changed.placed)} mm with the places of the reflectors fitted"
     gap = (
-        f"Geometry: the robot file as it is leaves a gap of {rounded(1e3 * changed.before)} mm RMS "
+        f"Geometry: with the robot file as it is, the gap is {rounded(1e3 * changed.before)} mm RMS "
         f"(measuring frame fitted){placed}, {rounded(1e3 * changed.after)} mm with the geometry calibrated "
         "(held-out data)."
     )
@@ -50,7 +50,8 @@ def _change(one: Change) -> str:
     value, std = worth(factor * one.by, factor * one.std)
     sign = "+" if one.by > 0.0 else ""
     zero = "zero of " if one.parameter.group == "offset" else ""
-    return f"{zero}{one.parameter.name} {sign}{value} ± {std} {unit}"
+    spread = f" ± {std}" if one.std else ""
+    return f"{zero}{one.parameter.name} {sign}{value}{spread} {unit}"
 
 
 def moved_load(result: Diagnosis) -> str:
@@ -66,16 +67,16 @@ def moved_load(result: Diagnosis) -> str:
     if not node or far[node] < ELSEWHERE:
         return ""
     return (
-        f"Check where the loads act. The reflector was found {1e3 * far[node]:.0f} mm from where the file "
-        f"has {node}, and the loads are taken to act there with it. If they act elsewhere, give the "
-        "reflector a link of its own and name it in the column point (docs/tutorial.md)."
+        f"Check where the loads act. The calibration found the reflector {1e3 * far[node]:.0f} mm from its "
+        f"place {node} in the robot file, and the loads are assumed to act where the reflector is. If they "
+        f"act elsewhere, give the reflector its own link and name it in the column point (docs/tutorial.md)."
     )
 
 
 def stiffness_text(result: Diagnosis) -> str:
     """Return, in words, which fitted stiffness is farthest from the file's, and which no load touches."""
     untouched = listed(result.untouched)
-    unknown = f"Stiffness not touched by these loads, as in the robot file: {untouched}." if untouched else ""
+    unknown = f"Not touched by these loads, and kept as in the robot file: {untouched}." if untouched else ""
     return "\n".join(filter(None, [_largest_change(result), unknown]))
 
 
@@ -98,5 +99,5 @@ def _largest_change(result: Diagnosis) -> str:
     of = f"{name} (of {variable})" if variable != joint else name
     return (
         f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit} (the others in --json and --apply)."
+        f"robot file to {stiffness_in_words(value)} {unit} (all values: --json and --apply)."
     )

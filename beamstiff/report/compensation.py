@@ -126,7 +126,8 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = "Move these targets, or keep them as they are (--unreachable keep)."
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    said = f"Predicted error along the path: {told(before.rms_mm)} mm, corrected {told(after.rms_mm)} mm"
+    said = f"Predicted error along the path: {told(before.rms_mm)} mm, "
+    said += f"after correction {told(after.rms_mm)} mm"
     said += " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
 
@@ -163,7 +164,7 @@ def compensation_text(result: Compensated) -> str:
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
-        text += f". Of {what} the position alone is corrected"
+        text += f". Only the position of {what} is corrected"
     return text + "."
 
 

@@ -55,7 +55,7 @@ VARIED = {
     "load": "load some postures step by step, up and down again",
     "reflector": "read all reflectors in the same postures",
 }
-SQUARES = "Shares count squared errors: 75 % closed leaves half of the gap."
+SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
 NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
@@ -128,7 +128,7 @@ def _action(result: Diagnosis, head: str) -> str:
         return f"{write} within the postures and loads measured. {NO_CAUSES}"
     if result.rms > LARGE_DISPLACEMENT:
         gap = rounded(1e3 * result.rms)
-        return f"Check joint readings, units and robot file: {gap} mm are no effect of a machine."
+        return f"Check joint readings, units and robot file: {gap} mm are too much for an effect."
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):
@@ -137,7 +137,7 @@ def _action(result: Diagnosis, head: str) -> str:
         return moved
     like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
     if like_sag and weightless(result.baseline):
-        return f"Give the robot file `masses`, estimates too, and diagnose again: {WEIGHT}."
+        return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
     if not to_check:
         states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
         return states or _by_remainder(result)
@@ -167,8 +167,8 @@ def _elsewhere(cause: Candidate) -> str:
         return ""
     place = ", ".join(f"{1e3 * one:+.0f}" for one in lever)
     return (
-        "Check where the load acts. This error is that of a load which acts elsewhere than the robot file "
-        f"says, by about ({place}) mm along the tool's axes. Correct the link in --tcp or the column "
+        f"Check where the load acts. The error looks like a load that acts about ({place}) mm, along the "
+        "tool's axes, from where the robot file says. Correct the link in --tcp or the column "
         "load_point, and diagnose again."
     )
 
@@ -243,7 +243,7 @@ def summary(result: Diagnosis) -> str:
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
             text += (
-                "no effect in the library is sure to explain it. It is outside the library, or several "
+                "no effect of the library explains it reliably. It is outside the library, or several "
                 "effects act together that these rows cannot separate."
             )
         if result.indistinguishable:
@@ -391,6 +391,6 @@ def undecided_text(found: Decomposition) -> str:
         return ""
     each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
     return (
-        f"undecided among the effects: {each}; the robot predicts best with them, but do not take them for "
-        "the cause"
+        f"these effects are undecided: {each}. The robot predicts best with them, but they may not be the "
+        f"cause"
     )

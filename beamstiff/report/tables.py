@@ -115,11 +115,17 @@ def number(value: float) -> str:
 def worth(value: float, std: float) -> tuple[str, str]:
     """Return a value with the digits that its standard deviation leaves it, and the latter with two.
 
+    What is held has no standard deviation: a 0 is ``-``.
+
     Examples
     --------
     >>> worth(1364333.2, 139420.2), worth(1.257e-06, 1.996e-08), worth(0.0, 2e-3)
     (('1.36e+06', '1.4e+05'), ('1.257e-06', '2e-08'), ('0', '0.002'))
+    >>> worth(1.2345678, 0.0)
+    ('1.235', '-')
     """
+    if std == 0.0:
+        return number(value), "-"
     if not (math.isfinite(value) and math.isfinite(std) and value and std > 0.0):
         return number(value), f"{std:.2g}"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2

@@ -280,6 +280,9 @@ def _identify(robot: Robot) -> Iterator[Problem]:
         elif name in seen:
             yield ("identify", at), f"{name!r} is named twice"
         seen.add(name)
+    for at, name in enumerate(robot.unmeasured):
+        if name not in parameters:
+            yield ("unmeasured", at), f"unknown stiffness parameter {name!r}{suggest(name, parameters)}"
 
 
 def _model(robot: Robot) -> Iterator[Problem]:

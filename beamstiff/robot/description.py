@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -56,6 +56,9 @@ class Robot(Shown, Described):
     identify : list of str
         Parameters that `identify` and `diagnose` fit, such as ``J2.torsional`` (of a joint), ``screw2`` (of a
         strut).
+    unmeasured : list of str
+        Stiffness that no measured load touched: start values, not results. `identify`, `calibrate` and
+        `diagnose` write it; `compensate` says how much of the predicted error comes from these values.
     effects : list
         What the machine is known to have beyond beams and springs.
     calibrated : list
@@ -97,6 +100,7 @@ class Robot(Shown, Described):
     fixed: Annotated[tuple[Name, ...], Field(min_length=1)]
     tcp: Name
     identify: tuple[Name, ...] = ()
+    unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measured load touched
     effects: tuple[AddedEffect, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs
     calibrated: tuple[CalibratedParameter, ...] = ()  # what `calibrate` fitted: `diagnose` keeps it open
@@ -143,6 +147,12 @@ class Robot(Shown, Described):
             "identify": identify,
         }
         return self.model_copy(update=update)
+
+    def with_unmeasured(self, fitted: Collection[str], untouched: Collection[str]) -> Robot:
+        """Return the robot, of whose `fitted` stiffness values no measured load touched some."""
+        open_ones = {*self.unmeasured} - {*fitted} | {*untouched}
+        finite = {name for name, value in stiffness_parameters(self).items() if FREE < value < RIGID}
+        return self.model_copy(update={"unmeasured": tuple(sorted(open_ones & finite))})
 
 
 def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:

@@ -23,14 +23,6 @@ def robot_path(name: str) -> Path:
     return _robots_folder(_PACKAGE) / f"{name}.yaml"
 
 
-def example_path(name: str) -> Path:
-    """Return a table of measurements that comes with the package, such as ``tutorial_campaign.csv``."""
-    for folder in (_PACKAGE / "examples", _PACKAGE.parent / "examples" / "data"):
-        if (folder / name).is_file():
-            return folder / name
-    raise BeamstiffError(f"{_PACKAGE / 'examples' / name}: is missing; install beamstiff again")
-
-
 def _robots_folder(package: Path) -> Path:
     """Return the folder with the robots' files: inside an installed package, beside it in a checkout."""
     # Inside first: beside an installed package lies site-packages, where `robots` would be someone else's.

@@ -48,6 +48,13 @@ def test_its_derivatives_are_those_by_compliance() -> None:
         assert elastic.columns(here)[:, :, at] == pytest.approx(change, rel=1e-6, abs=1e-3)
 
 
+def test_weight_turns_no_vertical_axis() -> None:
+    start = SOFT.model_copy(update={"unmeasured": ("J2.torsional",)})  # which weight does touch
+    found = calibrate(start, measured(REAL, within(SOFT, 25, 5)), compliances=JOINTS[:3], folds=0)
+    assert found.robot.unmeasured == ("J1.torsional",)
+    assert found.robot.parameter("J1.torsional") == pytest.approx(SOFT.parameter("J1.torsional"))
+
+
 def test_sag_spoils_a_calibration_of_geometry_alone_and_compliances_mend_it() -> None:
     rows = concatenate([measured(REAL, **loaded(25, 4)), measured(REAL, within(SOFT, 25, 5), seed=1)])
     fresh = measured(REAL, **loaded(200, 6), seed=2)

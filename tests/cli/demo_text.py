@@ -5,43 +5,33 @@ import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "demo.md"
+BLOCK = re.compile(r"(?s)(<!-- demo -->\n```\w*\n)(.*?)(```)")
 
 
 def demo_text(folder: Path) -> str:
-    """Return what the demo prints, 80 columns wide; it draws into a folder, named as by default."""
+    """Return what `beamstiff demo` prints in a folder, lines wrapped at 80 columns."""
     printed = subprocess.run(
-        [
-            sys.executable,
-            str(REPOSITORY / "examples" / "demo.py"),
-            str(folder / "ir663_identification.png"),
-        ],
+        [sys.executable, "-m", "beamstiff", "demo"],
+        cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,  # of which there is none
         encoding="utf-8",
         check=True,
-        env=os.environ | {"COLUMNS": "80", "NO_COLOR": "1"},
+        env=os.environ | {"NO_COLOR": "1"},
     ).stdout
-    return as_shown(printed, folder)
-
-
-def as_shown(printed: str, folder: Path) -> str:
-    """Return what was printed as it is where the figures are drawn to where they are by default."""
-    shown = printed.replace(f"{folder}{os.sep}", "examples/output/")
-    return "".join(f"{line.rstrip()}\n" for line in shown.splitlines())
+    lines = (part for line in printed.splitlines() for part in textwrap.wrap(line, 80) or [""])
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
-    page = REPOSITORY / "docs" / "demo.md"
     with tempfile.TemporaryDirectory() as folder:
         text = demo_text(Path(folder))
-    before = page.read_text(encoding="utf-8")
-    after = re.sub(
-        r"(?s)(<!-- demo -->\n```\w*\n).*?(```)", lambda found: found[1] + text + found[2], before, count=1
-    )
-    page.write_text(after, encoding="utf-8")
+    before = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(BLOCK.sub(lambda found: found[1] + text + found[3], before, count=1), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def applied(diagnosed: tuple[Any, Path], folder: Path) -> Any:
 
 def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> None:
     assert applied.exit_code == 0, applied.output
-    assert "no more than the likeliest" not in applied.stderr
+    assert "only the likeliest cause" not in applied.stderr
     assert "written: larger.yaml (the fitted stiffness, and backlash:q1 added)" in applied.stdout
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert (verdict["effect"], verdict["component"]) == ("backlash", "q1")
@@ -111,7 +111,7 @@ def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_o
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert 0.0 < verdict["probability"] < 0.6
     share = f"{100 * verdict['probability']:.0f} %"
-    assert f"note: perhaps.yaml holds what is no more than the likeliest cause ({share})" in result.stderr
+    assert f"note: perhaps.yaml contains only the likeliest cause ({share})" in result.stderr
 
 
 def test_where_nothing_is_found_the_fitted_robot_is_written(succeed: Run, folder: Path) -> None:

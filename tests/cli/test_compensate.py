@@ -235,7 +235,7 @@ def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, succeed: 
     (cell / "soft.yaml").write_text(robot_to_yaml(load_robot("kr500")) + tilting)
     (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
     result = succeed("compensate", "kr500", "path.csv", "--actual", "soft.yaml")
-    assert "with the robot's effects: base-compliance" in result.stderr
+    assert "the robot's effects are included: base-compliance" in result.stderr
     assert "unloaded tool" not in result.stderr
 
 
@@ -342,6 +342,26 @@ def test_standard_deviations_come_from_identify(folder: Path, run: Run, succeed:
     refused = run("compensate", "kr500", "a.src", *load)
     assert refused.exit_code == 2
     assert "--std: i.json: found no parameters with a std" in refused.stderr
+
+
+def test_what_comes_from_start_values_is_said(folder: Path, succeed: Run) -> None:
+    """No load of the table tilts the crane: its tilting stiffness is a start value, until one does."""
+    (folder / "path.csv").write_text("x,y,z,fz\n1,0,0,1000\n0.8,0.6,0,400\n")
+    fit = ("--parameters", "J1.torsional,J1.tilting")
+    succeed("identify", "crane.yaml", "crane.csv", *fit, "--out", "found.yaml")
+    assert "unmeasured: [J1.tilting]" in (folder / "found.yaml").read_text()
+    result = succeed("compensate", "crane.yaml", "path.csv", "--actual", "found.yaml")
+    # an arm of 1 m under 1000 N: F L^2 / k = 1000 N * 1 m^2 / 8e6 N m/rad
+    expected = "note: up to 0.12 mm of the predicted error (at row 1) comes from start values"
+    assert expected in result.stderr
+    assert "no measured load touched J1.tilting of robot 'crane'" in result.stderr
+    again = succeed("compensate", "crane.yaml", "path.csv", "--actual", "found.yaml", "--taught")
+    assert expected in again.stderr  # all of it is the load's: the crane has no weight
+    lift = "# sigma_position: 0.01 mm\nq1 [deg],fz,dz [mm]\n0,1000,0.3\n90,500,0.15\n"
+    (folder / "lift.csv").write_text(lift)
+    succeed("identify", "found.yaml", "lift.csv", "--parameters", "J1.tilting", "--out", "lifted.yaml")
+    last = succeed("compensate", "crane.yaml", "path.csv", "--actual", "lifted.yaml")
+    assert "start values" not in last.stderr
 
 
 def test_a_measured_run_teaches_the_process(cell: Path, run: Run, succeed: Run) -> None:

@@ -154,12 +154,12 @@ def test_a_component_that_an_effect_cannot_have_is_refused_by_name(run: Run, suc
 def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run: Run, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text()
     (folder / "bare.yaml").write_text(text.replace("identify: [J1.torsional]\n", ""))
-    shown = "note: robot 'crane' names nothing under `identify:`: the fit takes the stiffness of its joints "
+    shown = "note: robot 'crane' names nothing under `identify:`: the stiffness of its joints "
     for command in ("identify", "diagnose"):
         named, bare = (
             run(command, robot, "crane.csv", "--json", "-") for robot in ("crane.yaml", "bare.yaml")
         )
-        assert f"{shown}about or along their axes: J1.torsional" in bare.stderr
+        assert f"{shown}about or along their axes is fitted: J1.torsional" in bare.stderr
         assert shown not in named.stderr
         one, other = (json.loads(result.stdout) for result in (named, bare))
         assert one.pop("notes") == [note for note in other.pop("notes") if "names nothing" not in note]
@@ -174,7 +174,7 @@ def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, succeed: 
     assert refused.exit_code == 2
     assert "nothing is compliant, the joints J1 are rigid" in refused.stderr
     shown = succeed("diagnose", "rigid.yaml", "crane.csv")
-    assert "note: robot 'crane': nothing is fitted, no joint is compliant" in shown.stderr
+    assert "note: robot 'crane': nothing is fitted, because no joint is compliant" in shown.stderr
 
 
 REVERSED = """\

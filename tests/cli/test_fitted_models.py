@@ -64,7 +64,7 @@ def test_every_command_follows_the_model_that_identify_wrote(succeed: Run, told:
         few = ",".join(name for name in EFFECTS if name != "backlash")  # whatever the causes, the gap is one
         assert told("diagnose", "model.yaml", "fresh.csv", "--without", few)["gap"]["rms_mm"] < 0.5 * springs
     corrected = succeed("compensate", "ir663", "path.csv", "--actual", "model.yaml", "--out", "out.csv")
-    assert f"by the robot's model ({kind.replace('-', ' ')}), fitted to data.csv" in corrected.stderr
+    assert f"follows the robot's model ({kind.replace('-', ' ')}), fitted to data.csv" in corrected.stderr
 
 
 def test_commands_of_a_model_bring_the_real_tool_to_its_targets(succeed: Run, data: Path) -> None:

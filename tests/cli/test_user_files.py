@@ -138,7 +138,7 @@ def typed(name: str) -> list[str]:
 def test_every_output_of_every_command_is_tried() -> None:
     """What takes the name of a file and is no input is in the table above."""
     group: Any = typer.main.get_command(app)
-    # the demo takes a quarter of a minute: its two files are tried in test_demo
+    # the demo takes half a minute: its files are tried in test_demo
     commands = {name: one for name, one in group.commands.items() if name != "demo"}
     assert set(commands) == set(COMMANDS)
     for name, command in commands.items():

@@ -10,6 +10,7 @@ from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, ToolPath
 from beamstiff.compensation.path_correction import correct_path, errors_of
 from beamstiff.compensation.process.load import Constant, FromPath, Together
+from beamstiff.compensation.uncertainty import from_start_values
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
@@ -190,6 +191,21 @@ def test_taught_targets_are_corrected_for_the_load_alone() -> None:
     loaded = correct_path(machine, path, LOAD, start=START, taught=True)
     assert np.abs(loaded.before).max() > 1e-4
     assert np.abs(loaded.after).max() < 2e-8
+
+
+def test_what_start_values_add_is_what_a_robot_rigid_there_lacks() -> None:
+    robot = heavy()
+    names = ("J1.torsional", "J2.torsional", "J4.torsional")  # J3 has the backlash
+    guessed = robot.model_copy(update={"unmeasured": names})
+    rigid = robot.with_parameters(dict.fromkeys(names, np.inf))
+    path = path_of(robot)
+    q = START + np.linspace(0, 0.2, 6)[:, None] * [1, -1, 0.5, 1, 1, 1]
+    wrench = LOAD.wrench(path.poses, path)
+    whole, without = (Machine(one).moved(q, wrench, path.poses) for one in (guessed, rigid))
+    found = from_start_values(Machine(guessed), q, wrench, path.poses)
+    # the loaded machine's stiffness is of second order in the deflection
+    np.testing.assert_allclose(found, whole - without, atol=0.02 * np.abs(whole - without).max())
+    assert not from_start_values(Machine(robot), q, wrench, path.poses).any()
 
 
 def test_positions_alone_keep_their_orientations() -> None:

@@ -92,7 +92,7 @@ def test_a_frame_of_unknown_place_is_refused(tmp_path: Path, name: str, text: st
 def test_the_place_given_holds_in_place_of_the_programs(tmp_path: Path) -> None:
     (tmp_path / "a.src").write_text(f"$BASE=BASE_DATA[2]\nLIN {INNER}\n")
     result = compensate("kr500", tmp_path / "a.src", base=BASE_POSE, tool=TOOL_POSE)
-    assert "base as given, in place of $BASE = BASE_DATA[2] of the program" in result.notes
+    assert "base is the given one, not $BASE = BASE_DATA[2] of the program" in result.notes
 
 
 def test_joint_lists_choose_the_posture_and_are_corrected(tmp_path: Path) -> None:

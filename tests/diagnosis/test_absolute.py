@@ -108,7 +108,7 @@ def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | No
     for effect in ("backlash", "hardening", "hysteresis", "actuator-lever", "gravity-compensator"):
         assert hidden[effect] == "all joints are rigid about their axes: add a stiffness to the robot file"
     assert hidden["load-error"] == "no row carries a load: measure with one"
-    assert "no row carries a load: only compliance under the dead weight can show" in told[2].notes
+    assert "no row carries a load: only compliance under the machine's own weight can show" in told[2].notes
 
 
 def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else() -> None:
@@ -117,4 +117,4 @@ def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else()
     found = diagnose(bare, measured(robot, 2))
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
-    assert "Give the robot file `masses`, estimates too, and diagnose again" in str(found)
+    assert "Give the robot file `masses`, estimates are enough, and diagnose again" in str(found)

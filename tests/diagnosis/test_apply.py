@@ -393,25 +393,6 @@ def test_names_are_written_as_the_report_writes_them() -> None:
     assert {key_of(one.effect, one.component) for one in extended(result).effects} == {result.verdict.key}
 
 
-def test_shapes_are_read_by_their_former_names() -> None:
-    q, force = campaign(1)
-    rows = make_measurements(["q1", "q2"], q, tcp="tip", wrench=force, displacement=np.zeros((len(q), 6)))
-
-    def moved(shape: str) -> Array:
-        effect = AddedEffect(
-            effect="backlash",
-            component="q1",
-            shape=shape,
-            parameters={"width_up": SIZE, "width_down": 0.5 * SIZE},
-            scales={"torque": 1e3},
-        )
-        return effects_displacement(arm().model_copy(update={"effects": (effect,)}), rows)
-
-    today = moved("flank within 0.03, asymmetric")
-    assert np.abs(today).max() > 0.1 * SIZE
-    assert moved("flank within 0.03, off rest").tolist() == today.tolist()
-
-
 def test_what_is_known_of_two_parameters_together_outlasts_their_rounding() -> None:
     sizes = {"sine_1": "21.523471 mrad", "cosine_1": "-21.487652 mrad"}  # each known by itself to 5 mrad
     spread = dict.fromkeys(sizes, "5.0 mrad")

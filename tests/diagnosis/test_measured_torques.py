@@ -106,7 +106,7 @@ def test_a_payload_is_found_with_its_mass_whatever_gains_offsets_signs_and_frict
         turned = rng.choice([-1.0, 1.0], 6)
         said = measured_torques(ROBOT, replace(rows, torque=rows.torque * turned))
         assert named(said) == {"payload-error:null"}
-        (found,) = re.findall(r"ask for ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
+        (found,) = re.findall(r"fits with ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
         away.append((float(found[0]) * (1 if found[2] == "more" else -1) - more) / float(found[1]))
         if seed < 3:  # whichever way the sensors count
             assert named(measured_torques(ROBOT, rows)) == named(said)
@@ -123,7 +123,7 @@ def test_a_balancer_is_likely_and_said_to_look_like_another_weight() -> None:
         said = measured_torques(ROBOT, readings(seed, weights(), spring, friction=0.05))
         shares.append(said.given["gravity-compensator:q2"])
         assert named(said) <= {"gravity-compensator:q2"}
-        assert "looks alike" in told(said) or "or so other a weight" in told(said)
+        assert "looks alike" in told(said) or "or an equal weight" in told(said)
     print(
         f"balancers: probability {np.quantile(shares, [0.0, 0.5]).round(2)} (least, median), before it .015"
     )
@@ -230,21 +230,22 @@ def test_positions_are_judged_by_what_the_torques_say() -> None:
     )
     assert (found.verdict.effect, found.verdict.component) == ("gravity-compensator", "q2")
     assert without.verdict.effect == "angle-curve"
-    assert any("torques are not those of the stated weights" in note for note in found.notes)
+    assert any("torques differ from those of the stated weights" in note for note in found.notes)
     assert not any("torques" in note for note in without.notes)
 
 
 def test_where_stiffness_is_sought_torques_that_contradict_are_noted() -> None:
     rows = campaign(0, "payload")
     fits = [calibrate(ROBOT, rows, folds=0, compliances=some).notes for some in ((), ["J2.torsional"])]
-    assert [any("payload-error, they ask for" in note for note in notes) for notes in fits] == [False, True]
+    named = [any("payload-error, which fits" in note for note in notes) for notes in fits]
+    assert named == [False, True]
     acts = np.random.default_rng(0).standard_normal((COUNT, 6)) * [900, 900, 900, 0, 0, 0]
     for energy, doubted in ((weights(), False), (weights(tool=TOOL + 40.0), True)):
         read = readings(0, energy, wrench=acts)
         moved = predict_displacements(ROBOT, read)
         table = replace(read, kind="displacement", displacement=moved, sigma=np.full_like(moved, 1e-5))
         notes = identify(ROBOT, table, folds=0).notes
-        assert any("payload-error, they ask for" in note for note in notes) == doubted
+        assert any("payload-error, which fits with" in note for note in notes) == doubted
         assert any("measured torques" in note for note in notes) == doubted  # agreement goes without saying
 
 

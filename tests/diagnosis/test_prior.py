@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, diagnose
+from beamstiff import BeamstiffError, diagnose, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.prior import Prior
-from tests.diagnosis.machines import kr240
-from tests.diagnosis.planted import backlash, campaign, plan
+from tests.diagnosis.decomposition import test_decompose as ur10
+from tests.diagnosis.machines import POSITION, kr240
+from tests.diagnosis.planted import backlash, campaign, load_error, plan, thermal_drift
 
 
 def probability(prior: dict[str, float]) -> float:
@@ -43,3 +44,25 @@ def test_priors_of_nothing_are_refused(prior: dict[str, float], said: str) -> No
 def test_what_other_readings_say_counts_in_place_of_what_was_given() -> None:
     prior = Prior(given={"backlash": 0.2, "backlash:q2": 0.6}, measured={"backlash:q2": 0.9})
     assert [prior.expected("backlash", one) for one in ("q1", "q2")] == [0.2, 0.9]
+
+
+def test_a_gap_that_an_excluded_cause_explains_is_no_noise() -> None:
+    """Nothing else explains them: a load that pulls askew, a drift; lost motion of all joints of a UR10."""
+    found = diagnose(kr240(), campaign(plan(), load_error), without=["load-error"])
+    assert found.verdict.key == "unknown:null"
+    assert found.noise == pytest.approx(np.sqrt(3) * POSITION, rel=0.1)
+    assert sum(one.probability for one in found.candidates) == pytest.approx(1.0)
+    assert "with no cause excluded, the verdict is load-error (" in " ".join(found.notes)
+    found = diagnose(kr240(), campaign(plan(), thermal_drift), without=["thermal-drift"])
+    assert found.verdict.key == "unknown:null"
+    robot, rng = load_robot(ur10.UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (ur10.POSES, 6)), ("friction",), rng)
+    found = diagnose(robot, rows, without=["approach-direction"])
+    assert found.verdict.key == "unknown:null"
+    assert found.noise == pytest.approx(np.sqrt(3) * ur10.NOISE, rel=0.1)
+
+
+def test_where_there_is_noise_alone_excluding_a_cause_finds_none() -> None:
+    found = diagnose(kr240(), campaign(plan()), without=["load-error"])
+    assert found.verdict.key == "none:null"
+    assert "excluded" not in " ".join(found.notes)

@@ -223,7 +223,7 @@ def test_of_an_unknown_cause_is_measured_what_the_gap_follows(follows: str | Non
 def test_a_gap_beyond_any_effect_sends_to_the_table() -> None:
     result, _ = found("gear")
     assert verdict(replace(result, rms=1.5)).action == (
-        "Check joint readings, units and robot file: 1500 mm are no effect of a machine."
+        "Check joint readings, units and robot file: 1500 mm are too much for an effect."
     )
 
 
@@ -249,13 +249,15 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert changed is not None
     assert changed.after == result.rms < changed.placed <= changed.before
     gap, largest = recalibration_text(changed)
-    assert f"leaves a gap of {rounded(1e3 * changed.before)} mm RMS" in gap
+    assert f"the gap is {rounded(1e3 * changed.before)} mm RMS" in gap
     assert (
         f" with calibrated geometry ({rounded(1e3 * changed.placed)} mm before), " in verdict(result).headline
     )
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
     assert f": {first.parameter.name} {'+' * (first.by > 0)}{value} ± {std} mm, " in largest
+    held = replace(changed, changes=(replace(first, std=0.0),))
+    assert "±" not in recalibration_text(held)[1]  # it was not sought
     told = result.to_dict()["calibration"]
     assert told["before_mm"] == 1e3 * changed.before
     assert told["changes"][first.parameter.name]["std"] == first.std

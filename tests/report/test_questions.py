@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
+from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
@@ -55,7 +56,7 @@ def test_a_load_that_acts_elsewhere_is_told_with_its_place() -> None:
     action = verdict(of(cause)).action
     assert action.startswith("Check where the load acts.")
     assert "--tcp" in action
-    assert f"by about ({1e3 * found[0]:+.0f}, {1e3 * found[1]:+.0f}, " in action
+    assert f"acts about ({1e3 * found[0]:+.0f}, {1e3 * found[1]:+.0f}, " in action
 
 
 def test_another_error_of_a_load_is_no_place_but_may_look_like_one() -> None:
@@ -85,14 +86,16 @@ def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
     ends = kr240().identify[0], kr240().identify[-1]  # about the vertical, and through the TCP
     assert result.untouched == ends
     told = stiffness_text(result)
-    assert f"Stiffness not touched by these loads, as in the robot file: {', '.join(ends)}." in told
+    assert f"Not touched by these loads, and kept as in the robot file: {', '.join(ends)}." in told
     fitted = result.to_dict()["fitted"]
     assert [name for name, one in fitted.items() if not one["touched"]] == [*ends]
     for name in ends:
         assert fitted[name]["given"] == pytest.approx(fitted[name]["value"])
     page = diagnosis_html(result, provenance([], 0, []))
     assert page.count("not touched by these loads") == 2
+    assert extended(result).unmeasured == ends  # `compensate` says what comes of these
     assert diagnosed("backlash").untouched == ()
+    assert extended(diagnosed("backlash")).unmeasured == ()
 
 
 def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:

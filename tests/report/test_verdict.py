@@ -132,6 +132,6 @@ def test_a_load_that_moved_with_the_reflector_is_told() -> None:
     result: Any = SimpleNamespace(
         baseline=SimpleNamespace(rows=rows, absolute=True), recalibration=SimpleNamespace(changes=changes)
     )
-    assert "found 100 mm from where the file has flange" in moved_load(result)
+    assert "found the reflector 100 mm from its place flange in the robot file" in moved_load(result)
     rows.point = np.array(["reflector"])
     assert moved_load(result) == ""

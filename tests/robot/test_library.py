@@ -68,5 +68,4 @@ def test_a_wheel_carries_the_robots(tmp_path: Path) -> None:
     run = subprocess.run(command, env=environment, cwd=tmp_path, check=True, capture_output=True, text=True)
     files = sorted((REPOSITORY / "robots").glob("*.yaml"), key=lambda file: file.stem)
     assert (tmp_path / "beamstiff" / "robots" / "README.md").is_file()
-    assert (tmp_path / "beamstiff" / "examples" / "tutorial_campaign.csv").is_file()  # of `beamstiff demo`
     assert run.stdout.split() == [str(tmp_path / "beamstiff" / "robots" / file.name) for file in files]

@@ -248,7 +248,7 @@ def _name(way: float) -> str:
 EFFECT = Effect(
     name="hysteresis",
     family="drive",
-    meaning="Friction in the drive makes the answer depend on the load history.",
+    meaning="Friction in the drive makes the displacement depend on the load history.",
     components=drives,
     shapes=_shapes,
     separation="load and unload step by step, and return to zero load",

@@ -94,7 +94,7 @@ def _scales(baseline: Baseline, component: str | None) -> Normalisation:
 EFFECT = Effect(
     name="joint-compliance",
     family="structure",
-    meaning="The model has the joint rigid about its axis, but it deforms under load or weight.",
+    meaning="The joint is rigid about its axis in the model, but deforms under load or weight.",
     components=_components,
     shapes=_shapes,
     separation="load this joint's axis alone; read its motor encoder and the link behind it",

@@ -7,10 +7,10 @@ from beamstiff.diagnosis.effects.effect import Effect
 EFFECT = Effect(
     name="outliers",
     family="measurement",
-    meaning="A few rows are wrong: a slip of the pen, a target that was hit, a beam that was cut.",
+    meaning="A few rows are wrong: a typing error, a target that was hit, a laser beam that was interrupted.",
     components=lambda baseline: [None],
     shapes=lambda baseline, component: [],
-    separation="measure the rows named again",
+    separation="measure these rows again",
     look_alikes=("thermal-drift", "hysteresis"),
     sources="engineering estimate",
 )

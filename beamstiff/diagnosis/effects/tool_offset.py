@@ -185,7 +185,7 @@ def _following(frame: Array, loaded: Array, force: Array) -> Array:
 EFFECT = Effect(
     name="tool-offset",
     family="measurement",
-    meaning="The load acts, or the target sits, elsewhere than at the nominal TCP.",
+    meaning="The load acts, or the target is mounted, at another point than the nominal TCP.",
     components=lambda baseline: [None],
     shapes=_shapes,
     separation="apply the same force at two points of the tool; add a second target",

@@ -1,6 +1,6 @@
 """Identify the KUKA IR-663 from its published measured compliance, and diagnose the remaining gap.
 
-Run by `make demo`, or `python examples/demo.py [FIGURE.png] [--details]`; the diagnosis is drawn beside that
+`python examples/ir663_diagnosis.py [FIGURE.png] [--details]`; the diagnosis is drawn beside that
 figure. With --details the causes and whole models that hold them are compared as well.
 Source of the data and of the paper's numbers: Marie, Courteille, Maurine, "Elasto-geometrical modeling and
 calibration of robot manipulators: application to machining and forming applications", Tables 3 to 5.

@@ -1,59 +1,28 @@
-"""The demo says what it should, honestly, and draws its figure."""
+"""The diagnosis of the IR-663 says what it should, honestly, and draws its figures."""
 
 import re
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from tests.cli.demo_text import as_shown
 from tests.examples.scripts import run_script
-from tests.printed import prints
-from tests.remembered import remembered
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-SCREEN = 40  # lines
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, Path]:
-    """Return what the demo prints, without and with all its details, and its figure."""
-    folder = tmp_path_factory.mktemp("demo") / "new"
-    figure = folder / "ir663_identification.png"
-    with pytest.MonkeyPatch.context() as patched:
-        module = import_module("beamstiff.diagnosis.diagnose")
-        patched.setattr(module, "diagnose", remembered(module.diagnose))
-        texts = [
-            as_shown(run_script("demo", figure, *options, COLUMNS="80", NO_COLOR="1"), folder)
-            for options in ([], ["--details"])
-        ]
-    return texts[0], texts[1], figure
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Return what the example prints with all its details, and its figure."""
+    figure = tmp_path_factory.mktemp("ir663") / "new" / "ir663_identification.png"
+    return run_script("ir663_diagnosis", figure, "--details", COLUMNS="80", NO_COLOR="1"), figure
 
 
 @pytest.fixture
-def printed(runs: tuple[str, str, Path]) -> str:
-    return runs[0]
-
-
-@pytest.fixture
-def text(runs: tuple[str, str, Path]) -> str:
-    """Return what the demo prints with all its details, on one line."""
-    return " ".join(runs[1].split())
-
-
-def test_the_demo_prints_what_its_page_shows_on_one_screen_and_ends_with_what_to_do(printed: str) -> None:
-    page = (REPOSITORY / "docs" / "demo.md").read_text(encoding="utf-8")
-    shown = re.search(r"<!-- demo -->\n```\w*\n(.*?)```", page, re.DOTALL)
-    assert shown is not None
-    assert prints(shown[1], printed), f"`make readme` writes what the demo prints now:\n{printed}"
-    lines = printed.splitlines()
-    assert len(lines) <= SCREEN
-    [verdict] = [at for at, line in enumerate(lines) if line.startswith("Gap of 0.22 mm on 12 postures")]
-    assert lines[verdict + 1].startswith("Data: ir663_compliance_xx.csv, 12 rows")
-    assert lines[verdict + 2].startswith("Next: To check tool-compliance: put reflectors")
-    assert len(lines) - verdict <= 6
+def text(run: tuple[str, Path]) -> str:
+    """Return what it prints, on one line."""
+    return " ".join(run[0].split())
 
 
 def test_stiffness_comes_with_uncertainty_and_what_cannot_be_bounded_is_said(text: str) -> None:
@@ -80,7 +49,7 @@ def numbers(text: str, row: str, count: int) -> list[float]:
 
 
 def test_the_diagnosis_is_a_set_that_no_cause_of_is_sure(text: str) -> None:
-    assert "no confident verdict can come of them" in text
+    assert "no confident verdict is possible" in text
     assert "Undecided: unknown (" in text
     assert "Indistinguishable from tool-compliance with these data: " in text
     table = text[text.index("Residual with each cause") : text.index("Each cause is added")]
@@ -116,9 +85,9 @@ def test_what_to_measure_next_is_said(text: str) -> None:
     assert "- To check tool-compliance: " in text
 
 
-def test_the_figure_is_drawn(text: str, runs: tuple[str, str, Path]) -> None:
-    figure = runs[2]
-    assert f"examples/output/{figure.name}" in text
+def test_the_figure_is_drawn(text: str, run: tuple[str, Path]) -> None:
+    figure = run[1]
+    assert figure.name in text
     pixels = imread(figure)
     assert pixels.shape[0] > 600
     assert pixels.shape[1] > 1200

@@ -1,0 +1,142 @@
+"""What is worth knowing of a corrected path, in sentences."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from beamstiff.compensation.formats import Program
+from beamstiff.compensation.machine import VISIBLE, Machine
+from beamstiff.compensation.posture import arm_of
+from beamstiff.compensation.rewrite import Compensated
+from beamstiff.compensation.uncertainty import from_start_values
+from beamstiff.errors import listed
+from beamstiff.functions.checks import effects_text, shown_value
+from beamstiff.model.correction import extrapolation_notes
+from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.stiffness import missing_stiffness
+
+
+def compensation_notes(
+    result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
+) -> list[str]:
+    """Return what is worth knowing, where frames are `given` and the `branch` is chosen or not."""
+    machine = result.machine
+    unproven = [] if taught else _unproven(result, machine)
+    found = result.correction
+    said = [*robot_doubts(machine.controller), *unproven, *_from_start_values(result, taught), *program.notes]
+    if machine.actual is None and machine.controller.calibrated:
+        said.append(
+            f"robot {machine.controller.name!r} is calibrated and serves as the controller's robot too: its "
+            f"geometry errors stay uncorrected. Unless the controller has this geometry, name the nominal "
+            f"robot first and this one with --actual"
+        )
+    if missing_stiffness(machine.real) and not machine.real.effects:
+        what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
+        said.append(
+            f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
+            f"real robot {what}; give it a stiffness, or the real robot as `actual`"
+        )
+    for what in ("base", "tool"):
+        stated = [one for place in program.places if (one := getattr(place, what)) is not None]
+        if stated and given[what]:
+            said.append(f"{what} is the given one, not {stated[0].name} of the program")
+        elif used := dict.fromkeys(
+            one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
+        ):
+            said.append(f"{what} is that of the program: {listed(used, 4)}")
+    if postures := [one.text for one in found.path.stated_postures if one is not None]:
+        if branch:
+            said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
+        elif arm_of(machine.kinematics) is None:
+            said.append(
+                f"{postures[0]} and the like in the program are not followed: robot "
+                f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
+            )
+    if not branch:
+        names = [variable.name for variable in machine.controller.actuated]
+        first = zip(names, found.q[0].round(6).tolist(), strict=True)
+        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
+        posture = ", ".join(shown)
+        said.append(f"the path begins at {posture}; --q chooses another posture")
+    if found.switched.size:
+        lines = listed([found.path.line(row) for row in found.switched.tolist()])
+        said.append(f"the joints must jump to another configuration before line {lines}")
+    if result.learned is not None:
+        if result.learned.effects:
+            said.append(
+                f"the run shows {effects_text(result.learned.effects)} besides the process; added to the "
+                f"robot"
+            )
+        if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
+            said.append(
+                f"the run does not identify {listed(open_ones)}, which stay near their expected values"
+            )
+        if not result.learned.pays:
+            said.append(
+                "another correction would not help: the run was "
+                f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
+                f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
+            )
+    if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
+        names = [found.path.names[row] for row in partly]
+        said.append(
+            f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
+            f"jumps there: "
+            f"at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
+        )
+    if result.left_alone:
+        names = [found.path.names[row] for row in result.left_alone]
+        said.append(
+            f"{len(names)} of {len(found.path)} targets stay as they are, because their correction is below "
+            f"twice its standard deviation: {listed(names, 5)}"
+        )
+    if machine.set_aside:
+        said.append(f"{effects_text(machine.set_aside)} is an error of measuring that moves no tool: ignored")
+    if machine.real.model is not None:
+        said.append(
+            f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
+            f"{machine.real.model.source}"
+        )
+        said += extrapolation_notes(machine.real, found.q[result.known], "targets")
+    if machine.real.effects:
+        said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
+    return said
+
+
+def _unproven(result: Compensated, machine: Machine) -> list[str]:
+    """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
+    said = []
+    for effect, parts in machine.unproven(result.correction.q[result.known]).items():
+        source = {one.found_from for one in machine.real.effects if effects_text([one]) == effect}
+        if source == {"positions"}:  # which show the unloaded tool itself
+            continue
+        why = "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can"
+        if None in source:
+            why = f"its file does not say from which readings it was found; {why}"
+        shown = ", ".join(f"{name} {1e3 * size:.2g} mm" for name, size in parts.items())
+        said.append(
+            f"part of the correction assumes that {effect} moves the unloaded tool too ({shown}): {why}; "
+            "check a target, or teach the targets and correct only what the load does (--taught)"
+        )
+    return said
+
+
+def _from_start_values(result: Compensated, taught: bool) -> list[str]:
+    """Return how much of the predicted error comes from stiffness that no measured load touched."""
+    found, machine = result.correction, result.machine
+    rows = np.flatnonzero(result.known & found.corrected)
+    if not (rows.size and machine.real.unmeasured):
+        return []
+    q, wrench, tip = found.q[rows], found.wrench[rows], found.targets[rows]
+    moved = from_start_values(machine, q, wrench, tip)
+    if taught:  # then the weight is in the targets
+        moved -= from_start_values(machine, q, np.zeros_like(wrench), tip)
+    size = np.linalg.norm(moved[:, :3], axis=1)
+    most = int(np.argmax(size))
+    if size[most] < VISIBLE:
+        return []
+    return [
+        f"up to {1e3 * size[most]:.2g} mm of the predicted error (at {found.path.names[rows[most]]}) comes "
+        f"from start values: no measured load touched {listed(machine.real.unmeasured, 6)} of robot "
+        f"{machine.real.name!r}; measure under loads that twist these joints and identify them"
+    ]
