@@ -300,6 +300,8 @@ def _allowed(
         [np.zeros((0, 3), dtype=int)]
         + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
     )
+    # of what was left out before, and does not show here, a fit decided already
+    couplings = couplings[(choice.precision[at][couplings[:, 1:]] < UNSEEN**2).all(axis=1)]
     left = choice.residual @ choice.residual - pull @ pull
     scatter = max(1.0, float(left) / choice.count)
     variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
