@@ -181,12 +181,12 @@ def _judged(
     folds: Folds, step: Step, order: Sequence[Numbers], replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]
 ) -> dict[Numbers, Cause]:
     """Return how sure each cause of a fit is, its sizes and what it closes left open."""
-    choice = folds.choice
+    choice, forms = folds.choice, forms_in(folds.choice, step)
     rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
     odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
     return {
         cause: Cause(
-            forms=tuple(choice.forms[number] for number in cause),
+            forms=tuple(forms[number] for number in cause),
             theta=(),
             std=(),
             probability=rival.probability * float(present),

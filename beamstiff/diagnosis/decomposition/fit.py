@@ -300,8 +300,6 @@ def _allowed(
         [np.zeros((0, 3), dtype=int)]
         + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
     )
-    # of what was left out before, and does not show here, a fit decided already
-    couplings = couplings[(choice.precision[at][couplings[:, 1:]] < UNSEEN**2).all(axis=1)]
     left = choice.residual @ choice.residual - pull @ pull
     scatter = max(1.0, float(left) / choice.count)
     variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
@@ -344,9 +342,9 @@ def _factor(gram: Array, pull: Array) -> tuple[Array, Array]:
 
 
 def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
-    """Return the forms of a fit by number; columns of parameters that it does not use are 0."""
+    """Return the forms of a fit by number; columns of parameters that it does not use are 0 for good."""
     return {
-        number: replace(form, columns=form.columns * free)
+        number: replace(form, columns=form.columns * free, decided=True)
         for number, form, free in zip(
             step.chosen, (choice.forms[k] for k in step.chosen), step.free, strict=True
         )

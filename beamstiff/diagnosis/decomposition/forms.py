@@ -52,6 +52,8 @@ class Form:
         By which compliances may be larger than realistic ones.
     softness : float
         By which compliances are larger than a heavy robot's, so far as rows can say it.
+    decided : bool
+        Whether a fit left parameters out already, those of couplings too.
     """
 
     effect: str
@@ -62,6 +64,7 @@ class Form:
     likely: float
     compliance_scale: float = 1.0
     softness: float = 1.0
+    decided: bool = False
 
     @cached_property
     def key(self) -> str:
@@ -102,6 +105,7 @@ class Form:
         """
         names = [quantity.name for quantity in self.shape.parameters]
         pairs = [(at, item.within) for at, item in enumerate(self.shape.parameters) if item.within]
+        pairs = [] if self.decided else pairs
         found = [(at, names.index(a), names.index(b)) for at, (a, b) in pairs if a in names and b in names]
         return np.array(found, dtype=np.intp).reshape(-1, 3)
 
