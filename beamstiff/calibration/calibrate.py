@@ -11,6 +11,7 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled_rows, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
+from beamstiff.calibration.parameters import DESCRIBED
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.spread import spread_over_noise
@@ -66,9 +67,10 @@ def calibrate(
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
+    spread = None
     if _beyond_noise(problem, found, statement):
-        problem, found = _shrunk(statement, problem, found, method)
-    return _told(statement, problem, found, method, folds)
+        problem, found, spread = _shrunk(statement, problem, found, method)
+    return replace(_told(statement, problem, found, method, folds), spread=spread)
 
 
 def _beyond_noise(problem: Problem, found: Estimate, statement: Statement) -> bool:
@@ -78,19 +80,22 @@ def _beyond_noise(problem: Problem, found: Estimate, statement: Statement) -> bo
     return not problem.claimed or bool(stats.chi2.sf(float(residual @ residual), freedom) < CHANCE)
 
 
-def _shrunk(statement: Statement, problem: Problem, found: Estimate, method: str) -> tuple[Problem, Estimate]:
+def _shrunk(
+    statement: Statement, problem: Problem, found: Estimate, method: str
+) -> tuple[Problem, Estimate, float | None]:
     """Return the estimate in which what is known beforehand counts beside what the readings scatter.
 
     The noise that is left tells how much they say, not the stated one: many lengths and angles of few
-    readings stay near the robot as described, by as much as the readings show it to be off (`spread`).
+    readings stay near the robot as described, by as much as the readings show it to be off. And that, in
+    realistic deviations, if any is sought.
     """
     at = [number for number, item in enumerate(problem.parameters) if item.name in statement.identified]
     known = [
         number
         for number in at
-        if problem.parameters[number].group in ("offset", "frame") and np.isinf(problem.prior[number])
+        if problem.parameters[number].group in DESCRIBED and np.isinf(problem.prior[number])
     ]
-    stated = problem.prior
+    stated, spread = problem.prior, None
     for _ in range(ROUNDS):
         before = problem.prior
         noise = max(_noise_factor(problem.residuals(found.theta), statement), problem.claimed)
@@ -102,11 +107,12 @@ def _shrunk(statement: Statement, problem: Problem, found: Estimate, method: str
             free = jacobian[:, sorted({*at} - {*known})]
             ratio = spread_over_noise(left, free, jacobian[:, known] * problem.size[known])
             prior[known] = ratio * problem.size[known]
+            spread = ratio * noise
         problem = replace(problem, prior=prior)
-        problem, found = _settled(replace(statement, problem=problem, begin=found.theta), method)
+        found = estimate(problem, found.theta, statement.identified, method)
         if np.allclose(prior, before, rtol=0.1):
             break
-    return problem, found
+    return *_settled(replace(statement, problem=problem, begin=found.theta), method), spread
 
 
 def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Observability:

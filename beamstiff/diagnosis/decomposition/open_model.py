@@ -18,7 +18,7 @@ from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
-from beamstiff.diagnosis.decomposition.known import known_beforehand
+from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.diagnosis.residual.repeats import independent, repeated
 from beamstiff.identification.whitening import Whitening, whitening
@@ -158,6 +158,7 @@ def open_geometry(
     *,
     parameters: Sequence[str] | None = None,
     stations: bool = False,
+    settled: bool = False,
 ) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
@@ -174,6 +175,9 @@ def open_geometry(
         Groups of the calibration that are free; default all.
     stations : bool
         Whether every table has a base frame of its own.
+    settled : bool
+        Whether no cause is sought any more: what the calibration leaves is noise then, beside which counts
+        what is known beforehand.
 
     Raises
     ------
@@ -193,7 +197,10 @@ def open_geometry(
         about, there, parameters, compliances=robot.identify, stations=stations
     ).problem
     residual, tangent = problem.linearised(problem.expected)
-    known = known_beforehand(robot, problem, {one.name: one.change for one in found.parameters})
+    changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
+    changes |= dict.fromkeys(given, 0.0)
+    noise, spread = (max(found.noise, 1.0), found.spread or FACTOR) if settled else (1.0, FACTOR)
+    known = known_beforehand(robot, problem, changes, noise, spread)
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
     if rows.targets:  # what an instrument should read follows from where it stands, which the problem knows
         gap = problem.gap(problem.expected)
