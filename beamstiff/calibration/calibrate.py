@@ -11,9 +11,11 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled_rows, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
+from beamstiff.calibration.parameters import DESCRIBED
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.result import Calibration, Errors, Found, calibrated_parameters, errors_of
-from beamstiff.calibration.statement import Statement, build_calibration, rigid_gap
+from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
+from beamstiff.calibration.spread import spread_over_noise
+from beamstiff.calibration.statement import Statement, build_calibration, registered, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
 from beamstiff.measure.table import Measurements
@@ -39,6 +41,7 @@ def calibrate(
     folds: int = 5,
     stations: bool = False,
     encoders: bool = False,
+    shrink: bool = True,
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -47,7 +50,8 @@ def calibrate(
     are estimated along with the geometry.
 
     Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
-    `encoders`: those behind the gears count for the compliances.
+    `encoders`: those behind the gears count for the compliances. `shrink`: what is known beforehand counts
+    beside what the readings scatter, where that is more than is stated.
     """
     statement = build_calibration(
         robot,
@@ -65,9 +69,54 @@ def calibrate(
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
-    result = _told(statement, problem, found, method, folds)
+    spread = None
+    if shrink and _beyond_noise(problem, found, statement):
+        problem, found, spread = _shrunk(statement, problem, found, method)
+    result = replace(_told(statement, problem, found, method, folds), spread=spread)
     untouched = {*compliances} - {*problem.elastic.names} | {*seen.silent}
     return replace(result, robot=result.robot.with_unmeasured(compliances, untouched))
+
+
+def _beyond_noise(problem: Problem, found: Estimate, statement: Statement) -> bool:
+    """Return whether so large a residual is no chance under the noise as stated, or none is stated."""
+    residual = problem.residuals(found.theta)
+    freedom = max(residual.size - len(statement.identified), 1)
+    return not problem.claimed or bool(stats.chi2.sf(float(residual @ residual), freedom) < CHANCE)
+
+
+def _shrunk(
+    statement: Statement, problem: Problem, found: Estimate, method: str
+) -> tuple[Problem, Estimate, float | None]:
+    """Return the estimate in which what is known beforehand counts beside what the readings scatter.
+
+    The noise that is left tells how much they say, not the stated one: many lengths and angles of few
+    readings stay near the robot as described, by as much as the readings show it to be off. And that, in
+    realistic deviations, if any is sought.
+    """
+    at = [number for number, item in enumerate(problem.parameters) if item.name in statement.identified]
+    known = [
+        number
+        for number in at
+        if problem.parameters[number].group in DESCRIBED and np.isinf(problem.prior[number])
+    ]
+    stated, spread = problem.prior, None
+    for _ in range(ROUNDS):
+        before = problem.prior
+        noise = max(_noise_factor(problem.residuals(found.theta), statement), problem.claimed)
+        prior = stated / noise
+        if known:
+            open_problem = replace(problem, prior=prior)
+            residual, jacobian = open_problem.linearised(found.theta)
+            left = residual - jacobian[:, known] @ (problem.expected - found.theta)[known]
+            free = jacobian[:, sorted({*at} - {*known})]
+            ratio = spread_over_noise(left, free, jacobian[:, known] * problem.size[known])
+            prior[known] = ratio * problem.size[known]
+            spread = ratio * noise
+        problem = replace(problem, prior=prior)
+        found = estimate(problem, found.theta, statement.identified, method)
+        if np.allclose(prior, before, rtol=0.1):
+            break
+    return *_settled(replace(statement, problem=problem, begin=found.theta), method), spread
 
 
 def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Observability:
@@ -136,11 +185,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     placed = problem.placed(theta)
     gap = problem.gap_from(placed, theta)
     residual = problem.residuals(theta)
-    freedom = residual.size - len(statement.identified)
-    chi2 = float(residual @ residual)
     factor = _noise_factor(residual, statement)
     covariance = covariance_of(problem, theta, statement.identified)
-    widened = not problem.claimed or stats.chi2.sf(chi2, max(freedom, 1)) < CHANCE
+    widened = _beyond_noise(problem, found, statement)
     if widened:
         covariance = covariance * factor**2
     std = np.sqrt(np.diag(covariance))
@@ -152,12 +199,11 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         found_value = 0.0 if is_rigid(item, value) else nominal + float(value - start)
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.bases(problem.split(theta)[0])
-    held, left_out = None, list[str]()
-    with optional("the error of poses held out", left_out.append):
-        held = held_out(statement, problem, found, method, folds)
+    held, worse, left_out = None, list[str](), list[str]()
     laid_over = rigid_gap(statement.problem)
-    before = errors_of(laid_over, problem.used)
-    left = None if held is None else errors_of(held, problem.used)
+    with optional("the error of poses held out", left_out.append):
+        held = held_out(statement.identified, problem, theta, method, folds)
+        worse += _worse(statement, held, laid_over, folds)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta).model_copy(
             update={"calibrated": calibrated_parameters(parameters, covariance, statement.robot.calibrated)}
@@ -167,9 +213,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters=tuple(parameters),
         covariance=covariance,
         observability=seen,
-        before=before,
+        before=errors_of(laid_over, problem.used),
         after=errors_of(gap, problem.used),
-        held_out=left,
+        held_out=None if held is None else errors_of(held, problem.used),
         predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),
         residual=np.where(problem.used, gap, np.nan),
         nominal_residual=np.where(problem.used, laid_over, np.nan),
@@ -180,22 +226,37 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         method=method,
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
-        notes=(*statement.notes, *_notes(problem, found, factor, widened), *_worse(before, left), *left_out),
+        notes=(*statement.notes, *_notes(problem, found, factor, widened), *worse, *left_out),
         statement=statement,
         targets=settled_rows(problem.rows, problem.values(theta)).targets,
     )
 
 
-def _worse(before: Errors, held_out: Errors | None) -> Iterator[str]:
-    """Yield that poses which were held out are farther off than with the robot as described, if so."""
-    if held_out is None or held_out.position_rms is None or before.position_rms is None:
+def _worse(statement: Statement, held: Array | None, laid_over: Array, folds: int) -> Iterator[str]:
+    """Yield that poses which were held out are farther off than with the robot as described, if so.
+
+    Of that, too, the base and the reflectors are fitted without them. `laid_over`: with them.
+    """
+    if held is None or _position_rms(held, statement) <= _position_rms(laid_over, statement):
         return
-    if held_out.position_rms > before.position_rms:
+    problem = statement.problem
+    placing = [item.name for item in problem.parameters if item.group in ("base", "target", "instrument")]
+    placing = [name for name in placing if name in statement.identified]
+    if placing:
+        start = registered(problem, problem.expected)
+        left = held_out(placing, problem, start, "levenberg-marquardt", folds)
+        laid_over = laid_over if left is None else left
+    after, before = _position_rms(held, statement), _position_rms(laid_over, statement)
+    if after > before:
         yield (
-            f"poses that were held out are off by {1e3 * held_out.position_rms:.3g} mm, with the robot as "
-            f"described by {1e3 * before.position_rms:.3g} mm: do not use this calibration; measure more "
-            "poses, or free less (parameters base,target,offsets)"
+            f"poses that were held out are off by {1e3 * after:.3g} mm, with the robot as described by "
+            f"{1e3 * before:.3g} mm: do not use this calibration; measure more poses, or free less "
+            "(parameters base,target,offsets)"
         )
+
+
+def _position_rms(gap: Array, statement: Statement) -> float:
+    return errors_of(gap, statement.problem.used).position_rms or 0.0
 
 
 def _notes(problem: Problem, found: Estimate, factor: float, widened: bool) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not
 # ranks: of what cannot be distinguished the lowest is kept. Compliances come behind geometry:
 # one that cannot be negative does not make up for an error of geometry that it looks like
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
+DESCRIBED: tuple[Group, ...] = ("offset", "frame", "compliance")  # of which the robot file says something
 GROUPS = ("base", "target", "offsets", "frames")
 
 

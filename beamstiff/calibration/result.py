@@ -152,6 +152,8 @@ class Calibration(Shown):
     targets: tuple[Target, ...] = ()  # of instruments without a tracker, as found, in the measuring frame
     rows: Measurements | None = None  # what was fitted
     tests: Mapping[str, Errors] = field(default_factory=dict)  # on other readings, by name
+    # how far lengths and angles are off, in realistic deviations, where the noise is not as stated
+    spread: float | None = None
 
     def __getitem__(self, name: str) -> Found:
         known = {item.name: item for item in self.parameters}

@@ -1,16 +1,16 @@
 """Errors on readings that were not fitted: poses left out, other tables; and readings in the base frame."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from beamstiff.calibration.elastic import build_elastic
 from beamstiff.calibration.error_jacobian import build_geometry
-from beamstiff.calibration.estimate import Estimate, estimate
+from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, turned_rows
 from beamstiff.calibration.problem import Problem, build_problem
 from beamstiff.calibration.result import Calibration, Errors, errors_of
-from beamstiff.calibration.statement import Statement
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.models.split import configurations
 from beamstiff.measure.camera import unscaled
@@ -20,11 +20,12 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 
 def held_out(
-    statement: Statement, problem: Problem, found: Estimate, method: str, folds: int
+    identified: Sequence[str], problem: Problem, begin: Array, method: str, folds: int
 ) -> Array | None:
     """Return the residuals (N, 6) of poses left out, fold by fold; None where too little is left to fit.
 
-    Rows of one pose leave together, also where the encoders read it a little differently each time.
+    `identified`: what is fitted without them, from `begin` (t,). Rows of one pose leave together, also where
+    the encoders read it a little differently each time.
     """
     pose = configurations(problem.rows)
     count = int(pose.max()) + 1
@@ -37,9 +38,9 @@ def held_out(
     for at in range(folds):
         out = fold[pose] == at
         train, test = problem.some(~out), problem.some(out)
-        if train.count <= len(statement.identified):
+        if train.count <= len(identified):
             return None
-        result[out] = test.gap(estimate(train, found.theta, statement.identified, method).theta)
+        result[out] = test.gap(estimate(train, begin, identified, method).theta)
     return result
 
 

@@ -83,7 +83,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     rows = model.baseline.rows
     forms = [form for cause in causes for form in cause.forms]
     moved = shift_of(forms, [theta for cause in causes for theta in cause.theta], len(rows))
-    again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters)
+    again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters, settled=True)
     robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}

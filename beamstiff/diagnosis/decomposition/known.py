@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from beamstiff.calibration.parameters import Group
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import CORRELATION_DIGITS
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-# realistic deviations (1 mm, 1 mrad) of geometry and zeros from what is described; and standard deviations
-# from what a calibration found, for it took up a part of every cause that it did not know
+# realistic deviations (1 mm, 1 mrad) from what is described, where the readings do not tell; and standard
+# deviations from what a calibration found, for it took up a part of every cause that it did not know
 FACTOR = 10.0
 
 
-def known_beforehand(robot: Robot, problem: Problem, change: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return rows (p,) and (p, t) behind the residual and the tangent of an open model, of unit noise.
+def known_beforehand(
+    robot: Robot,
+    problem: Problem,
+    change: Mapping[str, float],
+    noise: float = 1.0,
+    spread: float = FACTOR,
+    groups: Collection[Group] = ("offset", "frame"),
+) -> tuple[Array, Array]:
+    """Return rows (p,) and (p, t) behind the residual and the tangent of an open model.
 
     Parameters
     ----------
@@ -27,11 +35,17 @@ def known_beforehand(robot: Robot, problem: Problem, change: Mapping[str, float]
         Of t parameters, about the present calibration.
     change : mapping of str to float
         Of every parameter from the robot as given to the present calibration, SI.
+    noise : float
+        Of the readings, over what is stated: all counts beside it.
+    spread : float
+        Of what is described about the description, in realistic deviations.
+    groups : collection of str
+        Of parameters, of which the description counts.
     """
-    places = [at for at, item in enumerate(problem.parameters) if item.group in ("offset", "frame")]
+    places = [at for at, item in enumerate(problem.parameters) if item.group in groups]
     names = [problem.parameters[at].name for at in places]
-    weights = np.diag([1.0 / problem.parameters[at].size for at in places])
-    weights = np.concatenate([weights, _as_calibrated(robot, names)]) / FACTOR
+    described = np.diag([1.0 / problem.parameters[at].size for at in places]) / spread
+    weights = noise * np.concatenate([described, _as_calibrated(robot, names) / FACTOR])
     tangent = np.zeros((len(weights), len(problem.parameters)))
     tangent[:, places] = weights
     return -weights @ np.array([change[name] for name in names]), tangent

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
+from beamstiff.calibration.parameters import DESCRIBED
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
-from beamstiff.diagnosis.decomposition.known import known_beforehand
+from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.diagnosis.residual.repeats import independent, repeated
 from beamstiff.identification.whitening import Whitening, whitening
@@ -158,6 +159,7 @@ def open_geometry(
     *,
     parameters: Sequence[str] | None = None,
     stations: bool = False,
+    settled: bool = False,
 ) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
@@ -174,6 +176,9 @@ def open_geometry(
         Groups of the calibration that are free; default all.
     stations : bool
         Whether every table has a base frame of its own.
+    settled : bool
+        Whether no cause is sought any more: what the calibration leaves is noise then, beside which counts
+        what is known beforehand.
 
     Raises
     ------
@@ -182,7 +187,9 @@ def open_geometry(
     """
     bare = robot.model_copy(update={"identify": ()})
     sound = rows if moved is None else without_motion(rows, moved)
-    found = calibrate(bare, sound, parameters, compliances=robot.identify, folds=0, stations=stations)
+    found = calibrate(
+        bare, sound, parameters, compliances=robot.identify, folds=0, stations=stations, shrink=settled
+    )
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
     given = {
@@ -193,7 +200,10 @@ def open_geometry(
         about, there, parameters, compliances=robot.identify, stations=stations
     ).problem
     residual, tangent = problem.linearised(problem.expected)
-    known = known_beforehand(robot, problem, {one.name: one.change for one in found.parameters})
+    changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
+    changes |= dict.fromkeys(given, 0.0)
+    beside = (max(found.noise, 1.0), found.spread or FACTOR, DESCRIBED) if settled else ()
+    known = known_beforehand(robot, problem, changes, *beside)
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
     if rows.targets:  # what an instrument should read follows from where it stands, which the problem knows
         gap = problem.gap(problem.expected)
