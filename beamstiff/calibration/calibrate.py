@@ -11,7 +11,7 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled_rows, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
-from beamstiff.calibration.parameters import DESCRIBED
+from beamstiff.calibration.parameters import GEOMETRY, SOFTER
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.spread import spread_over_noise
@@ -97,9 +97,11 @@ def _shrunk(
     known = [
         number
         for number in at
-        if problem.parameters[number].group in DESCRIBED and np.isinf(problem.prior[number])
+        if problem.parameters[number].group in GEOMETRY and np.isinf(problem.prior[number])
     ]
-    stated, spread = problem.prior, None
+    compliant = np.array([item.group == "compliance" for item in problem.parameters])
+    stated = np.where(compliant & np.isinf(problem.prior), SOFTER * problem.size, problem.prior)
+    spread = None
     for _ in range(ROUNDS):
         before = problem.prior
         noise = max(_noise_factor(problem.residuals(found.theta), statement), problem.claimed)

@@ -35,7 +35,8 @@ USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not
 # ranks: of what cannot be distinguished the lowest is kept. Compliances come behind geometry:
 # one that cannot be negative does not make up for an error of geometry that it looks like
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
-DESCRIBED: tuple[Group, ...] = ("offset", "frame", "compliance")  # of which the robot file says something
+GEOMETRY: tuple[Group, ...] = ("offset", "frame")  # of which the robot file says something
+SOFTER = 10.0  # times as compliant as described drives may well be
 GROUPS = ("base", "target", "offsets", "frames")
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from beamstiff.calibration.parameters import Group
+from beamstiff.calibration.parameters import GEOMETRY, SOFTER
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import CORRELATION_DIGITS
 from beamstiff.robot.description import Robot
@@ -23,7 +23,7 @@ def known_beforehand(
     change: Mapping[str, float],
     noise: float = 1.0,
     spread: float = FACTOR,
-    groups: Collection[Group] = ("offset", "frame"),
+    drives: bool = False,
 ) -> tuple[Array, Array]:
     """Return rows (p,) and (p, t) behind the residual and the tangent of an open model.
 
@@ -38,13 +38,15 @@ def known_beforehand(
     noise : float
         Of the readings, over what is stated: all counts beside it.
     spread : float
-        Of what is described about the description, in realistic deviations.
-    groups : collection of str
-        Of parameters, of which the description counts.
+        Of lengths and angles about those described, in realistic deviations.
+    drives : bool
+        Whether compliances are within `SOFTER` times those described, too.
     """
-    places = [at for at, item in enumerate(problem.parameters) if item.group in groups]
+    widths = dict.fromkeys(GEOMETRY, spread) | ({"compliance": SOFTER} if drives else {})
+    places = [at for at, item in enumerate(problem.parameters) if item.group in widths]
     names = [problem.parameters[at].name for at in places]
-    described = np.diag([1.0 / problem.parameters[at].size for at in places]) / spread
+    known = [problem.parameters[at] for at in places]
+    described = np.diag([1.0 / (widths[item.group] * item.size) for item in known])
     weights = noise * np.concatenate([described, _as_calibrated(robot, names) / FACTOR])
     tangent = np.zeros((len(weights), len(problem.parameters)))
     tangent[:, places] = weights

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
-from beamstiff.calibration.parameters import DESCRIBED
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import in_base_frame
@@ -202,7 +201,7 @@ def open_geometry(
     residual, tangent = problem.linearised(problem.expected)
     changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
     changes |= dict.fromkeys(given, 0.0)
-    beside = (max(found.noise, 1.0), found.spread or FACTOR, DESCRIBED) if settled else ()
+    beside = (max(found.noise, 1.0), found.spread or FACTOR, True) if settled else ()
     known = known_beforehand(robot, problem, changes, *beside)
     baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
     if rows.targets:  # what an instrument should read follows from where it stands, which the problem knows
