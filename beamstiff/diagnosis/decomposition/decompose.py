@@ -28,7 +28,7 @@ from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -82,10 +82,8 @@ def decompose(
         See `calibrate` and `fit_baseline`.
     """
     if rows.kind != "absolute":
-        stage("selecting causes")
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, _forms(model, prior, known)), seed)
-        return told(folds, select(folds.choice, folds.squared_errors), seed)
+        return _searched(_Settings(robot, None, False, prior, seed), model, _forms(model, prior, known))
     drives = fitted_names(robot)
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
@@ -96,17 +94,7 @@ def decompose(
     behind = behind_gears(model, forms, prior)
     settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = _forms(model, settings.prior) if behind else forms
-    while True:
-        folds, step = _selected(settings, model, forms)
-        astray = unsteady(folds, step, seed)
-        if not astray:
-            found, settled = _told(settings, folds, step)
-            astray = set() if settled else errors_of_loads((*found.causes, *found.unclear))
-        if not astray:
-            return replace(found, behind=tuple(behind))
-        without = (*settings.prior.without, *astray)
-        settings = replace(settings, prior=replace(settings.prior, without=without))
-        forms = [form for form in forms if form.key not in astray]
+    return replace(_searched(settings, model, forms), behind=tuple(behind))
 
 
 @dataclass(frozen=True)
@@ -132,6 +120,10 @@ class _Settings:
     def calibrated(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
         """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
         change, thetas = _solution(model, chosen)
+        if model.problem is None:
+            return beside_loads(
+                open_stiffness(around(model.baseline, model.stiffness(change))), chosen, thetas
+            )
         moved = moved_by(model, chosen, thetas, change)
         rows, stations = model.baseline.rows, self.stations
         opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
@@ -143,6 +135,21 @@ class _Settings:
         choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         return folds_of(model, choice, self.seed), same
+
+
+def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
+    """Return the causes, without those that lead astray."""
+    while True:
+        folds, step = _selected(settings, model, forms)
+        astray = unsteady(folds, step, settings.seed)
+        if not astray:
+            found, settled = _told(settings, folds, step)
+            astray = set() if settled else errors_of_loads((*found.causes, *found.unclear))
+        if not astray:
+            return found
+        without = (*settings.prior.without, *astray)
+        settings = replace(settings, prior=replace(settings.prior, without=without))
+        forms = [form for form in forms if form.key not in astray]
 
 
 def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
