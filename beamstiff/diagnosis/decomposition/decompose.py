@@ -11,13 +11,12 @@ from scipy import stats
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.causes import MINOR, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
-    errors_of_loads,
     moved_by,
     unlike_linear,
     without_errors,
@@ -143,8 +142,11 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         folds, step = _selected(settings, model, forms)
         astray = unsteady(folds, step, settings.seed)
         if not astray:
-            found, settled = _told(settings, folds, step)
-            astray = set() if settled else errors_of_loads((*found.causes, *found.unclear))
+            found = _told(settings, folds, step)
+            every = (*found.causes, *found.unclear)
+            astray = _unsettled(found) | {
+                one.key for one in every if one.closes >= MINOR and one.closes_interval[0] < 0.0
+            }
         if not astray:
             return found
         without = (*settings.prior.without, *astray)
@@ -179,14 +181,14 @@ def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> t
     return folds, step
 
 
-def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition, bool]:
-    """Return what the causes say, errors of loads on drives as these are fitted beside them.
+def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
+    """Return what the causes say, those that follow the drives on drives as these are fitted beside them.
 
-    And whether that settles, without making held-out postures worse.
+    As far as that settles, and does not make held-out postures worse.
     """
     found = told(folds, step, settings.seed)
     for _ in range(ROUNDS):
-        model = None if _is_settled(found) else _settled(settings, found)
+        model = _settled(settings, found) if _unsettled(found) else None
         if model is None:
             break
         folds, same = settings.folds(model, _fitted_forms(found))
@@ -194,7 +196,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition,
         if unsteady(folds, step, settings.seed):
             break
         found = told(folds, step, settings.seed)
-    return found, _is_settled(found)
+    return found
 
 
 def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
@@ -215,11 +217,12 @@ def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
     return None
 
 
-def _is_settled(found: Decomposition) -> bool:
-    told_of = (*found.causes, *found.unclear)
-    forms = [form for cause in told_of for form in cause.forms]
-    thetas = [part for one in told_of for part in one.theta]
-    return unlike_linear(found.model, forms, thetas, found.change) <= SETTLED
+def _unsettled(found: Decomposition) -> set[str]:
+    """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
+    every = (*found.causes, *found.unclear)
+    return {
+        one.key for one in every if unlike_linear(found.model, one.forms, one.theta, found.change) > SETTLED
+    }
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:
