@@ -11,13 +11,12 @@ from scipy import stats
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import Decomposition
+from beamstiff.diagnosis.decomposition.causes import MINOR, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
-    errors_of_loads,
     moved_by,
     unlike_linear,
     without_errors,
@@ -28,7 +27,7 @@ from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -82,10 +81,8 @@ def decompose(
         See `calibrate` and `fit_baseline`.
     """
     if rows.kind != "absolute":
-        stage("selecting causes")
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        folds = folds_of(model, build_choice(model, _forms(model, prior, known)), seed)
-        return told(folds, select(folds.choice, folds.squared_errors), seed)
+        return _searched(_Settings(robot, None, False, prior, seed), model, _forms(model, prior, known))
     drives = fitted_names(robot)
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
@@ -96,17 +93,7 @@ def decompose(
     behind = behind_gears(model, forms, prior)
     settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = _forms(model, settings.prior) if behind else forms
-    while True:
-        folds, step = _selected(settings, model, forms)
-        astray = unsteady(folds, step, seed)
-        if not astray:
-            found, settled = _told(settings, folds, step)
-            astray = set() if settled else errors_of_loads((*found.causes, *found.unclear))
-        if not astray:
-            return replace(found, behind=tuple(behind))
-        without = (*settings.prior.without, *astray)
-        settings = replace(settings, prior=replace(settings.prior, without=without))
-        forms = [form for form in forms if form.key not in astray]
+    return replace(_searched(settings, model, forms), behind=tuple(behind))
 
 
 @dataclass(frozen=True)
@@ -132,6 +119,10 @@ class _Settings:
     def calibrated(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
         """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
         change, thetas = _solution(model, chosen)
+        if model.problem is None:
+            return beside_loads(
+                open_stiffness(around(model.baseline, model.stiffness(change))), chosen, thetas
+            )
         moved = moved_by(model, chosen, thetas, change)
         rows, stations = model.baseline.rows, self.stations
         opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
@@ -143,6 +134,24 @@ class _Settings:
         choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
         return folds_of(model, choice, self.seed), same
+
+
+def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
+    """Return the causes, without those that lead astray."""
+    while True:
+        folds, step = _selected(settings, model, forms)
+        astray = unsteady(folds, step, settings.seed)
+        if not astray:
+            found = _told(settings, folds, step)
+            every = (*found.causes, *found.unclear)
+            astray = _unsettled(found) | {
+                one.key for one in every if one.closes >= MINOR and one.closes_interval[0] < 0.0
+            }
+        if not astray:
+            return found
+        without = (*settings.prior.without, *astray)
+        settings = replace(settings, prior=replace(settings.prior, without=without))
+        forms = [form for form in forms if form.key not in astray]
 
 
 def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
@@ -172,14 +181,14 @@ def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> t
     return folds, step
 
 
-def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition, bool]:
-    """Return what the causes say, errors of loads on drives as these are fitted beside them.
+def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
+    """Return what the causes say, those that follow the drives on drives as these are fitted beside them.
 
-    And whether that settles, without making held-out postures worse.
+    As far as that settles, and does not make held-out postures worse.
     """
     found = told(folds, step, settings.seed)
     for _ in range(ROUNDS):
-        model = None if _is_settled(found) else _settled(settings, found)
+        model = _settled(settings, found) if _unsettled(found) else None
         if model is None:
             break
         folds, same = settings.folds(model, _fitted_forms(found))
@@ -187,7 +196,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> tuple[Decomposition,
         if unsteady(folds, step, settings.seed):
             break
         found = told(folds, step, settings.seed)
-    return found, _is_settled(found)
+    return found
 
 
 def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
@@ -208,11 +217,12 @@ def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
     return None
 
 
-def _is_settled(found: Decomposition) -> bool:
-    told_of = (*found.causes, *found.unclear)
-    forms = [form for cause in told_of for form in cause.forms]
-    thetas = [part for one in told_of for part in one.theta]
-    return unlike_linear(found.model, forms, thetas, found.change) <= SETTLED
+def _unsettled(found: Decomposition) -> set[str]:
+    """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
+    every = (*found.causes, *found.unclear)
+    return {
+        one.key for one in every if unlike_linear(found.model, one.forms, one.theta, found.change) > SETTLED
+    }
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:

@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.causes import Cause
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.residual.baseline import Baseline, tool_response
+from beamstiff.diagnosis.residual.baseline import Baseline, around, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
@@ -25,7 +24,7 @@ PLACES = ("load", "payload")  # of effects
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
     """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_drives(model, form)]
     drives = model.present.size
     if not loads or not drives:
         return model
@@ -63,7 +62,7 @@ def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Arra
 
     Arguments as of `moved_by`.
     """
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_load(form)]
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_drives(model, form)]
     if not model.present.size or not (loads or model.carried is not None):
         return 0.0
     try:
@@ -75,17 +74,16 @@ def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Arra
     return float(np.linalg.norm((after - before)[:, :3])) / size if size else 0.0
 
 
-def errors_of_loads(causes: Sequence[Cause]) -> set[str]:
-    """Return the causes that are errors of loads, ``effect:component``."""
-    return {cause.key for cause in causes if _of_load(cause.forms[0])}
-
-
-def _of_load(form: Form) -> bool:
-    return form.effect in EFFECTS and EFFECTS[form.effect].place in PLACES
+def _of_drives(model: OpenModel, form: Form) -> bool:
+    """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
+    known = form.effect in EFFECTS
+    return known and (model.problem is None or EFFECTS[form.effect].place in PLACES)
 
 
 def _there(model: OpenModel, change: Array) -> Baseline:
-    """Return what errors of loads look at, on a robot whose open parameters are changed by (t,)."""
+    """Return what causes look at, on a robot whose open parameters are changed by (t,)."""
+    if model.problem is None:
+        return around(model.baseline, model.stiffness(change))
     robot, rows = model.robot(change), model.baseline.rows
     return replace(model.baseline, robot=robot, nominal=robot, response=tool_response(robot, rows))
 

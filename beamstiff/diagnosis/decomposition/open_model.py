@@ -137,18 +137,18 @@ class OpenModel:
     def robot(self, change: Array) -> Robot:
         """Return the robot with the open parameters changed by (t,), in the frame of the rows."""
         if self.problem is None:
-            result = self._with_compliances(self.baseline.fitted, change)
+            names, values = self.baseline.fitted, self.stiffness(change)
+            result = self.baseline.robot.with_parameters(dict(zip(names, values.tolist(), strict=True)))
         else:
             about = calibrated(self.baseline.nominal, self.problem, self.problem.expected + change)
             result = about.model_copy(update={"identify": ()})
         finite = [name for name in self.given.identify if 0.0 < result.parameter(name) < np.inf]
         return result.model_copy(update={"identify": tuple(finite)})
 
-    def _with_compliances(self, names: Sequence[str], change: Array) -> Robot:
-        robot = self.baseline.robot
-        stiffness = np.array([robot.parameter(name) for name in names])
-        values = stiffness / np.maximum(1.0 + change * stiffness, 1.0 / KNOWN_FACTOR)
-        return robot.with_parameters(dict(zip(names, values.tolist(), strict=True)))
+    def stiffness(self, change: Array) -> Array:
+        """Return the stiffness of the drives (d,) of displacements, open parameters changed by (t,)."""
+        given = np.array([self.given.parameter(name) for name in self.baseline.fitted])
+        return np.asarray(1.0 / np.maximum(self.present + change, 1.0 / (KNOWN_FACTOR * given)))
 
 
 def open_geometry(
