@@ -17,12 +17,13 @@ from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
+    follows_drives,
     moved_by,
     unlike_linear,
     without_errors,
 )
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
-from beamstiff.diagnosis.decomposition.selection import select
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.inference.library import check_names
@@ -39,7 +40,7 @@ OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"),
 VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
-SETTLED = 0.1  # share by which drives may change what an error of a load moves: forms are no better
+SETTLED = MINOR  # share by which drives may change what a cause moves
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -188,7 +189,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     """
     found = told(folds, step, settings.seed)
     for _ in range(ROUNDS):
-        model = _settled(settings, found) if _unsettled(found) else None
+        model = _settled(settings, found.model, _fitted_forms(found)) if _unsettled(found) else None
         if model is None:
             break
         folds, same = settings.folds(model, _fitted_forms(found))
@@ -196,12 +197,20 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         found = told(folds, step, settings.seed)
+    loads = [form for form in _fitted_forms(found) if follows_drives(found.model, form)]
+    if 0 < len(loads) < len(_fitted_forms(found)):  # the others may but make up for drives that are off
+        model = _settled(settings, found.model, loads)
+        if model is not None:
+            folds, _ = settings.folds(model, loads)
+            step = select(folds.choice, folds.squared_errors)
+            better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
+            other = told(folds, step, settings.seed) if better else found
+            found = found if _unsettled(other) else other
     return found
 
 
-def _settled(settings: _Settings, found: Decomposition) -> OpenModel | None:
-    """Return the open model beside the same causes once neither loads nor drives change; None: they do."""
-    model, chosen = found.model, _fitted_forms(found)
+def _settled(settings: _Settings, model: OpenModel, chosen: Sequence[Form]) -> OpenModel | None:
+    """Return the open model beside causes once neither loads nor drives change; None: they do."""
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
         for _ in range(SETTLING):

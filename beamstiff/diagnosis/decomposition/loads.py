@@ -24,7 +24,7 @@ PLACES = ("load", "payload")  # of effects
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
     """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_drives(model, form)]
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
     drives = model.present.size
     if not loads or not drives:
         return model
@@ -62,7 +62,7 @@ def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Arra
 
     Arguments as of `moved_by`.
     """
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if _of_drives(model, form)]
+    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
     if not model.present.size or not (loads or model.carried is not None):
         return 0.0
     try:
@@ -74,7 +74,7 @@ def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Arra
     return float(np.linalg.norm((after - before)[:, :3])) / size if size else 0.0
 
 
-def _of_drives(model: OpenModel, form: Form) -> bool:
+def follows_drives(model: OpenModel, form: Form) -> bool:
     """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
     known = form.effect in EFFECTS
     return known and (model.problem is None or EFFECTS[form.effect].place in PLACES)
