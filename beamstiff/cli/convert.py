@@ -193,6 +193,11 @@ def convert(
         settle=in_unit(settle, "s"),
         convention=convention,
     )
+    if joint_stiffness and robot == machine:
+        left_out = [
+            *left_out,
+            "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)",
+        ]
     notes = [*left_out, *(() if ending == ".csv" else missing_stiffness_notes(robot)), *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]

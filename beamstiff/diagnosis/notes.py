@@ -107,9 +107,8 @@ def chosen_for(robot: Robot) -> Iterator[str]:
         )
     else:
         yield (
-            f"robot {robot.name!r}: nothing is fitted, because no joint is compliant about or along its "
-            "axis; with start values (of a URDF: beamstiff convert IN --joint-stiffness '1e6 N*m/rad') its "
-            "drives are fitted before effects are sought"
+            f"robot {robot.name!r}: all drives are rigid in this file, so that no stiffness is fitted; give "
+            "them start values: beamstiff convert IN --joint-stiffness '1e6 N*m/rad' --out OUT"
         )
 
 

@@ -214,10 +214,8 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
     more = ("value", "std", "realistic", Column("plausible", only="page"), "unit")
     made = table(title, *(Column(name, left=True, only=only) for name, only in heads), *more)
     for one in told(result):
-        # behind the others those that are held at zero
-        for at, item in enumerate(
-            sorted(one.estimates, key=lambda item: item.positive and item.value == 0.0)
-        ):
+        fitted = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
+        for at, item in enumerate(fitted or one.estimates):
             name, value, std, usual, unit = sized(item)
             negative = item.positive and item.value < 0
             plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"

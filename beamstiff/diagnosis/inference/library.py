@@ -199,7 +199,10 @@ def nowhere(effect: str, baseline: Baseline) -> str:
             return "time and temperature are the same in all rows: measure for longer"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
-        return "every joint has a drive stiffness already: a softer drive changes its fitted value"
+        return (
+            "every joint has a drive stiffness already, and a softer drive changes its fitted value: list "
+            "the joints that may be softer under `identify` in the robot file"
+        )
     if effect == "joint-coupling":
         return "fewer than two joints have a stiffness about their axes: add it to the robot file"
     if effect in OF_DRIVES and not drives(baseline):
