@@ -174,7 +174,7 @@ def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, succeed: 
     assert refused.exit_code == 2
     assert "nothing is compliant, the joints J1 are rigid" in refused.stderr
     shown = succeed("diagnose", "rigid.yaml", "crane.csv")
-    assert "note: robot 'crane': all drives are rigid in this file, so that no stiffness is fitted" in shown.stderr
+    assert "all drives are rigid in this file, so that no stiffness is fitted" in shown.stderr
 
 
 REVERSED = """\
