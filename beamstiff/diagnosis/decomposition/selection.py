@@ -262,7 +262,8 @@ def with_further_forms(choice: Choice, step: Step, wanted: Collection[int], most
     while len({*wanted}.intersection(step.chosen)) < most:
         others = (number for _, number in best_first(choice, step, wanted=np.asarray(wanted, dtype=int)))
         larger = fit_step(choice, (*step.chosen, *islice(others, 1)))
-        if larger.bic > step.bic - ENOUGH:
+        # none is left, or no machine is like the fit (both infinite)
+        if larger.chosen == step.chosen or larger.bic > step.bic - ENOUGH:
             break
         step = larger
     return step

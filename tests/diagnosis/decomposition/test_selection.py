@@ -22,7 +22,7 @@ from beamstiff.diagnosis.decomposition.selection import (
 )
 from beamstiff.diagnosis.effects import Quantity, Shape
 from beamstiff.diagnosis.prior import TEMPERING
-from tests.diagnosis.decomposition.test_decompose import UR10, read
+from tests.diagnosis.decomposition.test_decompose import UR10, found, read
 
 VALUES = 60
 SIZE = Quantity("size", "1", 1.0)
@@ -225,3 +225,13 @@ def test_a_law_between_two_forms_is_one_cause_of_both_and_never_of_three(
     further = with_further_forms(made, fit_step(made, (0,)), made.of_cause["bearing-tilt:q2"], 2)
     assert further.chosen[:1] == (0,)
     assert len(further.chosen) == chosen
+
+
+def test_further_forms_end_where_no_machine_is_like_the_fit_and_none_is_left() -> None:
+    decomposition = found()[0].decomposition
+    assert decomposition is not None
+    forms = forms_of(decomposition.model, effects=["angle-curve"])[:1]
+    choice = build_choice(decomposition.model, forms)
+    impossible = replace(fit_step(choice, (0,)), bic=np.inf)
+    choice.fits[0,] = impossible
+    assert with_further_forms(choice, impossible, [0]) is impossible
