@@ -99,7 +99,7 @@ def decompose(
 
 @dataclass(frozen=True)
 class _Settings:
-    """What holds for every fit of causes to absolute positions.
+    """What holds for every fit of causes.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
 
 
 def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
-    """Return the causes of absolute positions, and the folds of the model that is calibrated beside them."""
+    """Return the causes, and the folds of the model that is calibrated beside them."""
     choice = build_choice(model, forms)
     folds = folds_of(model, choice, settings.seed)
     step = fit_step(choice, ())
@@ -197,8 +197,9 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         found = told(folds, step, settings.seed)
-    loads = [form for form in _fitted_forms(found) if follows_drives(found.model, form)]
-    if 0 < len(loads) < len(_fitted_forms(found)):  # the others may but make up for drives that are off
+    forms = _fitted_forms(found)
+    loads = [form for form in forms if follows_drives(found.model, form)]
+    if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
         model = _settled(settings, found.model, loads)
         if model is not None:
             folds, _ = settings.folds(model, loads)

@@ -24,7 +24,7 @@ PLACES = ("load", "payload")  # of effects
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
     """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
+    loads = _following(model, forms, thetas)
     drives = model.present.size
     if not loads or not drives:
         return model
@@ -58,11 +58,11 @@ def moved_by(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], c
 
 
 def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> float:
-    """Return by what share errors of loads act otherwise on the drives as they were fitted beside them.
+    """Return by what share what follows the drives acts otherwise on these as they were fitted beside it.
 
     Arguments as of `moved_by`.
     """
-    loads = [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
+    loads = _following(model, forms, thetas)
     if not model.present.size or not (loads or model.carried is not None):
         return 0.0
     try:
@@ -78,6 +78,10 @@ def follows_drives(model: OpenModel, form: Form) -> bool:
     """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
     known = form.effect in EFFECTS
     return known and (model.problem is None or EFFECTS[form.effect].place in PLACES)
+
+
+def _following(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> list[tuple[Form, Array]]:
+    return [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
 
 
 def _there(model: OpenModel, change: Array) -> Baseline:
