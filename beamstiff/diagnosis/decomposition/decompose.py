@@ -139,8 +139,14 @@ class _Settings:
 
 def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
     """Return the causes, without those that lead astray."""
+    choice = build_choice(model, forms)
+    folds = folds_of(model, choice, settings.seed)
+    step = fit_step(choice, ())
+    if _more_than_noise(choice, model, step):
+        stage("selecting causes")
+        step = select(choice, folds.squared_errors, exchange=False)
     while True:
-        folds, step = _selected(settings, model, forms)
+        folds, step = _calibrated_beside(settings, folds, step)
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
@@ -150,33 +156,40 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
             }
         if not astray:
             return found
-        without = (*settings.prior.without, *astray)
-        settings = replace(settings, prior=replace(settings.prior, without=without))
-        forms = [form for form in forms if form.key not in astray]
+        step = _without(folds, step, astray, settings.seed)
+        settings = replace(
+            settings, prior=replace(settings.prior, without=(*settings.prior.without, *astray))
+        )
 
 
-def _selected(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> tuple[Folds, Step]:
-    """Return the causes, and the folds of the model that is calibrated beside them."""
-    choice = build_choice(model, forms)
-    folds = folds_of(model, choice, settings.seed)
-    step = fit_step(choice, ())
-    if _more_than_noise(choice, model, step):
-        stage("selecting causes")
-        step = select(choice, folds.squared_errors)
+def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> Step:
+    """Return the fit without causes that lead astray, nor those that do so in their place: these join them."""
+    new = astray
+    while new:
+        astray |= new
+        start = [number for number in step.chosen if folds.choice.forms[number].key not in astray]
+        step = select(folds.choice, folds.squared_errors, start=start, forbidden=astray, exchange=False)
+        new = unsteady(folds, step, seed)
+    return step
+
+
+def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
+    """Return the causes that are selected beside the calibration beside them, and the folds of that."""
     for turn in range(ROUNDS):
-        chosen = list(forms_in(choice, step).values())
+        chosen = list(forms_in(folds.choice, step).values())
         if not chosen:
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = settings.calibrated(model, chosen)
+            model = settings.calibrated(folds.model, chosen)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         folds, same = settings.folds(model, chosen)
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
-        fits = (select(choice, folds.squared_errors, start=one) for one in starts)
-        step = min(fits, key=lambda fit: fit.bic)
+        fits = (select(choice, folds.squared_errors, start=one, exchange=False) for one in starts)
+        better = min(fits, key=lambda fit: fit.bic)
+        step = select(choice, folds.squared_errors, start=better.chosen)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
     return folds, step

@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
+from beamstiff.diagnosis.decomposition.same_mechanics import other_mechanics, same_mechanics
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -69,6 +69,8 @@ class Choice:
         As how many they count beside what is systematic.
     alike : mapping of str to tuple of str
         Causes that are one mechanics.
+    apart : (f,) bool array
+        Forms of such causes that are another mechanics.
     products : dict of int to array
         See `products_of`.
     fits : dict of tuple of int to Step
@@ -93,6 +95,7 @@ class Choice:
     count: int
     independent: float
     alike: Mapping[str, tuple[str, ...]]
+    apart: NDArray[np.bool_]
     products: dict[int, Array] = field(default_factory=dict, init=False)
     fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
     larger: dict[tuple[int, ...], tuple[Array, NDArray[np.bool_]]] = field(default_factory=dict, init=False)
@@ -207,6 +210,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
     spread = np.concatenate([np.full(drives, UNSEEN), known])
     parameters = [item for form in forms for item in form.shape.parameters]
+    other = other_mechanics(model.given)
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
@@ -230,6 +234,10 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         model.count,
         model.independent,
         same_mechanics(model.given),
+        np.array(
+            [form.shape.turns is not None and form.shape.turns == other.get(form.key) for form in forms],
+            dtype=bool,
+        ),
     )
 
 

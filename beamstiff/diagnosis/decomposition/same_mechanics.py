@@ -36,6 +36,21 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     return {key: group for group in groups for key in group}
 
 
+def other_mechanics(robot: Robot) -> Mapping[str, bool]:
+    """Return the bearings whose forms that turn with the joint (True), or do not (False), are of another group.
+
+    What turns with the first joint is told from the ground by the postures, and what does not turn with the
+    last one from the tool.
+    """
+    groups, ends = same_mechanics(robot), {"base-compliance": True, "tool-compliance": False}
+    return {
+        key: turns
+        for effect, turns in ends.items()
+        for key in groups.get(key_of(effect, None), ())
+        if key.startswith("bearing-tilt:")
+    }
+
+
 def _links(robot: Robot, reached: Mapping[str, int]) -> list[str]:
     """Return the bending of the links between nodes that are reached, the nearest first."""
     parts = [(part.nodes, part.name) for part in robot.rigids]

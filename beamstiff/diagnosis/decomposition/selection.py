@@ -94,11 +94,14 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         log_prior[same] = of_form[same]
     there = Counter(form.key for form in forms if form.effect not in REPEATED)
     taken = {key for key, number in there.items() if number >= FORMS}
-    taken |= {key for form in forms for key in choice.alike.get(form.key, ()) if key != form.key}
+    grouped = [choice.forms[number].key for number in step.chosen if not choice.apart[number]]
+    alike = {other for key in grouped for other in choice.alike.get(key, ()) if other != key}
     open_to = np.zeros(len(choice.forms), dtype=bool)
     open_to[wanted] = True
     for key in taken & choice.of_cause.keys():
         open_to[choice.of_cause[key]] = False
+    for key in alike & choice.of_cause.keys():
+        open_to[choice.of_cause[key]] &= choice.apart[choice.of_cause[key]]
     open_to[list(step.chosen)] = False
     some = [np.flatnonzero(open_to[numbers]) for numbers, _, _ in choice.groups]
     inside, pull = np.zeros((len(step.theta), len(choice.precision))), choice.pull
@@ -168,17 +171,20 @@ def _select(
     forbidden: Collection[str],
     exchange: bool,
 ) -> Step:
-    step = fit_step(choice, start)
-    for _ in range(ROUNDS):
-        larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
-        while larger is not None:
+    def grown(step: Step) -> Step:
+        while len(step.chosen) < most and (larger := _larger(choice, step, held_out, forbidden)) is not None:
             step = _needed(choice, larger)
-            larger = _larger(choice, step, held_out, forbidden) if len(step.chosen) < most else None
-        may = exchange and len(step.chosen) < most
-        other = _exchanged(choice, step, held_out, forbidden) if may else None
-        if other is None:
+        return step
+
+    step = grown(fit_step(choice, start))
+    for _ in range(ROUNDS if exchange else 0):
+        before = step
+        for numbers in _exchangeable(choice, step):
+            if len(step.chosen) < most and {*numbers} <= {*step.chosen}:
+                other = _exchanged(choice, step, numbers, held_out, forbidden)
+                step = step if other is None else grown(_needed(choice, other))
+        if step is before:
             break
-        step = _needed(choice, other)
     return step
 
 
@@ -238,23 +244,26 @@ def _rises(choice: Choice, step: Step) -> list[float]:
     return result
 
 
-def _exchanged(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection[str]) -> Step | None:
-    """Return the best fit with another form, or two, in the place of one or of a cause; None: no better."""
-    best = step
-    for numbers in dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step)):
-        if choice.forms[numbers[0]].effect in REPEATED:
-            continue
-        other = without = fit_step(choice, [k for k in step.chosen if k not in numbers])
-        for _ in range(2):
-            others = (one for one in best_first(choice, other, forbidden) if one[1] not in numbers)
-            value, new = next(others, (np.inf, -1))
-            if value >= other.bic - ENOUGH:
-                break
-            other = fit_step(choice, (*other.chosen, new))
-            if other.bic < best.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
-                best = other
-                break
-    return None if best is step else best
+def _exchangeable(choice: Choice, step: Step) -> list[tuple[int, ...]]:
+    """Return what may be exchanged: each form by itself, and all of a cause."""
+    every = dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step))
+    return [numbers for numbers in every if choice.forms[numbers[0]].effect not in REPEATED]
+
+
+def _exchanged(
+    choice: Choice, step: Step, numbers: tuple[int, ...], held_out: HeldOut, forbidden: Collection[str]
+) -> Step | None:
+    """Return a better fit with another form, or two, in the place of some; None: none is better."""
+    other = without = fit_step(choice, [k for k in step.chosen if k not in numbers])
+    for _ in range(2):
+        others = (one for one in best_first(choice, other, forbidden) if one[1] not in numbers)
+        value, new = next(others, (np.inf, -1))
+        if value >= other.bic - ENOUGH:
+            break
+        other = fit_step(choice, (*other.chosen, new))
+        if other.bic < step.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
+            return other
+    return None
 
 
 def with_further_forms(choice: Choice, step: Step, wanted: Collection[int], most: int = MOST) -> Step:

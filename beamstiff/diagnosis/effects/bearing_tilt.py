@@ -82,11 +82,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     every = (tilts, radial, axial)
     turning = own_direction(baseline.nominal, joint.name) == "torsional"
     softening = "all, softening by axis as its preload is lost at"
-    found = [
+    all_round = [
         Shape.of("tilt", tilt),
         Shape.of("tilt and radial", tilt, radial),
-        Shape.of("tilt by axis", tilts),
         Shape.of("tilt that stiffens", tilt, stiffening),
+        Shape.of("tilt off its centre", tilt, radial, off),
+    ]
+    by_axis = [
+        Shape.of("tilt by axis", tilts),
         Shape.of("all", *every),
         Shape.of("all, stiffening", *every, stiffening, weight=0.5),
         *(
@@ -97,14 +100,18 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             Shape.of(f"{softening} {knee:g}", *every, by_ray(_unloaded(knee)), weight=0.5 / len(KNEES))
             for knee in KNEES
         ),
-        Shape.of("tilt off its centre", tilt, radial, off),
         Shape.of("all, off its centre", tilts, radials, axial, offs, weight=0.5),
         _any(baseline, place, size, turning, "any"),
     ]
     if joint.variable is not None and turning:
         seat = _seat(baseline, joint)
-        found.append(Shape.of("tilt by axis of its seat", _tilts(baseline, seat, size), weight=0.5))
-        found.append(_any(baseline, seat, size, turning, "any, by axis of its seat"))
+        of_seat = [
+            Shape.of("tilt by axis of its seat", _tilts(baseline, seat, size), weight=0.5),
+            _any(baseline, seat, size, turning, "any, by axis of its seat"),
+        ]
+        by_axis = [replace(one, turns=True) for one in by_axis] + [
+            replace(one, turns=False) for one in of_seat
+        ]
     counted = ("stiffen", "soften")  # against the usual moment
     return [
         replace(
@@ -113,7 +120,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
             realistic=REALISTIC,
             against=None if any(how in one.name for how in counted) else (),
         )
-        for one in found
+        for one in (*all_round, *by_axis)
     ]
 
 

@@ -74,6 +74,9 @@ class Shape:
     data_selected : bool
         Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
         cannot be compared under it.
+    turns : bool, optional
+        Of a bearing: whether its axes turn with the joint, or stay with the part that carries it; None is of
+        one that is alike all round its axis.
     """
 
     name: str
@@ -84,6 +87,7 @@ class Shape:
     realistic: float | None = None
     against: tuple[str, ...] | None = None
     data_selected: bool = False
+    turns: bool | None = None
 
     @classmethod
     def of(

@@ -265,7 +265,9 @@ def around(fit: Baseline, stiffness: Array) -> Baseline:
     """
     robot = fit.nominal.with_parameters(dict(zip(fit.fitted, stiffness.tolist(), strict=True)))
     there = at_rows(replace(fit, robot=robot), fit.rows)
-    return replace(there, used=fit.used, sigma=fit.sigma, sharing=fit.sharing, fit_rows=None)
+    result = replace(there, used=fit.used, sigma=fit.sigma, sharing=fit.sharing, fit_rows=None)
+    result.pose_changes.update(fit.pose_changes)  # of the robot that carries nothing
+    return result
 
 
 def tool_response(robot: Robot, rows: Measurements) -> Array:

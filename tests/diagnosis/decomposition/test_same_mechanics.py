@@ -1,11 +1,14 @@
 """What no measurement of the tool tells apart has one name."""
 
+import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
-from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
+from beamstiff.diagnosis.decomposition.same_mechanics import other_mechanics, same_mechanics
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.urdf.reader import parse_urdf
+from tests.diagnosis.machines import at_random, kr240, nominal, shape_of, unexplained
 
 URDF = """<robot name="arm"><link name="base"/><link name="one"/><link name="two"/>
 <joint name="a1" type="revolute"><parent link="base"/><child link="one"/><origin xyz="0 0 0.4"/>
@@ -54,3 +57,22 @@ def test_robots_of_other_files_stand_on_the_ground_as_ours_do(robot: Robot) -> N
 def test_a_link_between_two_joints_is_a_mechanics_of_its_own() -> None:
     groups = same_mechanics(load_robot("kr240-2"))
     assert not {f"link-bending:link{at}" for at in (1, 2, 3)} & set(groups)
+
+
+NOT_LINEAR = ("stiffen", "soften")  # in the load
+
+
+@pytest.mark.parametrize(("effect", "joint"), [("base-compliance", "q1"), ("tool-compliance", "q6")])
+def test_forms_of_a_bearing_are_of_its_group_if_all_symmetric_compliances_there_hold_them(
+    effect: str, joint: str
+) -> None:
+    """In three loads of forty postures: what turns with q1 no ground does, what stays beside q6 no tool."""
+    there = nominal(kr240(), at_random(kr240(), 120, seed=7))
+    whole = shape_of(there, effect, None, "all").columns
+    apart = other_mechanics(there.nominal)[f"bearing-tilt:{joint}"]
+    shapes = EFFECTS["bearing-tilt"].shapes(there, joint)
+    linear = [one for one in shapes if not any(how in one.name for how in NOT_LINEAR)]
+    assert {one.turns for one in linear} == {None, True, False}
+    for one in linear:
+        left = max(unexplained(one.columns[..., at], whole) for at in range(len(one.parameters)))
+        assert (left < 1e-6) == (one.turns is not apart), one.name
