@@ -41,6 +41,7 @@ VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to lea
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
 SETTLED = MINOR  # share by which drives may change what a cause moves
+SHOWS = 0.3  # of what the readings scatter, up to which the last step may change it: a twentieth more
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -163,7 +164,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
 
 
 def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> Step:
-    """Return the fit without causes that lead astray, nor those that do so in their place: these join them."""
+    """Return the fit without causes that lead astray, nor those that do so in their place: they join them."""
     new = astray
     while new:
         astray |= new
@@ -198,22 +199,32 @@ def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[F
 def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     """Return what the causes say, those that follow the drives on drives as these are fitted beside them.
 
-    As far as that settles, and does not make held-out postures worse.
+    As far as that settles, and does not make held-out postures worse; anew where some of the causes that the
+    drives were fitted beside are not told.
     """
     found = told(folds, step, settings.seed)
+    beside = {folds.choice.forms[number].key for number in step.chosen}
     for _ in range(ROUNDS):
-        model = _settled(settings, found.model, _fitted_forms(found)) if _unsettled(found) else None
+        forms, settled = _fitted_forms(found), not _unsettled(found)
+        follow = any(follows_drives(found.model, form) for form in forms)
+        if settled and (not follow or {form.key for form in forms} == beside):
+            break
+        model = _settled(settings, found, forms)
         if model is None:
             break
-        folds, same = settings.folds(model, _fitted_forms(found))
+        beside = {form.key for form in forms}
+        folds, same = settings.folds(model, forms)
         step = select(folds.choice, folds.squared_errors, start=same)
         if unsteady(folds, step, settings.seed):
             break
-        found = told(folds, step, settings.seed)
+        other = told(folds, step, settings.seed)
+        if settled and _unsettled(other):
+            break
+        found = other
     forms = _fitted_forms(found)
     loads = [form for form in forms if follows_drives(found.model, form)]
     if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
-        model = _settled(settings, found.model, loads)
+        model = _settled(settings, found, loads)
         if model is not None:
             folds, _ = settings.folds(model, loads)
             step = select(folds.choice, folds.squared_errors)
@@ -223,8 +234,9 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     return found
 
 
-def _settled(settings: _Settings, model: OpenModel, chosen: Sequence[Form]) -> OpenModel | None:
+def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) -> OpenModel | None:
     """Return the open model beside causes once neither loads nor drives change; None: they do."""
+    model, share = found.model, np.inf
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
         for _ in range(SETTLING):
@@ -233,18 +245,21 @@ def _settled(settings: _Settings, model: OpenModel, chosen: Sequence[Form]) -> O
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
-            if unlike_linear(without_errors(model), chosen, thetas, change) <= SETTLED:
-                return model
+            share, size = unlike_linear(without_errors(model), chosen, thetas, change)
+            if share <= SETTLED and size <= SHOWS * max(found.scatter, 1.0):
+                break
     except BeamstiffError:  # the machine may buckle beside loads that are far too large
-        pass
-    return None
+        return None
+    return model if share <= SETTLED else None
 
 
 def _unsettled(found: Decomposition) -> set[str]:
     """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
     every = (*found.causes, *found.unclear)
     return {
-        one.key for one in every if unlike_linear(found.model, one.forms, one.theta, found.change) > SETTLED
+        one.key
+        for one in every
+        if unlike_linear(found.model, one.forms, one.theta, found.change)[0] > SETTLED
     }
 
 

@@ -57,21 +57,24 @@ def moved_by(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], c
     return moved if model.carried is None else moved + model.carried @ change[-model.present.size :]
 
 
-def unlike_linear(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array) -> float:
-    """Return by what share what follows the drives acts otherwise on these as they were fitted beside it.
+def unlike_linear(
+    model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array], change: Array
+) -> tuple[float, float]:
+    """Return how much otherwise what follows the drives acts on these as they were fitted beside it.
 
-    Arguments as of `moved_by`.
+    By what share, and by how many times the stated noise, RMS. Arguments as of `moved_by`.
     """
     loads = _following(model, forms, thetas)
     if not model.present.size or not (loads or model.carried is not None):
-        return 0.0
+        return 0.0, 0.0
     try:
         after = _moved(_there(model, change), loads)
     except BeamstiffError:  # on such drives the machine buckles
-        return np.inf
+        return np.inf, np.inf
     before = moved_by(model, [form for form, _ in loads], [theta for _, theta in loads], change)
-    size = float(np.linalg.norm(before[:, :3]))
-    return float(np.linalg.norm((after - before)[:, :3])) / size if size else 0.0
+    size, other = float(np.linalg.norm(before[:, :3])), after - before
+    share = float(np.linalg.norm(other[:, :3])) / size if size else 0.0
+    return share, float(np.sqrt((model.weighed(other[..., None]) ** 2).sum() / max(model.count, 1)))
 
 
 def follows_drives(model: OpenModel, form: Form) -> bool:

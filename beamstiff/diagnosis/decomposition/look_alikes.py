@@ -16,6 +16,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
+from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
     FORMS,
@@ -185,7 +186,8 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
 def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
-    All drives that are compliant are the one that is, where the others move little and are causes beside it.
+    All drives that are compliant, or all joints that have lost motion, are the one that is, where the others
+    move little and are causes beside it.
     """
     keys = {choice.forms[number].key for number in step.chosen}
     for cause in causes_of(choice, step):
@@ -195,9 +197,9 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
         alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
         fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
         worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
-        if own.key == ALL_DRIVES:
-            fits = [_one_drive(choice, others)]
-            # that every drive is compliant is likelier beforehand: this says nothing of what the others move
+        if own.key in (ALL_DRIVES, ALL_REVERSED):
+            fits = [_one_joint(choice, others, own)]
+            # that it is all of them is likelier beforehand: this says nothing of what the others move
             worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
         named = min(fits, key=lambda fit: fit.bic, default=None)
         if named and len(named.chosen) > len(others) and named.bic <= step.bic + worse:
@@ -205,12 +207,13 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
     return step
 
 
-def _one_drive(choice: Choice, others: tuple[int, ...]) -> Step:
-    """Return a fit with the drives that are worth a cause each, or none if the first does not move most."""
-    effect = ALL_DRIVES.partition(":")[0]
-    drives = [k for k, form in enumerate(choice.forms) if form.effect == effect and form.key != ALL_DRIVES]
+def _one_joint(choice: Choice, others: tuple[int, ...], every: Form) -> Step:
+    """Return a fit with the joints that are worth a cause each, or none if the first does not move most."""
+    joints = [
+        k for k, form in enumerate(choice.forms) if form.effect == every.effect and form.key != every.key
+    ]
     without = fit_step(choice, others)
-    step = with_further_forms(choice, without, drives)
+    step = with_further_forms(choice, without, joints)
     first, *rest = [step.moved[number] for number in step.chosen[len(others) :]] or [np.zeros(choice.count)]
     away = np.sum([np.zeros_like(first), *rest], axis=0)
     return step if away @ away <= MINOR * float(first @ first) else without

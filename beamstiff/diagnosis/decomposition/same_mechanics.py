@@ -37,7 +37,7 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
 
 
 def other_mechanics(robot: Robot) -> Mapping[str, bool]:
-    """Return the bearings whose forms that turn with the joint (True), or do not (False), are of another group.
+    """Return the bearings whose forms that turn with the joint (True), or do not (False), stand apart.
 
     What turns with the first joint is told from the ground by the postures, and what does not turn with the
     last one from the tool.

@@ -93,6 +93,7 @@ def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier()
     assert judged.probability == pytest.approx(0.5, abs=1e-6)
 
 
+@pytest.mark.parametrize("effect", ["joint-compliance", "approach-direction"])
 @pytest.mark.parametrize(
     ("compliances", "named"),
     [
@@ -103,8 +104,8 @@ def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier()
         ((0.1, 0.0, 0.0, 0.0), [None]),
     ],
 )
-def test_all_drives_are_the_one_that_gives_way_where_the_others_move_little(
-    compliances: tuple[float, ...], named: list[str | None]
+def test_all_joints_are_the_one_that_moves_most_where_the_others_move_little(
+    compliances: tuple[float, ...], named: list[str | None], effect: str
 ) -> None:
     """Where none is worth a cause by itself, nothing is dropped."""
     rng = np.random.default_rng(5)
@@ -113,8 +114,8 @@ def test_all_drives_are_the_one_that_gives_way_where_the_others_move_little(
     sizes = [Quantity(f"compliance_{name}", "1", 1.0, positive=True) for name in places]
     choice = choice_of(
         columns @ compliances + rng.standard_normal(VALUES),
-        replace(form(columns, *sizes), component=None),
-        *(replace(form(columns[:, [at]], sizes[at]), component=places[at]) for at in range(4)),
+        replace(form(columns, *sizes), effect=effect, component=None),
+        *(replace(form(columns[:, [at]], sizes[at]), effect=effect, component=places[at]) for at in range(4)),
     )
     step = with_usual_name(choice, fit_step(choice, (0,)))
     assert [choice.forms[number].component for number in step.chosen] == named

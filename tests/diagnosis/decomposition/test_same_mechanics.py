@@ -1,6 +1,5 @@
 """What no measurement of the tool tells apart has one name."""
 
-import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
