@@ -41,7 +41,7 @@ VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to lea
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
 SETTLED = MINOR  # share by which drives may change what a cause moves
-SHOWS = 0.3  # of what the readings scatter, up to which the last step may change it: a twentieth more
+SHOWS = 0.3  # of what the readings scatter: a change up to it does not show, it adds a twentieth
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -246,8 +246,8 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
             share, size = unlike_linear(without_errors(model), chosen, thetas, change)
-            if share <= SETTLED and size <= SHOWS * max(found.scatter, 1.0):
-                break
+            if size <= SHOWS * max(found.scatter, 1.0):
+                return model
     except BeamstiffError:  # the machine may buckle beside loads that are far too large
         return None
     return model if share <= SETTLED else None
@@ -256,11 +256,9 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
 def _unsettled(found: Decomposition) -> set[str]:
     """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
     every = (*found.causes, *found.unclear)
-    return {
-        one.key
-        for one in every
-        if unlike_linear(found.model, one.forms, one.theta, found.change)[0] > SETTLED
-    }
+    least = (SETTLED, SHOWS * max(found.scatter, 1.0))
+    unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in every]
+    return {one.key for one, how in zip(every, unlike, strict=True) if (np.array(how) > least).all()}
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:
