@@ -11,7 +11,9 @@ from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
@@ -36,7 +38,15 @@ from beamstiff.report.diagnosis_words import (
     unrealistic,
 )
 from beamstiff.report.tables import counted
-from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
+from beamstiff.report.verdict import (
+    Verdict,
+    data_of,
+    level_of,
+    rigid_drives,
+    rigid_text,
+    rounded,
+    undetermined_text,
+)
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
@@ -92,7 +102,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
-    return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+    action = f"{_action(result, head)} {_drives(result)}".strip()
+    return Verdict(said, level, data_of(result.baseline.rows), action)
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -103,9 +114,10 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
 
 
 def _shortly(names: Sequence[str]) -> str:
-    """Return the first names, and how many there are beside them."""
-    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + rest
+    """Return the first names, and how many there are beside them: one more is named as well."""
+    most = NAMED + (len(names) == NAMED + 1)
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
 
 
 def _or_alike(name: str, alike: Sequence[str]) -> str:
@@ -147,6 +159,18 @@ def _action(result: Diagnosis, head: str) -> str:
     if far:
         said = f"{_doubt(*far[0])} {said}"
     return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
+
+
+def _drives(result: Diagnosis) -> str:
+    """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
+    base = result.baseline
+    felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
+    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
+    fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
+    # nothing is fitted where no row loads a drive
+    unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
+    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
 
 
 def _by_remainder(result: Diagnosis) -> str:
@@ -369,6 +393,8 @@ def proposed(result: Diagnosis) -> str:
     if not rivals and result.indistinguishable and result.decomposition is not None:
         what += " (no posture and load here distinguishes look-alikes)"
     states = f"the {counted(count, 'state')} that {what}"
+    if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
+        states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
         times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"

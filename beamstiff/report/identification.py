@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import inf, sqrt
 
 import numpy as np
@@ -15,7 +15,17 @@ from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import Column, Table, counted, number, table, worth
-from beamstiff.report.verdict import BEYOND_NOISE, Level, Verdict, data_of, level_of
+from beamstiff.report.verdict import (
+    BEYOND_NOISE,
+    Level,
+    Verdict,
+    data_of,
+    diagnose_command,
+    level_of,
+    rigid_drives,
+    rigid_text,
+    undetermined_text,
+)
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
@@ -33,10 +43,15 @@ ACTS = {
 }
 
 
-def identification_told(found: Identification, folds: int = 5) -> Iterator[RenderableType]:
-    """Yield what a terminal shows of an identification; `folds`: that were asked for."""
+def identification_told(
+    found: Identification, folds: int = 5, files: Sequence[str] = ()
+) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of an identification.
+
+    `folds`: that were asked for. `files`: see `identification_verdict`.
+    """
     if found.rows is not None:
-        yield from identification_verdict(found, found.rows).lines()
+        yield from identification_verdict(found, found.rows, files).lines()
     title = f"{found.robot.name}: identified stiffness"
     yield from (identification_table(found, title=title), "", *combinations_text(found))
     if found.rows is not None:
@@ -194,22 +209,30 @@ def identification_text(found: Identification, measured: Measurements, folds: in
     return "\n".join(lines)
 
 
-def identification_verdict(found: Identification, measured: Measurements) -> Verdict:
-    """Return how many values were identified, how much noise the fit leaves, and what to do next."""
-    known = sum(item.value is not None for item in found.parameters)
-    said = f"{known} of {counted(len(found.parameters), 'stiffness value')} identified"
+def identification_verdict(
+    found: Identification, measured: Measurements, files: Sequence[str] = ()
+) -> Verdict:
+    """Return how many values were identified, how much noise the fit leaves, and what to do next.
+
+    `files`: the robot's and the tables, as a command names them.
+    """
+    unknown = [item.name for item in found.parameters if item.value is None]
+    count = len(found.parameters)
+    said = f"{count - len(unknown)} of {counted(count, 'stiffness value')} identified"
     ratio, level = sqrt(found.chi_square), _PLAIN
     if np.isfinite(measured.sigma[measured.measured_mask]).any():
         level = level_of(ratio)
         said += f"; the fit leaves {ratio:.1f} times the noise"
     if level in ("doubtful", "differs"):
-        action = "The model is incomplete. Run beamstiff diagnose on the same files to find what it lacks."
-    elif known < len(found.parameters):
-        action = "Measure what determines the others: beamstiff plan chooses postures and loads."
+        action = f"The model is incomplete. {diagnose_command(files)} finds what it lacks."
+    elif unknown:
+        action = ""
     elif level == "agrees":
         action = "Write the robot (--out) and test it on fresh rows with beamstiff verify."
     else:
         action = "State sigma_position in the table's head, so that the fit can be judged."
+    rigid = rigid_text(rigid_drives(found.start or found.robot))
+    action = " ".join(filter(None, (action, rigid, undetermined_text(unknown))))
     return Verdict(said, level, data_of(measured), action)
 
 

@@ -152,7 +152,7 @@ def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:
     """Return a middling tilting compliance, rad/(N m): as soft as the joint's drive, or as the machine."""
-    own = joint_of(baseline, component).stiffness.torsional
+    own = baseline.robot.parameter(f"{joint_of(baseline, component).name}.torsional")
     return OF_DRIVE / own if FREE < own < RIGID else softness(baseline) * TILT
 
 

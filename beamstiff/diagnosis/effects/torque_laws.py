@@ -41,8 +41,8 @@ class Axis:
         Torque (force) about it from the row's load and from the dead weight.
     shift : (N, 6) array
         Displacement of the row's point per slip about it.
-    stiffness : float
-        As the robot was given; inf is rigid.
+    stiffness, fitted : float
+        As the robot was given, and as it was fitted; inf is rigid.
     turns : bool
         About the axis; else along it.
     typical : float
@@ -54,6 +54,7 @@ class Axis:
     dead: Array
     shift: Array
     stiffness: float
+    fitted: float
     turns: bool
     typical: float
 
@@ -86,6 +87,7 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
         dead=place.dead[:, at] * carries,
         shift=place.shift[:, :, at],
         stiffness=float(getattr(joint.stiffness, kind)),
+        fitted=baseline.robot.parameter(f"{joint.name}.{kind}"),
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
@@ -275,29 +277,32 @@ def by_contacts(
 
 
 def drive_compliance(axis: Axis) -> float:
-    """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
+    """Return the compliance of a drive as fitted, not as guessed before; of rigid ones a middling value."""
     usual = 3e-7 if axis.turns else 3e-9
-    return 1.0 / axis.stiffness if FREE < axis.stiffness < RIGID else usual
+    return 1.0 / axis.fitted if FREE < axis.fitted < RIGID else usual
 
 
 def softness(baseline: Baseline) -> float:
     """Return how soft a machine is over a heavy robot, by its stiffest turning drive; 1 where there is none.
 
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
-    not be believed of a large one.
+    not be believed of a large one. It goes by the drives as fitted: those of the robot file may be guesses.
     """
-    finite = turning_drives(baseline.nominal)
-    return HEAVY / max(finite) if finite else 1.0
+    columns = zip(baseline.fitted, np.moveaxis(baseline.fit.tangent, -1, 0), strict=True)
+    guessed = {name for name, column in columns if not column.any()}.union(baseline.robot.unmeasured)
+    finite = turning_drives(baseline.robot)
+    measured = [value for name, value in finite.items() if name not in guessed]
+    return HEAVY / max(measured or finite.values()) if finite else 1.0
 
 
-def turning_drives(robot: Robot) -> list[float]:
-    """Return the finite stiffness of a robot's turning drives, N m/rad."""
-    own = [
-        joint.stiffness.torsional
+def turning_drives(robot: Robot) -> dict[str, float]:
+    """Return the finite stiffness of a robot's turning drives, N m/rad, by its name."""
+    own = {
+        f"{joint.name}.torsional": joint.stiffness.torsional
         for joint in robot.joints
         if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
-    ]
-    return [value for value in own if FREE < value < RIGID]
+    }
+    return {name: value for name, value in own.items() if FREE < value < RIGID}
 
 
 def unit_of(axis: Axis) -> str:
