@@ -115,8 +115,9 @@ def demo(
         "",
         f"3. Check on {FRESH} postures that were not fitted",
         "$ beamstiff verify real.yaml fresh.csv",
-        f"Position error {1e3 * checked.before:.3f} mm RMS without the cause, {1e3 * checked.after:.3f} mm "
-        f"with it; noise {1e3 * checked.noise:.3f} mm.",
+        f"Measurement and prediction differ by {1e3 * checked.before:.3f} mm RMS without the cause, "
+        f"{1e3 * checked.after:.3f} mm with it; noise {1e3 * checked.noise:.3f} mm. (In step 2 the gap is "
+        "larger because its postures were chosen to show the cause.)",
         "",
         "4. Correct a program. The simulated machine runs both versions under 900 N.",
         f"$ beamstiff compensate {ROBOT} part.src --actual real.yaml --wrench fz=-900N --out corrected.src",

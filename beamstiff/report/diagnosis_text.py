@@ -230,7 +230,8 @@ def remainder_text(found: Decomposition) -> str:
 def summary(result: Diagnosis) -> str:
     """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
-    first = f"Gap {tested(result)}: {rms:.3f} mm RMS; noise floor {noise:.3f} mm{_scaled(result)}"
+    gap = f"{rms:.3f} mm RMS between measured and predicted position"
+    first = f"Gap {tested(result)}: {gap}; noise floor {noise:.3f} mm{_scaled(result)}"
     if not one_posture(result) and result.decomposition is None:
         first += f"; {ELASTIC} {1e3 * result.ceiling:.3f} mm"
     first += "."

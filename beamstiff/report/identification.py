@@ -14,7 +14,7 @@ from beamstiff.functions.checks import effects_text
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table, worth
+from beamstiff.report.tables import Column, Table, counted, number, table, times_off, worth
 from beamstiff.report.verdict import (
     BEYOND_NOISE,
     Level,
@@ -32,6 +32,8 @@ from beamstiff.robot.fields import stiffness_text
 BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
 CHANCE = 3.0  # standard deviations of a residual of noise alone
+# times off the robot file's value: data sheets and fits of sound robots differ by a factor of 2 to 4
+FAR_OFF = 10.0
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 _PLAIN: Level = "plain"
 ACTS = {
@@ -85,12 +87,26 @@ def identification_table(
     drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
     why = Column("why no value", left=True, only="page")
     result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
+    far = far_off(found, before)
     for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
         more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
-        own = [item.name, drive] if whose else [item.name]
+        name = f"{item.name} (!)" if item.name in far else item.name
+        own = [name, drive] if whose else [name]
         result.add_row(*own, *start, *_cells(item), item.unit, *more, item.reason)
     return result
+
+
+def far_off(found: Identification, start: Robot | None) -> dict[str, float]:
+    """Return by how many times identified values are stiffer than the robot file says, those far from it."""
+    if start is None:
+        return {}
+    ratios = {
+        item.name: item.value / start.parameter(item.name)
+        for item in found.parameters
+        if item.value and 0.0 < start.parameter(item.name) < inf
+    }
+    return {name: ratio for name, ratio in ratios.items() if not 1 / FAR_OFF < ratio < FAR_OFF}
 
 
 def _start(robot: Robot, name: str) -> str:
@@ -203,6 +219,13 @@ def identification_text(found: Identification, measured: Measurements, folds: in
             0,
             f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "
             "> marks the lower bound (97.5 % confidence).",
+        )
+    if far := far_off(found, found.start):
+        each = (f"{name} ({times_off(ratio)})" for name, ratio in far.items())
+        lines.insert(
+            0,
+            f"(!) Far from the robot file: {listed(each)}. If that value was no guess, check it, and whether "
+            "another part is compliant: the fit takes it for the drive's own.",
         )
     if found.interrupted:
         lines.insert(0, "Stopped by hand: the best values so far.")
