@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
@@ -151,14 +152,13 @@ def _action(result: Diagnosis, head: str) -> str:
     if like_sag and weightless(result.baseline):
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
     if not to_check:
-        states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
-        return states or _by_remainder(result)
+        return _also(result, "Measure").strip() or _by_remainder(result)
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
     if far:
         said = f"{_doubt(*far[0])} {said}"
-    return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
+    return f"{said}{_also(result, 'Also measure')}"
 
 
 def _drives(result: Diagnosis) -> str:
@@ -202,6 +202,16 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
     negative = size.positive and size.value < 0
     is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
     return f"Doubt {named(cause)}: its {size.name} is {is_it}. Another effect may look like it."
+
+
+def _also(result: Diagnosis, measure: str) -> str:
+    """Return the states to measure as a sentence after others, `measure` its verb; empty without."""
+    if not result.next:
+        return ""
+    each = [item["discrimination"] for item in result.next if item["separates"]]
+    if each and sum(each) < DECIDES:
+        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
+    return f" {measure} {proposed(result)}{_written(result)}"
 
 
 def _written(result: Diagnosis) -> str:
