@@ -41,8 +41,8 @@ class Axis:
         Torque (force) about it from the row's load and from the dead weight.
     shift : (N, 6) array
         Displacement of the row's point per slip about it.
-    stiffness, fitted : float
-        As the robot was given, and as it was fitted; inf is rigid.
+    stiffness, usual : float
+        As the robot was given, and as realistic sizes count it (`usual_stiffness`); inf is rigid.
     turns : bool
         About the axis; else along it.
     typical : float
@@ -54,7 +54,7 @@ class Axis:
     dead: Array
     shift: Array
     stiffness: float
-    fitted: float
+    usual: float
     turns: bool
     typical: float
 
@@ -87,7 +87,7 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
         dead=place.dead[:, at] * carries,
         shift=place.shift[:, :, at],
         stiffness=float(getattr(joint.stiffness, kind)),
-        fitted=baseline.robot.parameter(f"{joint.name}.{kind}"),
+        usual=usual_stiffness(baseline, f"{joint.name}.{kind}"),
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
@@ -277,22 +277,31 @@ def by_contacts(
 
 
 def drive_compliance(axis: Axis) -> float:
-    """Return the compliance of a drive as fitted, not as guessed before; of rigid ones a middling value."""
-    usual = 3e-7 if axis.turns else 3e-9
-    return 1.0 / axis.fitted if FREE < axis.fitted < RIGID else usual
+    """Return the compliance of a drive as realistic sizes count it; of rigid ones a middling value."""
+    middling = 3e-7 if axis.turns else 3e-9
+    return 1.0 / axis.usual if FREE < axis.usual < RIGID else middling
+
+
+def usual_stiffness(baseline: Baseline, name: str) -> float:
+    """Return a drive's stiffness by which realistic sizes go: the file's, as much off as most drives are.
+
+    Start values may be guesses, and what is fitted may have taken up the cause that is sought: the median
+    change of the turning drives, which neither one guess nor one such fit moves, corrects the file's value.
+    """
+    given = baseline.given or baseline.nominal
+    fitted = turning_drives(baseline.robot)
+    changes = [fitted[one] / value for one, value in turning_drives(given).items() if one in fitted]
+    return given.parameter(name) * (float(np.median(changes)) if changes else 1.0)
 
 
 def softness(baseline: Baseline) -> float:
     """Return how soft a machine is over a heavy robot, by its stiffest turning drive; 1 where there is none.
 
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
-    not be believed of a large one. It goes by the drives as fitted: those of the robot file may be guesses.
+    not be believed of a large one.
     """
-    columns = zip(baseline.fitted, np.moveaxis(baseline.fit.tangent, -1, 0), strict=True)
-    guessed = {name for name, column in columns if not column.any()}.union(baseline.robot.unmeasured)
-    finite = turning_drives(baseline.robot)
-    measured = [value for name, value in finite.items() if name not in guessed]
-    return HEAVY / max(measured or finite.values()) if finite else 1.0
+    names = turning_drives(baseline.given or baseline.nominal)
+    return HEAVY / max(usual_stiffness(baseline, name) for name in names) if names else 1.0
 
 
 def turning_drives(robot: Robot) -> dict[str, float]:
