@@ -156,8 +156,11 @@ def compensation_text(result: Compensated) -> str:
     text = (
         f"Predicted error of the tool at {targets}: RMS {told(before.rms_mm)} mm, "
         f"at most {told(before.max_mm)} mm and {told(before.max_deg)} deg. With the corrected commands: "
-        f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
     )
+    if max(after.max_mm, after.max_deg) < LEAST:
+        text += f"under {LEAST} mm and {LEAST} deg everywhere"
+    else:
+        text += f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
         text += f" ({less:.2f} % less, if the real robot is as assumed)"

@@ -88,7 +88,9 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in found]
+            # of several causes, look-alikes in short: the table names them
+            most = NAMED if len(found) == 1 else 1
+            each = [_or_alike(in_words([one.key]), one.indistinguishable, most) for one in found]
             said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
@@ -114,18 +116,18 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
     return f"{share} explained by {by}".strip()
 
 
-def _shortly(names: Sequence[str]) -> str:
+def _shortly(names: Sequence[str], most: int = NAMED) -> str:
     """Return the first names, and how many there are beside them: one more is named as well."""
-    most = NAMED + (len(names) == NAMED + 1)
+    most += len(names) == most + 1
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
 
 
-def _or_alike(name: str, alike: Sequence[str]) -> str:
+def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    return f"{name} (or {_shortly([in_words([one]) for one in alike])})"
+    return f"{name} (or {_shortly([in_words([one]) for one in alike], most)})"
 
 
 def _action(result: Diagnosis, head: str) -> str:

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.calibrated_text import moved_load
-from beamstiff.report.diagnosis_text import summary, verdict
+from beamstiff.report.diagnosis_text import _or_alike, summary, verdict
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
@@ -151,3 +151,10 @@ def test_rigid_drives_are_told_with_what_to_do() -> None:
     assert rigid_drives(bare, {"q2"}) == []
     assert "--joint-stiffness 'J2=1e6 N*m/rad'" in rigid_text(["J2"])
     assert rigid_drives(load_robot("ir663-screws")) == []  # its drives are struts
+
+
+def test_one_name_more_is_named_and_several_are_counted() -> None:
+    names = [f"backlash:q{k}" for k in range(1, 7)]
+    assert _or_alike("x", names[:4]).endswith("backlash at q3, backlash at q4)")
+    assert _or_alike("x", names).endswith("backlash at q3 and 3 more)")
+    assert _or_alike("x", names, 1) == "x (or backlash at q1 and 5 more)"
