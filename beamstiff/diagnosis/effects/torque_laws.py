@@ -288,10 +288,14 @@ def usual_stiffness(baseline: Baseline, name: str) -> float:
     Start values may be guesses, and what is fitted may have taken up the cause that is sought: the median
     change of the turning drives, which neither one guess nor one such fit moves, corrects the file's value.
     """
-    given = baseline.given or baseline.nominal
-    fitted = turning_drives(baseline.robot)
-    changes = [fitted[one] / value for one, value in turning_drives(given).items() if one in fitted]
-    return given.parameter(name) * (float(np.median(changes)) if changes else 1.0)
+    return (baseline.given or baseline.nominal).parameter(name) * change_of_drives(baseline)
+
+
+def change_of_drives(baseline: Baseline) -> float:
+    """Return the median of fitted over given stiffness of the turning drives; 1 where there is none."""
+    given, fitted = turning_drives(baseline.given or baseline.nominal), turning_drives(baseline.robot)
+    changes = [fitted[name] / value for name, value in given.items() if name in fitted]
+    return float(np.median(changes)) if changes else 1.0
 
 
 def softness(baseline: Baseline) -> float:
