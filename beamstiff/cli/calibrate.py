@@ -124,7 +124,7 @@ def calibrate(
         )
     assert found.rows is not None
     assert found.statement is not None
-    outputs.result(found.notes, calibration_told(found), found.to_dict())
+    outputs.result(found.notes, calibration_told(found, [robot, *data]), found.to_dict())
     if out is not None:
         write_robot(out, found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
     if readings is not None:
@@ -135,7 +135,7 @@ def calibrate(
     outputs.draw("sensitivity", lambda: draw_sensitivity(statement, machine.name))
     outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))
     outputs.draw("figure", found.plot)
-    outputs.page("calibration", found, machine, found.rows)
+    outputs.page("calibration", found, machine, found.rows, files=[robot, *data])
 
 
 def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
 ROBOT, POSES, SEED, FRESH = "kr240-2", 5, 5, 12
-FAULT = "link 2 bends; the robot file has it rigid. The drives are up to 16 % softer or stiffer."
+FAULT = "link 2 bends, rigid in the file. Drives are up to 16 % off."
 FILES = {
     "campaign": "campaign.csv",
     "proposed": "proposed.csv",
@@ -115,8 +115,9 @@ def demo(
         "",
         f"3. Check on {FRESH} postures that were not fitted",
         "$ beamstiff verify real.yaml fresh.csv",
-        f"Position error {1e3 * checked.before:.3f} mm RMS without the cause, {1e3 * checked.after:.3f} mm "
-        f"with it; noise {1e3 * checked.noise:.3f} mm.",
+        f"Measurement and prediction differ by {1e3 * checked.before:.3f} mm RMS without the cause, "
+        f"{1e3 * checked.after:.3f} mm with it; noise {1e3 * checked.noise:.3f} mm. (Step 2 chose "
+        "its postures to show a larger gap.)",
         "",
         "4. Correct a program. The simulated machine runs both versions under 900 N.",
         f"$ beamstiff compensate {ROBOT} part.src --actual real.yaml --wrench fz=-900N --out corrected.src",

@@ -190,7 +190,7 @@ def identify(
         )
     fitted = found.rows
     assert fitted is not None
-    outputs.result(found.notes, identification_told(found, folds), found.to_dict())
+    outputs.result(found.notes, identification_told(found, folds, [robot, *data]), found.to_dict())
     if out is not None:
         write_robot(out, found.robot, file, found.conditional_std, _head(found, data))
     if reduce is not None and found.reduced is not None:
@@ -199,7 +199,7 @@ def identify(
     outputs.draw("figure", lambda: residual_figure(found, fitted, machine.name))
     if (points := found.front) is not None:
         outputs.draw("front", lambda: front_figure(points, machine.name))
-    outputs.page("identification", found, machine, fitted, folds=folds)
+    outputs.page("identification", found, machine, fitted, folds=folds, files=[robot, *data])
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
 

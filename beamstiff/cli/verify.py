@@ -60,7 +60,7 @@ def verify(
     from beamstiff.report.diagnosis_text import SQUARES
     from beamstiff.report.diagnosis_words import in_words, percent
     from beamstiff.report.tables import add_rows, table
-    from beamstiff.report.verdict import Level, Verdict, level_of, rounded
+    from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
     from beamstiff.units import in_unit
 
     outputs = Outputs([robot_file(robot), *data])
@@ -90,7 +90,8 @@ def verify(
     if found.causes:
         action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
     if level in ("doubtful", "differs"):
-        action = "Run beamstiff diagnose on these rows: something is still missing."
+        again = diagnose_command([robot, *data])
+        action = f"Something is still missing: {again} finds what."
     steps = pairwise([found.before, *(after for _, after, _ in found.causes)])
     worse = [
         name for (name, _, _), (before, after) in zip(found.causes, steps, strict=True) if after > before

@@ -138,7 +138,7 @@ def build_problem(
     if measurements.kind != "displacement":
         raise BeamstiffError(
             f"{source}: holds absolute positions; identify needs displacements dx dy dz (loaded minus "
-            "unloaded); `calibrate` takes positions"
+            "unloaded); `calibrate` and `diagnose` take positions"
         )
     if not measurements.wrench.any():
         raise BeamstiffError(f"{source}: all loads are zero; without load no stiffness can be identified")

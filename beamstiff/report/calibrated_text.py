@@ -9,7 +9,7 @@ from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import stiffness_in_words
-from beamstiff.report.tables import scale_of, worth
+from beamstiff.report.tables import scale_of, times_off, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -97,7 +97,8 @@ def _largest_change(result: Diagnosis) -> str:
     unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
     variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
     of = f"{name} (of {variable})" if variable != joint else name
+    off = "" if 0.5 < value / given < 2.0 else f", {times_off(value / given)}"
     return (
         f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit} (all values: --json and --apply)."
+        f"robot file to {stiffness_in_words(value)} {unit}{off} (all values: --json and --apply)."
     )

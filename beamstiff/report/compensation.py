@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.path import difference
+from beamstiff.compensation.path import Frames, difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.functions.checks import effects_text
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
@@ -156,16 +156,27 @@ def compensation_text(result: Compensated) -> str:
     text = (
         f"Predicted error of the tool at {targets}: RMS {told(before.rms_mm)} mm, "
         f"at most {told(before.max_mm)} mm and {told(before.max_deg)} deg. With the corrected commands: "
-        f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
     )
+    if max(after.max_mm, after.max_deg) < LEAST:
+        text += f"under {LEAST} mm and {LEAST} deg everywhere"
+    else:
+        text += f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
         text += f" ({less:.2f} % less, if the real robot is as assumed)"
+    text += f". {frame_text(result.machine.frames)}"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
         text += f". Only the position of {what} is corrected"
     return text + "."
+
+
+def frame_text(frames: Frames) -> str:
+    """Return, in words, in which frame the corrected targets stand."""
+    own = np.array_equal(frames.base, np.eye(4))
+    where = "the base frame of the robot" if own else "the program's base, which --base or the program places"
+    return f"Corrected targets are in {where}, like the original ones; the tracker's frame plays no part"
 
 
 def compensation_figure(result: Compensated, title: str = "") -> Figure:

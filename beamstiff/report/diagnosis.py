@@ -66,7 +66,11 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
-    (r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b", "two axes", "a load along one moves the other"),
+    (
+        r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b",
+        "two axes, as x_ry",
+        "what a load along the first moves along the second",
+    ),
 )
 DOUBTFUL = "(!) Larger than realistic, or negative: another effect may look like this one."
 POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out

@@ -10,8 +10,11 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, moved_load
 from beamstiff.report.diagnosis_words import (
@@ -36,7 +39,15 @@ from beamstiff.report.diagnosis_words import (
     unrealistic,
 )
 from beamstiff.report.tables import counted
-from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
+from beamstiff.report.verdict import (
+    Verdict,
+    data_of,
+    level_of,
+    rigid_drives,
+    rigid_text,
+    rounded,
+    undetermined_text,
+)
 
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
@@ -77,7 +88,9 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in found]
+            # of several causes, look-alikes in short: the table names them
+            most = NAMED if len(found) == 1 else 1
+            each = [_or_alike(in_words([one.key]), one.indistinguishable, most) for one in found]
             said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
@@ -92,7 +105,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
-    return Verdict(said, level, data_of(result.baseline.rows), _action(result, head))
+    action = f"{_action(result, head)} {_drives(result)}".strip()
+    return Verdict(said, level, data_of(result.baseline.rows), action)
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -102,17 +116,18 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
     return f"{share} explained by {by}".strip()
 
 
-def _shortly(names: Sequence[str]) -> str:
-    """Return the first names, and how many there are beside them."""
-    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + rest
+def _shortly(names: Sequence[str], most: int = NAMED) -> str:
+    """Return the first names, and how many there are beside them: one more is named as well."""
+    most += len(names) == most + 1
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
 
 
-def _or_alike(name: str, alike: Sequence[str]) -> str:
+def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    return f"{name} (or {_shortly([in_words([one]) for one in alike])})"
+    return f"{name} (or {_shortly([in_words([one]) for one in alike], most)})"
 
 
 def _action(result: Diagnosis, head: str) -> str:
@@ -139,14 +154,25 @@ def _action(result: Diagnosis, head: str) -> str:
     if like_sag and weightless(result.baseline):
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
     if not to_check:
-        states = f"Measure {proposed(result)}{_written(result)}" if result.next else ""
-        return states or _by_remainder(result)
+        return _also(result, "Measure").strip() or _by_remainder(result)
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
     if far:
         said = f"{_doubt(*far[0])} {said}"
-    return f"{said} Also measure {proposed(result)}{_written(result)}" if result.next else said
+    return f"{said}{_also(result, 'Also measure')}"
+
+
+def _drives(result: Diagnosis) -> str:
+    """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
+    base = result.baseline
+    felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
+    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
+    fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
+    # nothing is fitted where no row loads a drive
+    unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
+    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
 
 
 def _by_remainder(result: Diagnosis) -> str:
@@ -180,6 +206,16 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
     return f"Doubt {named(cause)}: its {size.name} is {is_it}. Another effect may look like it."
 
 
+def _also(result: Diagnosis, measure: str) -> str:
+    """Return the states to measure as a sentence after others, `measure` its verb; empty without."""
+    if not result.next:
+        return ""
+    each = [item["discrimination"] for item in result.next if item["separates"]]
+    if each and sum(each) < DECIDES:
+        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
+    return f" {measure} {proposed(result)}{_written(result)}"
+
+
 def _written(result: Diagnosis) -> str:
     """Return what loads the proposed states have, and which option writes them."""
     force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
@@ -206,7 +242,8 @@ def remainder_text(found: Decomposition) -> str:
 def summary(result: Diagnosis) -> str:
     """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
-    first = f"Gap {tested(result)}: {rms:.3f} mm RMS; noise floor {noise:.3f} mm{_scaled(result)}"
+    gap = f"{rms:.3f} mm RMS between measured and predicted position"
+    first = f"Gap {tested(result)}: {gap}; noise floor {noise:.3f} mm{_scaled(result)}"
     if not one_posture(result) and result.decomposition is None:
         first += f"; {ELASTIC} {1e3 * result.ceiling:.3f} mm"
     first += "."
@@ -369,6 +406,8 @@ def proposed(result: Diagnosis) -> str:
     if not rivals and result.indistinguishable and result.decomposition is not None:
         what += " (no posture and load here distinguishes look-alikes)"
     states = f"the {counted(count, 'state')} that {what}"
+    if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
+        states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
     for node, there in told.items():
         times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from beamstiff.errors import listed
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Column, Table, counted, number, table
-from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
+from beamstiff.report.verdict import Level, Verdict, data_of, diagnose_command, level_of, rounded
 from beamstiff.se3 import Array
 
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
@@ -28,10 +28,10 @@ SETUP = ("base", "target", "instrument")  # what was set up for the measurement:
 WITHIN = 1.96  # standard deviations: 95 %
 
 
-def calibration_told(found: Calibration) -> Iterator[RenderableType]:
-    """Yield what a terminal shows of a calibration."""
+def calibration_told(found: Calibration, files: Sequence[str] = ()) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a calibration; `files`: see `calibration_verdict`."""
     if found.rows is not None:
-        yield from calibration_verdict(found, found.rows).lines()
+        yield from calibration_verdict(found, found.rows, files).lines()
     yield errors_table(found)
     yield from (*calibration_text(found), "")
     yield parameters_table(found, f"{found.robot.name}: calibrated geometry")
@@ -126,8 +126,11 @@ def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, s
     return (text.removeprefix("+ ") if text else "nothing: too small to see") + more
 
 
-def calibration_verdict(found: Calibration, rows: Measurements) -> Verdict:
-    """Return the error before and after, against the noise, and what to do next."""
+def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[str] = ()) -> Verdict:
+    """Return the error before and after, against the noise, and what to do next.
+
+    `files`: the robot's and the tables, as a command names them.
+    """
     before, after = found.before.position_rms, (found.held_out or found.after).position_rms
     if before is None or after is None:
         said = f"{counted(len(found.observability.identified), 'parameter')} calibrated"
@@ -138,7 +141,7 @@ def calibration_verdict(found: Calibration, rows: Measurements) -> Verdict:
     if found.claimed:
         said += f", {found.noise:.1f} times the noise"
     if level in ("doubtful", "differs"):
-        action = "More than geometry is missing. Run beamstiff diagnose on the same files to find what."
+        action = f"More than geometry is missing. {diagnose_command(files)} finds what."
     else:
         action = "Test the calibrated robot on fresh poses (--test, or beamstiff verify)."
     return Verdict(said, level, data_of(rows), action)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import inf, sqrt
 
 import numpy as np
@@ -14,14 +14,26 @@ from beamstiff.functions.checks import effects_text
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table, worth
-from beamstiff.report.verdict import BEYOND_NOISE, Level, Verdict, data_of, level_of
+from beamstiff.report.tables import Column, Table, counted, number, table, times_off, worth
+from beamstiff.report.verdict import (
+    BEYOND_NOISE,
+    Level,
+    Verdict,
+    data_of,
+    diagnose_command,
+    level_of,
+    rigid_drives,
+    rigid_text,
+    undetermined_text,
+)
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 
 BELOW_NOISE = 0.5  # a residual this much below the noise is no chance any more, from a dozen rows on
 ENOUGH_ROWS = 12
 CHANCE = 3.0  # standard deviations of a residual of noise alone
+# times off the robot file's value: data sheets and fits of sound robots differ by a factor of 2 to 4
+FAR_OFF = 10.0
 MOST_SHOWN = 4  # stiffness values that a table of compromises has room for
 _PLAIN: Level = "plain"
 ACTS = {
@@ -33,10 +45,15 @@ ACTS = {
 }
 
 
-def identification_told(found: Identification, folds: int = 5) -> Iterator[RenderableType]:
-    """Yield what a terminal shows of an identification; `folds`: that were asked for."""
+def identification_told(
+    found: Identification, folds: int = 5, files: Sequence[str] = ()
+) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of an identification.
+
+    `folds`: that were asked for. `files`: see `identification_verdict`.
+    """
     if found.rows is not None:
-        yield from identification_verdict(found, found.rows).lines()
+        yield from identification_verdict(found, found.rows, files).lines()
     title = f"{found.robot.name}: identified stiffness"
     yield from (identification_table(found, title=title), "", *combinations_text(found))
     if found.rows is not None:
@@ -70,12 +87,26 @@ def identification_table(
     drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
     why = Column("why no value", left=True, only="page")
     result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
+    far = far_off(found, before)
     for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
         more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
-        own = [item.name, drive] if whose else [item.name]
+        name = f"{item.name} (!)" if item.name in far else item.name
+        own = [name, drive] if whose else [name]
         result.add_row(*own, *start, *_cells(item), item.unit, *more, item.reason)
     return result
+
+
+def far_off(found: Identification, start: Robot | None) -> dict[str, float]:
+    """Return by how many times identified values are stiffer than the robot file says, those far from it."""
+    if start is None:
+        return {}
+    ratios = {
+        item.name: item.value / start.parameter(item.name)
+        for item in found.parameters
+        if item.value and 0.0 < start.parameter(item.name) < inf
+    }
+    return {name: ratio for name, ratio in ratios.items() if not 1 / FAR_OFF < ratio < FAR_OFF}
 
 
 def _start(robot: Robot, name: str) -> str:
@@ -189,27 +220,42 @@ def identification_text(found: Identification, measured: Measurements, folds: in
             f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "
             "> marks the lower bound (97.5 % confidence).",
         )
+    if far := far_off(found, found.start):
+        each = (f"{name} ({times_off(ratio)})" for name, ratio in far.items())
+        lines.insert(
+            0,
+            f"(!) Far from the robot file: {listed(each)}. If that value was no guess, check it, and whether "
+            "another part is compliant: the fit takes it for the drive's own.",
+        )
     if found.interrupted:
         lines.insert(0, "Stopped by hand: the best values so far.")
     return "\n".join(lines)
 
 
-def identification_verdict(found: Identification, measured: Measurements) -> Verdict:
-    """Return how many values were identified, how much noise the fit leaves, and what to do next."""
-    known = sum(item.value is not None for item in found.parameters)
-    said = f"{known} of {counted(len(found.parameters), 'stiffness value')} identified"
+def identification_verdict(
+    found: Identification, measured: Measurements, files: Sequence[str] = ()
+) -> Verdict:
+    """Return how many values were identified, how much noise the fit leaves, and what to do next.
+
+    `files`: the robot's and the tables, as a command names them.
+    """
+    unknown = [item.name for item in found.parameters if item.value is None]
+    count = len(found.parameters)
+    said = f"{count - len(unknown)} of {counted(count, 'stiffness value')} identified"
     ratio, level = sqrt(found.chi_square), _PLAIN
     if np.isfinite(measured.sigma[measured.measured_mask]).any():
         level = level_of(ratio)
         said += f"; the fit leaves {ratio:.1f} times the noise"
     if level in ("doubtful", "differs"):
-        action = "The model is incomplete. Run beamstiff diagnose on the same files to find what it lacks."
-    elif known < len(found.parameters):
-        action = "Measure what determines the others: beamstiff plan chooses postures and loads."
+        action = f"The model is incomplete. {diagnose_command(files)} finds what it lacks."
+    elif unknown:
+        action = ""
     elif level == "agrees":
         action = "Write the robot (--out) and test it on fresh rows with beamstiff verify."
     else:
         action = "State sigma_position in the table's head, so that the fit can be judged."
+    rigid = rigid_text(rigid_drives(found.start or found.robot))
+    action = " ".join(filter(None, (action, rigid, undetermined_text(unknown))))
     return Verdict(said, level, data_of(measured), action)
 
 

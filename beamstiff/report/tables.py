@@ -154,6 +154,16 @@ def millimetres(lengths: Iterable[float]) -> list[str]:
     return [f"{round(1e3 * length, 3) + 0.0:.3f}" for length in lengths]
 
 
+def times_off(ratio: float) -> str:
+    """Return in words how a stiffness changed by a ratio.
+
+    >>> times_off(0.0055), times_off(1.26)
+    ('180 times softer', '1.3 times stiffer')
+    """
+    how, factor = ("softer", 1.0 / ratio) if ratio < 1.0 else ("stiffer", ratio)
+    return f"{float(f'{factor:.2g}'):g} times {how}"
+
+
 def counted(count: int, what: str) -> str:
     """Return a number of things.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shlex
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,14 +11,18 @@ from typing import Literal
 import numpy as np
 from rich.text import Text
 
+from beamstiff.diagnosis.residual.baseline import own_direction
 from beamstiff.errors import listed
 from beamstiff.measure.table import Measurements
 from beamstiff.report.tables import counted
+from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import RIGID
 
 Level = Literal["agrees", "doubtful", "differs", "plain"]
 
 BEYOND_NOISE = 1.5  # times the noise: from a dozen rows on no chance any more
 NOTHING = 1e-6  # mm: no instrument reads it
+MOST_DRIVES = 4  # that a sentence names
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
     "agrees": "within noise",
@@ -62,6 +67,51 @@ def data_of(rows: Measurements) -> str:
     """Return, in words, which files were read, and how many rows and poses they hold."""
     files = listed([Path(source).name for source in rows.sources], 3)
     return f"{files}, {counted(len(rows), 'row')} at {counted(len(np.unique(rows.q, axis=0)), 'posture')}"
+
+
+def diagnose_command(files: Sequence[str]) -> str:
+    """Return the command that diagnoses a robot file and tables, as it is typed.
+
+    >>> diagnose_command(["arm.yaml", "my data.csv"]), diagnose_command(())
+    ("beamstiff diagnose arm.yaml 'my data.csv'", 'beamstiff diagnose ROBOT DATA.csv')
+    """
+    return shlex.join(["beamstiff", "diagnose", *(files or ("ROBOT", "DATA.csv"))])
+
+
+def rigid_drives(robot: Robot, but: Collection[str | None] = ()) -> list[str]:
+    """Return the driven joints that are rigid about or along their axis, some left out by their variable.
+
+    None where struts are the drives.
+    """
+    return [
+        joint.name
+        for joint in robot.joints
+        if not robot.struts
+        and joint.variable in {one.name for one in robot.actuated}.difference(but)
+        and getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID
+    ]
+
+
+def rigid_text(names: Sequence[str]) -> str:
+    """Return what to do about drives that are rigid in the robot file; empty for none."""
+    if not names:
+        return ""
+    one = len(names) == 1
+    return (
+        f"{listed(names, MOST_DRIVES)} {'is' if one else 'are'} rigid in the robot file, so "
+        f"{'its' if one else 'their'} stiffness is not fitted: beamstiff convert ROBOT --joint-stiffness "
+        f"'{f'{names[0]}=' if one else ''}1e6 N*m/rad' --out NEW gives a start value."
+    )
+
+
+def undetermined_text(names: Sequence[str]) -> str:
+    """Return what to do about stiffness of which rows say nothing; empty for none."""
+    if not names:
+        return ""
+    return (
+        f"These rows do not determine {listed(names, MOST_DRIVES)}: beamstiff plan chooses postures and "
+        "loads that do."
+    )
 
 
 def rounded(value: float) -> str:

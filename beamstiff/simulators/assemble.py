@@ -9,6 +9,7 @@ from collections import deque
 
 import numpy as np
 
+from beamstiff.errors import listed
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.sections import section_properties
@@ -51,6 +52,8 @@ def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
         if one == other:
             made.bodies[one].lines.append((made.point(first, a), made.point(second, b)))
     _idle_variables(made)
+    if robot.unmeasured:
+        made.lost.append(f"that no load touched {listed(robot.unmeasured)}: their stiffness is a start value")
     return BodyTree(
         robot.name,
         robot.tcp,

@@ -20,7 +20,7 @@ PROGRAM = (
     "END\r\n"
 )
 FAR = PROGRAM.replace("Y    0.0", "Y 9000.0")
-RESULT = re.compile(r"RMS (\S+) mm, at most .* RMS (?:under )?(\S+) mm, at most")
+RESULT = re.compile(r"RMS (\S+) mm, at most .* commands: (?:RMS |under )(\S+) mm")
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
     assert b"E+02" in new[5]
     before, after = map(float, RESULT.search(result.stdout).groups())
     assert before > 0.3
-    assert "RMS under 0.001 mm" in result.stdout
+    assert "under 0.001 mm and 0.001 deg everywhere" in result.stdout
     assert after == 0.001
     assert "the path begins at q1 = " in result.stderr
     assert "axis values are left as they are: line 3" in result.stderr

@@ -6,11 +6,15 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.cli.main import app
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.se3 import rotation_from_vector
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
@@ -58,6 +62,18 @@ def test_robot_and_table_of_the_formats_are_read(crane: Path) -> None:
     assert (robot.name, len(table)) == ("crane", 6)
     assert len(block("robot").splitlines()) <= 32
     assert len(block("data").splitlines()) <= 10
+
+
+def test_the_angles_of_the_formats_are_where_its_robot_stands(crane: Path) -> None:
+    robot = load_robot(crane / "crane.yaml")
+    (crane / "angles.csv").write_text(block("angles"), encoding="utf-8")
+    table = read_measurements(crane / "angles.csv", robot)
+    kinematics = compile_kinematics(robot)
+    poses = pose_of(kinematics, posture(kinematics, table.q), robot.tcp)
+    np.testing.assert_allclose(table.position, poses[:, :3, 3], atol=1e-5)
+    np.testing.assert_allclose(rotation_from_vector(table.rotation), poses[:, :3, :3], atol=1e-9)
+    turned = Rotation.from_euler("ZYX", [[0, -30, 90], [60, 20, 90]], degrees=True)
+    np.testing.assert_allclose(poses[:, :3, :3], turned.as_matrix(), atol=1e-9)
 
 
 def test_the_table_of_the_formats_is_what_its_robot_does(crane: Path) -> None:

@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rich.console import Console
 
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import Frames
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.rewrite import Compensated, compensate_program, size_of
 from beamstiff.report.compensation import (
@@ -49,6 +51,10 @@ def test_the_text_counts_what_could_be_followed(result: Compensated) -> None:
     assert text.startswith("Predicted error of the tool at 2 targets: RMS 0.")
     assert "99." in text
     assert "position alone" not in text
+    assert "are in the base frame of the robot" in text
+    shifted = Frames(base=np.diag([1.0, -1.0, -1.0, 1.0]))
+    moved = replace(result, machine=replace(result.machine, frames=shifted))
+    assert "are in the program's base, which --base or the program places" in compensation_text(moved)
 
 
 def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensated) -> None:

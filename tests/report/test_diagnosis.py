@@ -10,7 +10,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import in_full, sized
-from beamstiff.report.diagnosis_text import headline, proposed, separations, summary
+from beamstiff.report.diagnosis_text import headline, proposed, separations, summary, verdict
 from beamstiff.report.diagnosis_words import quoted, told
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
 from tests.diagnosis.planted import diagnosed
@@ -145,6 +145,13 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
         "the 1 state that discriminates best between the causes; also read a reflector on n1a (J1), which "
         "discriminates 15 times as well"
     )
+
+
+def test_states_that_decide_nothing_are_called_so() -> None:
+    item = {"q": {}, "wrench": [0.0] * 6, "separates": ["backlash:q2", "hardening:q2"], "point": "n6b"}
+    for size, says in ((0.1, "Readings like these hardly decide: even the"), (9.0, "Also measure the")):
+        result = replace(diagnosed("backlash"), next=[{**item, "discrimination": size}])
+        assert says in verdict(result).action
 
 
 def test_names_with_spaces_stand_in_quotation_marks() -> None:

@@ -66,6 +66,14 @@ def test_the_table_has_the_start_the_value_and_its_uncertainty(robot: Robot) -> 
     assert ["J1.torsional", "1e+06", "1.5e+06", "3e+04", "2.0", "%", "N*m/rad"] in rows
 
 
+def test_a_value_far_from_that_of_the_file_is_marked(robot: Robot) -> None:
+    assert "(!)" not in identification_text(replace(FOUND, start=robot), measured(1e-5))
+    stiff = robot.with_parameters({"J1.torsional": 1.5e8})
+    text = identification_text(replace(FOUND, start=stiff), measured(1e-5))
+    assert "(!) Far from the robot file: J1.torsional (100 times softer)." in text
+    assert ["J1.torsional", "(!)"] in [row[:2] for row in printed(FOUND, stiff)]
+
+
 def test_what_is_not_bounded_shows_its_lower_bound_and_no_value(robot: Robot) -> None:
     assert ["J1.radial", "rigid", ">", "4e+08", "-", "-", "N/m"] in printed(FOUND, robot)
     assert "No upper bound from these data for J1.radial:" in identification_text(FOUND, measured(1e-5))

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from beamstiff import calibrate, identify, load_robot, read_measurements
+from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.calibrated_text import moved_load
-from beamstiff.report.diagnosis_text import summary, verdict
+from beamstiff.report.diagnosis_text import _or_alike, summary, verdict
 from beamstiff.report.diagnosis_words import hardly_checked
 from beamstiff.report.geometry import calibration_verdict
 from beamstiff.report.identification import identification_verdict
-from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
+from beamstiff.report.verdict import Verdict, data_of, level_of, rigid_drives, rigid_text, rounded
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.diagnosis.planted import diagnosed
 
@@ -42,7 +43,10 @@ def test_a_fit_that_leaves_several_times_the_noise_is_amber_and_sends_to_the_dia
     found = identification_verdict(identify(robot, rows), rows)
     assert found.headline == "2 of 3 stiffness values identified; the fit leaves 3.7 times the noise"
     assert found.level == "doubtful"
-    assert "beamstiff diagnose" in found.action
+    assert "beamstiff diagnose ROBOT DATA.csv finds what it lacks" in found.action
+    assert "These rows do not determine J18.torsional: beamstiff plan" in found.action
+    found = identification_verdict(identify(robot, rows), rows, ["ir663.yaml", DATA])
+    assert f"beamstiff diagnose ir663.yaml {DATA} finds" in found.action
     assert found.data == "ir663_compliance_xx.csv, 12 rows at 12 postures"
 
 
@@ -111,9 +115,11 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     result = diagnosed("backlash")
     unknown = Candidate("unknown", None, 0.9)
     tilt = SimpleNamespace(key="bearing-tilt:q2", closes=0.77, indistinguishable=("bearing-tilt:q1",))
-    found: Any = SimpleNamespace(causes=(), verdict=None, unclear=(tilt,))
+    model = open_stiffness(result.baseline)
+    nothing = np.zeros(len(result.baseline.fitted))
+    found: Any = SimpleNamespace(causes=(), verdict=None, unclear=(tilt,), model=model, change=nothing)
     result = replace(result, verdict=unknown, candidates=(unknown,), decomposition=found)
-    result.__dict__["recalibration"] = None  # such a decomposition has no model
+    result.__dict__["recalibration"] = None  # such a decomposition has no calibration
     best = "bearing-tilt at q2 (or bearing-tilt at q1), which closes 77 %"
     assert verdict(result).headline.endswith(f"cause unknown: perhaps {best}")
     assert f"no cause is sure. Best so far: {best} of it" in summary(result)
@@ -135,3 +141,20 @@ def test_a_load_that_moved_with_the_reflector_is_told() -> None:
     assert "found the reflector 100 mm from its place flange in the robot file" in moved_load(result)
     rows.point = np.array(["reflector"])
     assert moved_load(result) == ""
+
+
+def test_rigid_drives_are_told_with_what_to_do() -> None:
+    robot = load_robot("kr240-2")
+    assert rigid_text(rigid_drives(robot)) == ""
+    bare = robot.with_parameters({"J2.torsional": np.inf})
+    assert rigid_drives(bare) == ["J2"]
+    assert rigid_drives(bare, {"q2"}) == []
+    assert "--joint-stiffness 'J2=1e6 N*m/rad'" in rigid_text(["J2"])
+    assert rigid_drives(load_robot("ir663-screws")) == []  # its drives are struts
+
+
+def test_one_name_more_is_named_and_several_are_counted() -> None:
+    names = [f"backlash:q{k}" for k in range(1, 7)]
+    assert _or_alike("x", names[:4]).endswith("backlash at q3, backlash at q4)")
+    assert _or_alike("x", names).endswith("backlash at q3 and 3 more)")
+    assert _or_alike("x", names, 1) == "x (or backlash at q1 and 5 more)"

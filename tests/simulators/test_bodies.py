@@ -8,6 +8,8 @@ from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.robot.description import Robot
 from beamstiff.robot.library import robot_names
 from beamstiff.robot.sections import section_properties
+from beamstiff.robot.urdf.reader import parse_urdf
+from beamstiff.robot.urdf.writer import robot_to_urdf
 from beamstiff.se3 import Array, displacement_transport
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyTree, placed_bodies
@@ -71,3 +73,9 @@ def test_what_varies_with_the_posture_is_told() -> None:
     assert tree.varies
     assert any("beam ram has its compliance at 0.7 m in every posture" in line for line in tree.lost)
     assert assemble(load_robot("kr240-2")).lost == ()
+
+
+def test_a_start_value_that_no_load_touched_is_told_or_carried() -> None:
+    robot = load_robot("kr240-2").model_copy(update={"unmeasured": ("J6.torsional",)})
+    assert any("J6.torsional: their stiffness is a start value" in line for line in assemble(robot).lost)
+    assert parse_urdf(robot_to_urdf(robot), "kr240.urdf").unmeasured == robot.unmeasured

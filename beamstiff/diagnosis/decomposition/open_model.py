@@ -203,7 +203,9 @@ def open_geometry(
     changes |= dict.fromkeys(given, 0.0)
     beside = (max(found.noise, 1.0), found.spread or FACTOR, True) if settled else ()
     known = known_beforehand(robot, problem, changes, *beside)
-    baseline = replace(fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma)
+    baseline = replace(
+        fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma, given=robot
+    )
     if rows.targets:  # what an instrument should read follows from where it stands, which the problem knows
         gap = problem.gap(problem.expected)
         baseline = replace(baseline, measured=np.where(problem.used, gap + baseline.predicted, 0.0))

@@ -25,6 +25,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     loaded_less_unloaded,
     most_of,
     softness,
+    usual_stiffness,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.diagnosis.residual.internal_wrench import across
@@ -159,7 +160,7 @@ def _any(baseline: Baseline, place: Place, size: float, turning: bool, name: str
 
 def _usual_tilt(baseline: Baseline, component: str) -> float:
     """Return a middling tilting compliance, rad/(N m): as soft as the joint's drive, or as the machine."""
-    own = joint_of(baseline, component).stiffness.torsional
+    own = usual_stiffness(baseline, f"{joint_of(baseline, component).name}.torsional")
     return OF_DRIVE / own if FREE < own < RIGID else softness(baseline) * TILT
 
 

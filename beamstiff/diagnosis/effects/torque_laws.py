@@ -41,8 +41,8 @@ class Axis:
         Torque (force) about it from the row's load and from the dead weight.
     shift : (N, 6) array
         Displacement of the row's point per slip about it.
-    stiffness : float
-        As the robot was given; inf is rigid.
+    stiffness, usual : float
+        As the robot was given, and as realistic sizes count it (`usual_stiffness`); inf is rigid.
     turns : bool
         About the axis; else along it.
     typical : float
@@ -54,6 +54,7 @@ class Axis:
     dead: Array
     shift: Array
     stiffness: float
+    usual: float
     turns: bool
     typical: float
 
@@ -86,6 +87,7 @@ def axis_at(baseline: Baseline, component: str) -> Axis:
         dead=place.dead[:, at] * carries,
         shift=place.shift[:, :, at],
         stiffness=float(getattr(joint.stiffness, kind)),
+        usual=usual_stiffness(baseline, f"{joint.name}.{kind}"),
         turns=kind == "torsional",
         typical=largest or 1.0,
     )
@@ -275,9 +277,25 @@ def by_contacts(
 
 
 def drive_compliance(axis: Axis) -> float:
-    """Return the compliance of a drive as the robot was given; of rigid ones a middling value."""
-    usual = 3e-7 if axis.turns else 3e-9
-    return 1.0 / axis.stiffness if FREE < axis.stiffness < RIGID else usual
+    """Return the compliance of a drive as realistic sizes count it; of rigid ones a middling value."""
+    middling = 3e-7 if axis.turns else 3e-9
+    return 1.0 / axis.usual if FREE < axis.usual < RIGID else middling
+
+
+def usual_stiffness(baseline: Baseline, name: str) -> float:
+    """Return a drive's stiffness by which realistic sizes go: the file's, as much off as most drives are.
+
+    Start values may be guesses, and what is fitted may have taken up the cause that is sought: the median
+    change of the turning drives, which neither one guess nor one such fit moves, corrects the file's value.
+    """
+    return (baseline.given or baseline.nominal).parameter(name) * change_of_drives(baseline)
+
+
+def change_of_drives(baseline: Baseline) -> float:
+    """Return the median of fitted over given stiffness of the turning drives; 1 where there is none."""
+    given, fitted = turning_drives(baseline.given or baseline.nominal), turning_drives(baseline.robot)
+    changes = [fitted[name] / value for name, value in given.items() if name in fitted]
+    return float(np.median(changes)) if changes else 1.0
 
 
 def softness(baseline: Baseline) -> float:
@@ -286,18 +304,18 @@ def softness(baseline: Baseline) -> float:
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
     not be believed of a large one.
     """
-    finite = turning_drives(baseline.nominal)
-    return HEAVY / max(finite) if finite else 1.0
+    names = turning_drives(baseline.given or baseline.nominal)
+    return HEAVY / max(usual_stiffness(baseline, name) for name in names) if names else 1.0
 
 
-def turning_drives(robot: Robot) -> list[float]:
-    """Return the finite stiffness of a robot's turning drives, N m/rad."""
-    own = [
-        joint.stiffness.torsional
+def turning_drives(robot: Robot) -> dict[str, float]:
+    """Return the finite stiffness of a robot's turning drives, N m/rad, by its name."""
+    own = {
+        f"{joint.name}.torsional": joint.stiffness.torsional
         for joint in robot.joints
         if joint.variable is not None and own_direction(robot, joint.name) == "torsional"
-    ]
-    return [value for value in own if FREE < value < RIGID]
+    }
+    return {name: value for name, value in own.items() if FREE < value < RIGID}
 
 
 def unit_of(axis: Axis) -> str:

@@ -188,6 +188,16 @@ def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[n
     return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
 
 
+def within_measured(robot: Robot, q: Array) -> Robot:
+    """Return the robot with the range of measured postures (n, A) as limits of joints that state none."""
+    ends = dict(zip((one.name for one in robot.actuated), zip(q.min(0), q.max(0), strict=True), strict=True))
+    limited = [
+        one if one.limits or one.name not in ends else one.model_copy(update={"limits": ends[one.name]})
+        for one in robot.variables
+    ]
+    return robot.model_copy(update={"variables": tuple(limited)})
+
+
 def _few_turns(robot: Robot, q: Array, known: Array) -> Array:
     """Return postures (n, A) with joints turned back by full turns to where they were measured, in `known`.
 
@@ -206,20 +216,22 @@ def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple
     """Return postures (n, A) that were measured, and `count` others where the tool can be measured, it seems.
 
     The others lie in the region that the rows state; otherwise near where the tool was seen: nothing else
-    tells of the floor, the pedestal and what the tracker sees.
+    tells of the floor, the pedestal and what the tracker sees. Joints without limits keep to their measured
+    range: nothing else tells of cables and neighbours.
     """
     rows = baseline.rows
-    kinematics = compile_kinematics(baseline.nominal)
-    tcp = kinematics.node_index[baseline.nominal.tcp]
     known = np.unique(rows.q, axis=0)
+    robot = within_measured(baseline.nominal, known)
+    kinematics = compile_kinematics(robot)
+    tcp = kinematics.node_index[robot.tcp]
     seen = closed_posture(kinematics, known)[0].node_positions[:, tcp]
     if rows.region is not None:
         known = known[inside(rows.region, seen)]
         others = candidate_poses(kinematics, count, int(rng.integers(1 << 31)), rows.region)
     else:
         others = random_poses(kinematics, MANY, rng)
-    others = _few_turns(baseline.nominal, others, known) if len(known) else others
-    others = rounded_postures(baseline.nominal, others, rows.units)
+    others = _few_turns(robot, others, known) if len(known) else others
+    others = rounded_postures(robot, others, rows.units)
     where, closed = closed_posture(kinematics, others)
     others, at = others[closed], where.node_positions[:, tcp]
     if rows.region is not None:

@@ -67,6 +67,8 @@ class Baseline:
     places : Places
     fit_rows : Baseline or None
         The baseline that was fitted, where this one is its prediction for other rows.
+    given : Robot or None
+        As its file describes it, where `nominal` is calibrated already.
     stated : mapping of str to float or tuple of float, or None
         Normalisation of an effect that the robot has, in place of those of the rows that were fitted.
     """
@@ -85,6 +87,7 @@ class Baseline:
     response: Array
     places: Places
     fit_rows: Baseline | None = None
+    given: Robot | None = None
     stated: Mapping[str, float | tuple[float, ...]] | None = None
 
     @property
@@ -242,6 +245,7 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
         response=tool_response(fit.robot, rows),
         places=find_places(fit.robot, rows),
         fit_rows=fit.fit,
+        given=fit.given,
     )
 
 

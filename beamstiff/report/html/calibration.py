@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,10 +36,16 @@ BEFORE, AFTER, HELD_OUT = "nominal", "calibrated", "held-out poses"
 PARTS = (("position", slice(0, 3), 1e3, "mm"), ("orientation", slice(3, 6), 180 / np.pi, "deg"))
 
 
-def calibration_html(found: Calibration, robot: Robot, measured: Measurements, provenance: Provenance) -> str:
+def calibration_html(
+    found: Calibration,
+    robot: Robot,
+    measured: Measurements,
+    provenance: Provenance,
+    files: Sequence[str] = (),
+) -> str:
     """Return the report of a calibration as one HTML page.
 
-    `robot`: as it was described. `measured`: the rows that were fitted.
+    `robot`: as it was described. `measured`: the rows that were fitted. `files`: see `calibration_verdict`.
     """
     sizes = Sizes(
         found.robot,
@@ -55,7 +61,7 @@ def calibration_html(found: Calibration, robot: Robot, measured: Measurements, p
         Page(
             title="Calibration",
             robot=robot.name,
-            verdict=calibration_verdict(found, measured),
+            verdict=calibration_verdict(found, measured, files),
             summary=calibration_text(found),
             facts=list(_facts(found)),
             view=None if seen is None else seen.view,

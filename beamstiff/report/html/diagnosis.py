@@ -286,5 +286,6 @@ def _next(result: Diagnosis) -> Section:
     ]
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     wanted = bool(following) and result.verdict.effect != "none"
-    tables = [Table(proposed(result), columns, following, 4, open=False)] if wanted else []
+    title = proposed(result).replace("the", "The", 1) if wanted else ""
+    tables = [Table(title, columns, following, 4, open=False)] if wanted else []
     return Section("next", "What to measure next", separations(result), tables=tables)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -30,12 +30,17 @@ MOST_NAMED = 30  # parameters whose correlation is drawn
 
 
 def identification_html(
-    found: Identification, robot: Robot, measured: Measurements, provenance: Provenance, folds: int = 5
+    found: Identification,
+    robot: Robot,
+    measured: Measurements,
+    provenance: Provenance,
+    folds: int = 5,
+    files: Sequence[str] = (),
 ) -> str:
     """Return the report of an identification as one HTML page.
 
     `robot`: as it was before: the start. `measured`: the rows that were fitted. `folds`: of the held-out gap
-    that was asked for.
+    that was asked for. `files`: see `identification_verdict`.
     """
     used = measured.measured_mask
     before = before_fit(found, measured)
@@ -48,7 +53,7 @@ def identification_html(
         Page(
             title="Identification",
             robot=robot.name,
-            verdict=identification_verdict(found, measured),
+            verdict=identification_verdict(found, measured, files),
             summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
             facts=list(_facts(found)),
             view=_view(found, measured),

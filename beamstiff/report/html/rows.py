@@ -163,6 +163,7 @@ def _over_load(
             340,
             margin=MARGIN | {"t": LEGEND},
             xaxis=axis("force along the same axis, N"),
+            showlegend=True,  # of one axis too
             yaxis=axis("residual, mm", range=[-most, most]),
         )
         yield Figure(f"residual-load-{key}", f"Over the load: {name}", "", traces, layout)

@@ -11,8 +11,9 @@ from beamstiff import load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.evidence import NoisePrior, evidence
 from beamstiff.diagnosis.inference.library import build_library
-from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
+from tests.diagnosis import planted
 from tests.diagnosis.hypotheses import of_any_sign
 from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
 
@@ -149,3 +150,22 @@ def test_beyond_the_loads_that_were_fitted_no_law_grows_faster_than_the_load(
                     np.abs(one.columns).max(axis=(0, 1)) for one in (shapes[further.name], further)
                 )
                 assert (after <= 3.0 * before + 1e-9 * after.max()).all(), further.name
+
+
+@pytest.mark.parametrize(
+    "effect", ["link-bending", "bearing-tilt", "tool-compliance", "hardening", "joint-coupling"]
+)
+def test_realistic_sizes_do_not_depend_on_the_start_values_of_drives(effect: str) -> None:
+    what = planted.plan()
+    rows = planted.campaign(what)
+
+    def sizes(start: dict[str, float]) -> list[float]:
+        base = fit_baseline(kr240().with_parameters(start), rows)
+        component = EFFECTS[effect].components(base)[1 if effect != "tool-compliance" else 0]
+        shapes = EFFECTS[effect].shapes(base, component)
+        return [item.size for shape in shapes for item in shape.parameters]
+
+    guessed = [sizes(dict.fromkeys(kr240().identify, guess)) for guess in (1e5, 1e6, 1e8)]
+    np.testing.assert_allclose(guessed, [guessed[0]] * 3, rtol=0.02)
+    ratio = np.array(guessed[0]) / sizes({})
+    assert ((ratio > 0.1) & (ratio < 10.0)).all()  # without knowing that wrists are softer than shoulders

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from beamstiff import Robot
 from beamstiff.diagnosis.diagnose import diagnose
@@ -14,7 +15,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import Node, Rigid
 from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
-from tests.diagnosis.planted import REAL, plan
+from tests.diagnosis.planted import REAL, bearing_tilt, campaign, plan
 
 AWAY = (0.1, -0.05, 0.25)  # m: where the load really acts, in the tool's frame
 
@@ -84,3 +85,10 @@ def test_a_fit_is_the_same_from_anywhere() -> None:
     predicted = fit.predicted + fit.tangent @ np.array(change)
     moved = np.abs(other.predicted - fit.predicted).max()
     np.testing.assert_allclose(other.predicted, predicted, rtol=0, atol=0.01 * moved)
+
+
+@pytest.mark.parametrize("guess", [1e4, 1e8])
+def test_guessed_drives_do_not_change_the_verdict(guess: float) -> None:
+    rows = campaign(plan(), bearing_tilt)
+    robot = kr240().with_parameters(dict.fromkeys(kr240().identify, guess))
+    assert diagnose(robot, rows).verdict.key == diagnose(kr240(), rows).verdict.key == "bearing-tilt:q3"

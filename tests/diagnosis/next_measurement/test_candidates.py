@@ -10,8 +10,10 @@ from beamstiff.diagnosis.next_measurement.candidates import (
     STEPS,
     _few_turns,
     _ways,
+    load_cycles,
     short_way,
 )
+from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements, make_measurements
 
 
@@ -62,6 +64,24 @@ def test_joints_are_turned_back_by_full_turns_to_where_they_were_measured() -> N
 
 def way(q: np.ndarray) -> float:
     return float(np.abs(np.diff(q, axis=0)).max(axis=1).sum())
+
+
+def test_joints_without_limits_stay_where_they_were_measured() -> None:
+    robot = load_robot("kr240-2")
+    free = tuple(one.model_copy(update={"limits": None}) for one in robot.variables)
+    q = np.radians([[0.0, 70, -90, 0, 0, -60], [20.0, 80, -110, 40, 0, 60], [-20.0, 75, -100, 10, 0, 0]])
+    rows = make_measurements(
+        [one.name for one in robot.actuated],
+        q,
+        tcp=robot.tcp,
+        wrench=np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (3, 1)),
+        displacement=np.full((3, 6), 1e-4),
+        source="table",
+    )
+    for machine, inside in ((robot, False), (robot.model_copy(update={"variables": free}), True)):
+        proposed, _, _ = load_cycles(fit_baseline(machine, rows), seed=0)
+        stays = (proposed.q >= q.min(axis=0) - 1e-9) & (proposed.q <= q.max(axis=0) + 1e-9)
+        assert stays.all() == inside
 
 
 def test_postures_along_a_line_are_driven_along_it() -> None:

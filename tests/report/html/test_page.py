@@ -28,7 +28,7 @@ from beamstiff.report.html.provenance import Provenance
 from beamstiff.robot.description import Robot
 from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
-VOID = {"meta", "link", "input", "br"}
+VOID = {"meta", "link", "input", "br", "wbr"}
 IMPLIED = {"tr", "td", "th", "thead", "tbody", "li", "option", "p"}  # whose end HTML lets one leave out
 
 

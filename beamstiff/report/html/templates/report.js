@@ -84,6 +84,7 @@
       layout.height = 440;
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
+      layout.scene.annotations = (layout.scene.annotations || []).map((one) => ({ ...one, ax: one.ax / 2, font: { ...one.font, size: 11 } }));  // inside its box
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
     if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
