@@ -13,7 +13,7 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import subset
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
-from tests.diagnosis.test_absolute import UR10, measured
+from tests.diagnosis.test_absolute import UR10, far_away, measured
 
 # of the geometry: more than a description that is right but for one part or two
 OFF = {"q2": 2e-3, "q3": -3e-3, "q5": 2e-3, "f2.d": 5e-4, "f3.d": -8e-4, "f4.alpha": 1e-3, "f5.r": 6e-4}
@@ -29,6 +29,19 @@ def test_the_gap_before_is_that_of_a_calibration_without_the_cause() -> None:
     assert alone.after > 3e-4
     assert found.before == pytest.approx(alone.after, rel=0.05)
     assert found.promised == pytest.approx(found.true, abs=0.05)
+
+
+@pytest.mark.parametrize("scatter", [3e-4, 1e-3])
+def test_so_it_is_where_the_machine_scatters_far_beside_the_stated_noise(scatter: float) -> None:
+    """How closely a calibration keeps to the description depends on what it has to make up for."""
+    robot = load_robot(UR10)
+    rows = far_away(corrected(robot, OFF, np.zeros((1, 6))), scatter, sag=4.0)
+    fitted, fresh = subset(rows, np.arange(56)), subset(rows, np.arange(56, 80))
+    found = verify(extended(diagnose(robot, fitted)), fresh, refit_frame=True)
+    calibration = calibrate(robot.model_copy(update={"identify": ()}), fitted, folds=0)
+    alone = verify(calibration.robot, fresh, refit_frame=True)
+    assert found.before == pytest.approx(alone.after, rel=0.01)
+    assert found.after < 1.3 * np.sqrt(3.0) * scatter  # the noise of the machine
 
 
 def test_a_drive_is_as_soft_as_a_fit_without_the_effect_makes_it() -> None:
