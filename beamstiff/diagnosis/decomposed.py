@@ -57,10 +57,12 @@ def beside_calibration(
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
-    if stations or robot.calibrated or found.behind or _in_own_frame(found, rows):
+    if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
         return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
+    if _in_own_frame(found, rows):
+        return diagnosis_of(found, told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
