@@ -1,5 +1,7 @@
 """Without its effects a robot is what a calibration without them finds, not what was fitted beside them."""
 
+from typing import NoReturn
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,10 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, calibrated_without
 from beamstiff.diagnosis.apply import extended
-from beamstiff.diagnosis.decomposition.applied import applied
+from beamstiff.diagnosis.decomposition.applied import applied, calibrated_beside
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
@@ -95,6 +98,19 @@ def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
     assert "base.x" in sizes
     assert "f1.gamma" not in sizes  # the base's own turn
     assert max(sizes.values()) < 0.02  # rad or m: a few times the sag itself
+
+
+def test_a_machine_that_would_buckle_is_told_by_the_linear_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong rows make drives as soft as none is; the diagnosis stands all the same."""
+
+    def buckles(*given: object, **options: object) -> NoReturn:
+        raise BeamstiffError("robot 'UR10' buckles under its load")
+
+    robot = load_robot(UR10)
+    found = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
+    assert found is not None
+    monkeypatch.setattr("beamstiff.diagnosis.decomposition.applied.open_geometry", buckles)
+    assert calibrated_beside(found) == found.model.robot(found.change)
 
 
 def test_no_calibration_makes_a_drive_stiffer_than_rigid() -> None:

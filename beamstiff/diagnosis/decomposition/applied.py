@@ -18,6 +18,7 @@ from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.camera import without_motion
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
@@ -107,7 +108,10 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     if model.problem is None:
         return linear
     rows = without_motion(model.baseline.rows, _moved(found, causes))
-    again = open_geometry(model.given, rows, parameters=model.parameters, settled=True)
+    try:
+        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True)
+    except BeamstiffError:  # drives may come out so soft that the machine buckles: the linear step stands
+        return linear
     robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
