@@ -42,9 +42,16 @@ def absorbed_by(
         size = np.where(size > 0.0, size, 1.0)  # what the readings do not see stays as it is
         left, right = np.linalg.qr(tangent / size)
         changes = lsq_linear(right, left.T @ moved, (-present * size, np.inf), method="bvls").x / size
-    return {
-        name: float(f"{by:.{DIGITS}g}") for name, by in zip(names, changes.tolist(), strict=True) if by != 0.0
-    }
+    return _rounded(dict(zip(names, changes.tolist(), strict=True)))
+
+
+def difference(without: Mapping[str, float], beside: Mapping[str, float]) -> dict[str, float]:
+    """Return by how much the parameters of two calibrations differ, by name."""
+    return _rounded({name: by - beside[name] for name, by in without.items()})
+
+
+def _rounded(changes: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(f"{by:.{DIGITS}g}") for name, by in changes.items() if by != 0.0}
 
 
 def total(changes: Iterable[Mapping[str, float]]) -> dict[str, float]:

@@ -20,6 +20,7 @@ from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.frame_misalignment import PLACED_SHIFT, PLACED_TURN
 from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
@@ -29,11 +30,16 @@ from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, optional
+from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import vector_from_rotation
 from beamstiff.stages import stage
 
-AS_DESCRIBED = 2.0  # times what is left beside a calibration: forms of causes are not exact either
+AS_DESCRIBED = 2.0  # times the noise, where a calibration leaves but noise: forms of causes are not exact
+OWN_FRAME = (
+    20.0  # times a middling misalignment: twice the largest realistic one, as reports call unrealistic
+)
 SINGLE_ERRORS = 2  # of a geometry as described: its causes come alone or in pairs
 LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
 
@@ -55,6 +61,8 @@ def beside_calibration(
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
         return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
+    if _in_own_frame(found, rows):
+        return diagnosis_of(found, told)
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
@@ -67,8 +75,30 @@ def beside_calibration(
     freedom = max(choice.freedom - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
-    needless = left < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
+    needless = _leaves_no_more(left, step.determined, found) and errors <= SINGLE_ERRORS
     return None if needless else diagnosis_of(found, told)
+
+
+def _in_own_frame(found: Decomposition, rows: Measurements) -> bool:
+    """Return whether the readings are in a frame that nobody meant to be the robot's base frame."""
+    there = found.model.baseline.rows.position
+    whole = ~np.isnan(rows.position + there).any(axis=1)
+    motion = fit_rigid_motion(there[whole], rows.position[whole])
+    turn = np.linalg.norm(vector_from_rotation(motion.rotation))
+    shift = np.linalg.norm(motion.translation)
+    return bool(turn > OWN_FRAME * PLACED_TURN or shift > OWN_FRAME * PLACED_SHIFT)
+
+
+def _leaves_no_more(left: float, determined: float, found: Decomposition) -> bool:
+    """Return whether a geometry as described leaves hardly more than a calibration, `left` times the noise.
+
+    More by what forms of causes are not exact, or by no more than its fewer parameters are worth (BIC). A
+    machine may scatter far beside what its instrument reads to: twice that is nothing to be left.
+    """
+    scatter = max(found.scatter, 1.0)
+    fewer = found.model.determined - determined
+    worth = np.exp(max(fewer, 0.0) * np.log(found.model.count) / (2.0 * found.model.count))
+    return left < max(float(np.sqrt(scatter**2 + AS_DESCRIBED**2 - 1.0)), scatter * float(worth))
 
 
 def _simplest(
@@ -82,7 +112,7 @@ def _simplest(
         return found
     forms = [form for cause in (*closed.causes, *closed.unclear) for form in cause.forms]
     errors = sum(form.effect in OF_GEOMETRY for form in forms)
-    needless = closed.scatter < AS_DESCRIBED * max(found.scatter, 1.0) and errors <= SINGLE_ERRORS
+    needless = errors <= SINGLE_ERRORS and _leaves_no_more(closed.scatter, closed.model.determined, found)
     return closed if needless else found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied
+from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied, calibrated_beside
 from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
@@ -160,13 +160,19 @@ class Diagnosis(Shown):
     @cached_property
     def recalibration(self) -> Recalibration | None:
         """What changed in the geometry beside the causes; None where it is as described."""
-        return None if self.decomposition is None else recalibration_of(self.decomposition, self.applied)
+        return None if self.decomposition is None else recalibration_of(self.decomposition, self.calibrated)
+
+    @cached_property
+    def calibrated(self) -> Robot:
+        """The robot calibrated beside the causes of its decomposition, without them."""
+        assert self.decomposition is not None
+        return calibrated_beside(self.decomposition)
 
     @cached_property
     def applied(self) -> Robot:
-        """The robot calibrated beside the causes of its decomposition, with these as effects."""
+        """The same with the causes as its effects."""
         assert self.decomposition is not None
-        return applied(self.decomposition)
+        return applied(self.decomposition, self.calibrated)
 
     @property
     def fitted_stiffness(self) -> dict[str, tuple[float, float]]:

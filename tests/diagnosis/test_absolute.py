@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
@@ -15,6 +16,7 @@ from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.rows import subset
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
@@ -34,6 +36,19 @@ def measured(robot: Robot, joint: int | None, seed: int = 5) -> Measurements:
         position = position + COMPLIANCE * moved(robot, q, joint, position)[0]
     position = position + NOISE * rng.standard_normal(position.shape)
     return make_measurements(names, q, tcp=robot.tcp, position=position, sigma_position=NOISE)
+
+
+def far_away(robot: Robot, scatter: float, sag: float, seed: int = 1) -> Measurements:
+    """Return 80 positions that a tracker reads in its own frame, the second joint `sag` times as soft."""
+    rng = np.random.default_rng(seed)
+    q = np.array([0.0, -1.0, 1.0, 0.3, 0.5, 0.0]) + rng.uniform(-0.7, 0.7, (80, 6))
+    names = [variable.name for variable in robot.actuated]
+    rows = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((80, 3)))
+    position = nominal_pose(robot, rows)[0]
+    position = position + 10.0 * sag * COMPLIANCE * moved(robot, q, 2, position)[0]
+    position = position + scatter * rng.standard_normal(position.shape)
+    there = position @ rotation_from_vector(np.array([0.0, 0.0, 0.3])).T + [0.5, 0.2, 0.1]
+    return make_measurements(names, q, tcp=robot.tcp, position=there, sigma_position=NOISE)
 
 
 def poses(robot: Robot, joint: int, seed: int) -> Measurements:
@@ -83,6 +98,20 @@ def test_a_joint_that_gives_way_under_its_own_weight_is_named(
     assert compliance.value == pytest.approx(COMPLIANCE, rel=0.05)
     assert found.verdict.shrink is not None
     assert found.verdict.shrink.shrink > 0.95
+
+
+@pytest.mark.parametrize("scatter", [3e-4, 1e-3])
+def test_what_a_tracker_reads_in_its_own_frame_is_calibrated(scatter: float) -> None:
+    """However the machine scatters; that the frame is another one is no cause."""
+    robot = load_robot(UR10)
+    off = {"q2": 2e-3, "q3": -3e-3, "q5": 2e-3, "f2.d": 5e-4, "f3.d": -8e-4, "f4.alpha": 1e-3}
+    rows = far_away(corrected(robot, off, np.zeros((1, 6))), scatter, sag=0.0)
+    fitted, fresh = subset(rows, np.arange(56)), subset(rows, np.arange(56, 80))
+    found = diagnose(robot, fitted)
+    assert found.verdict.effect in ("none", "unknown")
+    alone = calibrate(robot.model_copy(update={"identify": ()}), fitted, folds=0).robot
+    left, by_itself = (verify(one, fresh, refit_frame=True).after for one in (extended(found), alone))
+    assert left == pytest.approx(by_itself, rel=0.02)
 
 
 def test_a_robot_found_from_poses_is_the_one_that_was_measured() -> None:

@@ -1,5 +1,7 @@
 """Without its effects a robot is what a calibration without them finds, not what was fitted beside them."""
 
+from typing import NoReturn
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,14 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, calibrated_without
 from beamstiff.diagnosis.apply import extended
-from beamstiff.diagnosis.decomposition.applied import applied
+from beamstiff.diagnosis.decomposition.applied import applied, calibrated_beside
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
-from tests.diagnosis.test_absolute import UR10, measured
+from tests.diagnosis.test_absolute import UR10, far_away, measured
 
 # of the geometry: more than a description that is right but for one part or two
 OFF = {"q2": 2e-3, "q3": -3e-3, "q5": 2e-3, "f2.d": 5e-4, "f3.d": -8e-4, "f4.alpha": 1e-3, "f5.r": 6e-4}
@@ -29,6 +32,19 @@ def test_the_gap_before_is_that_of_a_calibration_without_the_cause() -> None:
     assert alone.after > 3e-4
     assert found.before == pytest.approx(alone.after, rel=0.05)
     assert found.promised == pytest.approx(found.true, abs=0.05)
+
+
+@pytest.mark.parametrize("scatter", [3e-4, 1e-3])
+def test_so_it_is_where_the_machine_scatters_far_beside_the_stated_noise(scatter: float) -> None:
+    """How closely a calibration keeps to the description depends on what it has to make up for."""
+    robot = load_robot(UR10)
+    rows = far_away(corrected(robot, OFF, np.zeros((1, 6))), scatter, sag=4.0)
+    fitted, fresh = subset(rows, np.arange(56)), subset(rows, np.arange(56, 80))
+    found = verify(extended(diagnose(robot, fitted)), fresh, refit_frame=True)
+    calibration = calibrate(robot.model_copy(update={"identify": ()}), fitted, folds=0)
+    alone = verify(calibration.robot, fresh, refit_frame=True)
+    assert found.before == pytest.approx(alone.after, rel=0.01)
+    assert found.after < 1.3 * np.sqrt(3.0) * scatter  # the noise of the machine
 
 
 def test_a_drive_is_as_soft_as_a_fit_without_the_effect_makes_it() -> None:
@@ -82,6 +98,19 @@ def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
     assert "base.x" in sizes
     assert "f1.gamma" not in sizes  # the base's own turn
     assert max(sizes.values()) < 0.02  # rad or m: a few times the sag itself
+
+
+def test_a_machine_that_would_buckle_is_told_by_the_linear_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong rows make drives as soft as none is; the diagnosis stands all the same."""
+
+    def buckles(*given: object, **options: object) -> NoReturn:
+        raise BeamstiffError("robot 'UR10' buckles under its load")
+
+    robot = load_robot(UR10)
+    found = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
+    assert found is not None
+    monkeypatch.setattr("beamstiff.diagnosis.decomposition.applied.open_geometry", buckles)
+    assert calibrated_beside(found) == found.model.robot(found.change)
 
 
 def test_no_calibration_makes_a_drive_stiffer_than_rigid() -> None:

@@ -47,7 +47,7 @@ def test_tables_of_one_stand_are_not_taken_for_tables_of_several(tables: list[Me
     found = diagnose(lift(), tables)
     # a measuring frame that is not one frame: no cause of the machine is sure
     assert found.verdict.effect in ("unknown", "frame-misalignment")
-    assert found.verdict.probability < 0.6
+    assert found.verdict.effect == "unknown" or found.verdict.probability < 0.6
     (note,) = (one for one in found.notes if "--stations" in one)
     assert note.startswith("the tables fit robot 'lift' one by one (within ")
     assert not any("--stations" in one for one in diagnose(lift(), tables, stations=True).notes)

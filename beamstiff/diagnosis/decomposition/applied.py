@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
-from beamstiff.diagnosis.absorbed import absorbed_by, total
+from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import shift_of
@@ -16,31 +18,57 @@ from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.camera import without_motion
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
 
-def applied(found: Decomposition) -> Robot:
-    """Return the robot calibrated beside the causes, and the causes as its effects.
+def calibrated_beside(found: Decomposition) -> Robot:
+    """Return the robot calibrated beside the causes, without them.
 
     The geometry is fitted once more: the step from where the causes were linear may be long. What was known
     of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
-    that no other posture has. A target that slipped stands where it came to rest; what else is of the
-    measured campaign alone is no part of the robot.
+    that no other posture has. A target that slipped stands where it came to rest.
     """
     causes = (*found.causes, *found.unclear)
     robot = _calibrated(found, causes)
     slips = total(_slips(found, cause) for cause in causes)
-    robot = corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
-    added, soft = list[AddedEffect](), _compliances(found, robot)
-    for cause in reversed(causes):  # `verify` leaves out the last ones first
-        absorbed = absorbed_by(*found.model.told_apart, cause.moved, soft)
-        if own := [*_added(found, cause, absorbed)]:
-            added = [*own, *added]
-            soft = {name: value + absorbed.get(name, 0.0) for name, value in soft.items()}
+    return corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
+
+
+def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
+    """Return the robot calibrated beside the causes (`robot`, if at hand), and the causes as its effects.
+
+    What is of the measured campaign alone is no part of the robot.
+    """
+    robot = robot or calibrated_beside(found)
+    pairs = zip((*found.causes, *found.unclear), _absorbed(found, robot), strict=True)
+    added = [one for cause, absorbed in pairs for one in _added(found, cause, absorbed)]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
+    """Return what a calibration without each cause and those behind it differs by from one without those.
+
+    The geometry is calibrated with the first causes alone, one more each time: how closely it keeps to what
+    is known beforehand depends on what it has to make up for. Stiffness of displacements is linear.
+    """
+    model, causes = found.model, (*found.causes, *found.unclear)
+    if model.problem is None:
+        result, soft = list[dict[str, float]](), _compliances(found, robot)
+        for cause in reversed(causes):  # `verify` leaves out the last ones first
+            result.insert(0, absorbed_by(*model.told_apart, cause.moved, soft))
+            soft = {name: value + result[0].get(name, 0.0) for name, value in soft.items()}
+        return result
+    bare = model.given.model_copy(update={"identify": ()})
+    stages = list[dict[str, float]]()
+    for count in range(len(causes) + 1):
+        rows = without_motion(model.baseline.rows, _moved(found, causes[:count]))
+        alone = calibrate(bare, rows, model.parameters, compliances=model.given.identify, folds=0)
+        stages.append({one.name: one.change for one in alone.parameters})
+    return [difference(*pair) for pair in pairwise(stages)]
 
 
 def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:
@@ -54,12 +82,11 @@ def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float
     Of targets that slipped too: it finds them between where they were and where they came to rest.
     """
     result = [dict(one.absorbed) for one in robot.effects]
-    soft = _compliances(found, robot)
-    for cause in (*found.causes, *found.unclear):
-        if cause.rows:
-            rest = {name: -by for name, by in _slips(found, cause).items()}
-            left = {name: value + total(result).get(name, 0.0) for name, value in soft.items()}
-            result += [rest, absorbed_by(*found.model.told_apart, cause.moved, left)]
+    causes = (*found.causes, *found.unclear)
+    if any(cause.rows for cause in causes):
+        for cause, by in zip(causes, _absorbed(found, robot), strict=True):
+            if cause.rows:
+                result += [{name: -shift for name, shift in _slips(found, cause).items()}, by]
     return result
 
 
@@ -80,16 +107,24 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     linear = model.robot(found.change)
     if model.problem is None:
         return linear
-    rows = model.baseline.rows
-    forms = [form for cause in causes for form in cause.forms]
-    moved = shift_of(forms, [theta for cause in causes for theta in cause.theta], len(rows))
-    again = open_geometry(model.given, without_motion(rows, moved), parameters=model.parameters, settled=True)
+    rows = without_motion(model.baseline.rows, _moved(found, causes))
+    try:
+        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True)
+    except BeamstiffError:  # drives may come out so soft that the machine buckles: the linear step stands
+        return linear
     robot = again.robot(solved(again.of_told_apart, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
     finite = {name: value for name, value in stiff.items() if value < np.inf}
     return robot.with_parameters(finite).model_copy(update={"identify": linear.identify})
+
+
+def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:
+    """Return what causes move the points of the rows, (N, 6)."""
+    forms = [form for cause in causes for form in cause.forms]
+    thetas = [theta for cause in causes for theta in cause.theta]
+    return shift_of(forms, thetas, len(found.model.baseline.rows))
 
 
 def _added(found: Decomposition, cause: Cause, absorbed: dict[str, float]) -> Iterator[AddedEffect]:
