@@ -37,9 +37,7 @@ from beamstiff.se3 import vector_from_rotation
 from beamstiff.stages import stage
 
 AS_DESCRIBED = 2.0  # times the noise, where a calibration leaves but noise: forms of causes are not exact
-OWN_FRAME = (
-    20.0  # times a middling misalignment: twice the largest realistic one, as reports call unrealistic
-)
+OWN_FRAME = 20.0  # times a middling misalignment: twice the largest realistic one
 SINGLE_ERRORS = 2  # of a geometry as described: its causes come alone or in pairs
 LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
 

@@ -105,7 +105,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         if far := [named(one) for one, _ in unrealistic(result)]:
             said += f"; unrealistic size: {_shortly(far)}"
-    action = f"{_action(result, head)} {_drives(result)}".strip()
+    drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
+    action = f"{_action(result, head)} {drives}".strip()
     return Verdict(said, level, data_of(result.baseline.rows), action)
 
 
