@@ -210,7 +210,8 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
     spread = np.concatenate([np.full(drives, UNSEEN), known])
     parameters = [item for form in forms for item in form.shape.parameters]
-    other = other_mechanics(model.given)
+    alike = same_mechanics(model.given)
+    other = other_mechanics(alike)
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
@@ -233,7 +234,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         drives,
         model.count,
         model.independent,
-        same_mechanics(model.given),
+        alike,
         np.array(
             [form.shape.turns is not None and form.shape.turns == other.get(form.key) for form in forms],
             dtype=bool,

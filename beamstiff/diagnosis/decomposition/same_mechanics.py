@@ -36,13 +36,13 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     return {key: group for group in groups for key in group}
 
 
-def other_mechanics(robot: Robot) -> Mapping[str, bool]:
+def other_mechanics(groups: Mapping[str, tuple[str, ...]]) -> Mapping[str, bool]:
     """Return the bearings whose forms that turn with the joint (True), or do not (False), stand apart.
 
     What turns with the first joint is told from the ground by the postures, and what does not turn with the
     last one from the tool.
     """
-    groups, ends = same_mechanics(robot), {"base-compliance": True, "tool-compliance": False}
+    ends = {"base-compliance": True, "tool-compliance": False}
     return {
         key: turns
         for effect, turns in ends.items()

@@ -304,8 +304,8 @@ def softness(baseline: Baseline) -> float:
     Realistic sizes of compliances are those of a heavy robot times this: what is usual of a small arm would
     not be believed of a large one.
     """
-    names = turning_drives(baseline.given or baseline.nominal)
-    return HEAVY / max(usual_stiffness(baseline, name) for name in names) if names else 1.0
+    drives = turning_drives(baseline.given or baseline.nominal)
+    return HEAVY / (max(drives.values()) * change_of_drives(baseline)) if drives else 1.0
 
 
 def turning_drives(robot: Robot) -> dict[str, float]:

@@ -68,7 +68,7 @@ def test_forms_of_a_bearing_are_of_its_group_if_all_symmetric_compliances_there_
     """In three loads of forty postures: what turns with q1 no ground does, what stays beside q6 no tool."""
     there = nominal(kr240(), at_random(kr240(), 120, seed=7))
     whole = shape_of(there, effect, None, "all").columns
-    apart = other_mechanics(there.nominal)[f"bearing-tilt:{joint}"]
+    apart = other_mechanics(same_mechanics(there.nominal))[f"bearing-tilt:{joint}"]
     shapes = EFFECTS["bearing-tilt"].shapes(there, joint)
     linear = [one for one in shapes if not any(how in one.name for how in NOT_LINEAR)]
     assert {one.turns for one in linear} == {None, True, False}
