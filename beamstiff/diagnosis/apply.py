@@ -18,6 +18,7 @@ from beamstiff.diagnosis.absorbed import absorbed_by
 from beamstiff.diagnosis.added_effect import added_effect, needed_scales, rounded
 from beamstiff.diagnosis.effects import EFFECTS, Normalisation, Shape
 from beamstiff.diagnosis.effects.effect import LARGEST
+from beamstiff.diagnosis.effects.external import OF_LOADS, under_errors
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.identification.whitening import whitening
@@ -91,18 +92,27 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
         return total
     bare = bare or bare_baseline(robot, rows)
     keys = [(one.effect, one.component) for one in robot.effects for _ in one.each]
-    seen = list[tuple[str, str | None, AddedShape]]()
-    for at, effect in enumerate(robot.effects):
+    seen, errors = list[tuple[str, str | None, AddedShape]](), list[tuple[str, Array]]()
+    # errors of loads first: what else gives way does so under these as well
+    for at, effect in sorted(enumerate(robot.effects), key=lambda item: not _of_loads(item[1])):
+        view = bare if _of_loads(effect) or not errors else under_errors(bare, errors)
         try:
             for part in effect.each:
                 entry = (effect.effect, effect.component, part)
                 if entry in seen:  # of another size it adds up: what a second diagnosis found beside it
                     raise BeamstiffError(f"shape {part.shape!r}: stands there before, once is enough")
                 seen.append(entry)
-                total += part.weight * _displacement(effect, part, bare, keys.count(entry[:2]) == 1)
+                shape, values = _shown(effect, part, view, keys.count(entry[:2]) == 1)
+                total += part.weight * (shape.columns @ values)
+                if shape.wrench is not None:
+                    errors.append((EFFECTS[effect.effect].place, part.weight * (shape.wrench @ values)))
         except BeamstiffError as error:
             raise EffectError(robot.name, at, f"effects[{at}] ({effect.effect}): {error}") from None
     return total
+
+
+def _of_loads(effect: AddedEffect) -> bool:
+    return effect.effect in EFFECTS and EFFECTS[effect.effect].place in OF_LOADS
 
 
 def check_effects(robot: Robot) -> None:
@@ -240,8 +250,11 @@ def written_std(robot: Robot) -> dict[str, float]:
     return found | {name: 1e-4 * value for name, value in stiffness.items() if 0.0 < value < np.inf}
 
 
-def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: bool) -> Array:
-    """Return what a shape adds, (N, 6); `alone` is the only one of its effect at its component."""
+def _shown(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: bool) -> tuple[Shape, Array]:
+    """Return a shape and its parameters, SI; `alone` is the only one of its effect at its component.
+
+    Without columns, and so without parameters, where such rows do not show it.
+    """
     _known("effect", effect.effect, EFFECTS)
     law = EFFECTS[effect.effect]
     view = replace(bare, stated=part.scales)
@@ -258,7 +271,7 @@ def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: 
         others = {shape.name: shape for shape in law.shapes(other, effect.component)}
         _known("shape", part.shape, dict.fromkeys([*shapes, *others]))
         _values(part, others[part.shape], alone)
-        return np.zeros((len(view.rows), 6))
+        return Shape(part.shape, np.zeros((len(view.rows), 6, 0)), ()), np.zeros(0)
     shape = shapes[part.shape]
     values = _values(part, shape, alone)
     if missing := [name for name in needed_scales(shape, scales) if name not in part.scales]:
@@ -266,8 +279,7 @@ def _displacement(effect: AddedEffect, part: AddedShape, bare: Baseline, alone: 
             f"scales: {listed(missing)} missing: what the parameters are counted against, SI, as "
             "`beamstiff diagnose --apply` writes it"
         )
-    result: Array = shape.columns @ values
-    return result
+    return shape, values
 
 
 def _values(effect: AddedShape, shape: Shape, alone: bool) -> Array:

@@ -401,3 +401,37 @@ def test_what_is_known_of_two_parameters_together_outlasts_their_rounding() -> N
     assert all(len(str(short[name])) < len(size) for name, size in sizes.items())
     total = sum(float(str(value).split()[0]) for value in short.values())
     assert total == pytest.approx(21.523471 - 21.487652, abs=1e-4)
+
+
+def added(effect: str, shape: str, **parameters: float) -> AddedEffect:
+    return AddedEffect(effect=effect, shape=shape, parameters=parameters)
+
+
+def test_a_floor_gives_way_under_the_payload_that_the_file_does_not_know() -> None:
+    mass, gravity = 30.0, 9.81
+    q, _ = campaign(3, poses=9, loads=1)
+    tip = np.cross(levers(q)[:, :, 0], [0.0, 0.0, 1.0])
+    floor = added("base-compliance", "tilt", tilting_compliance=TILT)
+    payload = added("payload-error", "mass", mass=mass)
+    rows = make_measurements(["q1", "q2"], q, tcp="tip", position=np.zeros((len(q), 3)))
+    turned = TILT * np.cross(tip, [0.0, 0.0, -mass * gravity])
+    for effects in ((floor, payload), (payload, floor)):
+        moved = effects_displacement(arm().model_copy(update={"effects": effects}), rows)
+        np.testing.assert_allclose(moved[:, :3], np.cross(turned, tip), rtol=1e-6, atol=1e-12)
+
+
+def test_a_floor_gives_way_under_the_force_that_acts_and_not_that_which_a_cell_says() -> None:
+    q, wrench = campaign(4, poses=9, loads=3)
+    tip = np.cross(levers(q)[:, :, 0], [0.0, 0.0, 1.0])
+    gain = {f"gain_{axis}": 0.1 for axis in "xyz"}
+    effects = (
+        added("base-compliance", "tilt", tilting_compliance=TILT),
+        added("load-error", "gain by axis", **gain),
+    )
+    rows = make_measurements(["q1", "q2"], q, tcp="tip", wrench=wrench, displacement=np.zeros((len(q), 3)))
+    moved, cell = (
+        effects_displacement(arm().model_copy(update={"effects": some}), rows)[:, :3]
+        for some in (effects, effects[1:])
+    )
+    turned = 1.1 * TILT * np.cross(tip, wrench[:, :3]) * [1, 1, 0]
+    np.testing.assert_allclose(moved - cell, np.cross(turned, tip), rtol=1e-6, atol=1e-12)

@@ -245,9 +245,12 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
+            before = share
             share, size = unlike_linear(without_errors(model), chosen, thetas, change)
             if size <= SHOWS * max(found.scatter, 1.0):
                 return model
+            if share >= before:
+                break
     except BeamstiffError:  # the machine may buckle beside loads that are far too large
         return None
     return model if share <= SETTLED else None

@@ -2,7 +2,8 @@
 
 ``d = (F + L theta) c``, with compliances c, loads F as they are stated and their error ``L theta``. About
 ``(c_0, theta_0)`` the drives' columns are ``F + L theta_0``, not F: else a load that is too large makes the
-drives too stiff, these the load too large again, and other causes make up for what is left.
+drives too stiff, these the load too large again, and other causes make up for what is left. What else gives
+way does so under ``F + L theta_0``.
 """
 
 from __future__ import annotations
@@ -15,16 +16,22 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.external import OF_LOADS, under_errors
 from beamstiff.diagnosis.residual.baseline import Baseline, around, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
-
-PLACES = ("load", "payload")  # of effects
 
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
     """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
     loads = _following(model, forms, thetas)
+    errors = [
+        (EFFECTS[form.effect].place, form.shape.wrench @ (theta * form.sizes))
+        for form, theta in loads
+        if form.shape.wrench is not None
+    ]
+    if errors:
+        model = replace(model, baseline=under_errors(model.baseline, errors))
     drives = model.present.size
     if not loads or not drives:
         return model
@@ -80,7 +87,7 @@ def unlike_linear(
 def follows_drives(model: OpenModel, form: Form) -> bool:
     """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
     known = form.effect in EFFECTS
-    return known and (model.problem is None or EFFECTS[form.effect].place in PLACES)
+    return known and (model.problem is None or EFFECTS[form.effect].place in OF_LOADS)
 
 
 def _following(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> list[tuple[Form, Array]]:

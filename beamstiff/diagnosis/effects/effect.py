@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,6 +77,9 @@ class Shape:
     turns : bool, optional
         Of a bearing: whether its axes turn with the joint, or stay with the part that carries it; None is of
         one that is alike all round its axis.
+    wrench : (N, 6, c) array, N and N m, optional
+        Of an error of loads: what each parameter adds to the wrench that acts, at the TCP where the effect's
+        place is ``payload``, else where the load acts.
     """
 
     name: str
@@ -88,6 +91,11 @@ class Shape:
     against: tuple[str, ...] | None = None
     data_selected: bool = False
     turns: bool | None = None
+    wrench: Array | None = None
+
+    def displacing(self, response: Array) -> Shape:
+        """Return the shape of columns that are wrenches, displacing the rows by a response (N, 6, 6)."""
+        return replace(self, columns=response @ self.columns, wrench=self.columns)
 
     @classmethod
     def of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Quantities, Shape, stated_scale
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.residual.internal_wrench import find_places
 from beamstiff.measure.arrays import places_of_each
 from beamstiff.measure.rows import history_order
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
+OF_LOADS = ("load", "payload")  # places of effects that are errors of loads
 POSTURES = 40  # beyond which nobody does anything anew by hand in each
 SPREAD = 4.0  # of what is another each time: so many values of any size could be anything
 SETUPS = 80  # the same of a posture with a load that pulls one way
@@ -44,6 +46,25 @@ def turn_alone(columns: Array) -> Array:
 def tool_axes(baseline: Baseline) -> Array:
     """Return the axes of the TCP's frame in the base frame as columns, (N, 3, 3)."""
     return baseline.described[1]
+
+
+def under_errors(baseline: Baseline, errors: Iterable[tuple[str, Array]]) -> Baseline:
+    """Return what a baseline's effects look at where errors of its loads pass through the places as well.
+
+    What gives way under loads gives way under these too.
+
+    Parameters
+    ----------
+    baseline : Baseline
+    errors : pairs of a place of effects, and (N, 6) array
+        Wrenches: of ``payload`` at the TCP, others where the loads act.
+    """
+    rows, places = baseline.rows, baseline.places
+    tcp = np.full(len(rows), baseline.robot.tcp)
+    for place, wrench in errors:
+        at = tcp if place == "payload" else rows.load_point
+        places = places.beside(find_places(baseline.robot, replace(rows, wrench=wrench, load_point=at)))
+    return replace(baseline, places=places)
 
 
 def read_by_camera(baseline: Baseline) -> list[str | None]:

@@ -43,13 +43,9 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     force, size = wrench[:, :3], np.linalg.norm(wrench[:, :3], axis=1)
     base = np.broadcast_to(np.eye(3), axes.shape)
 
-    def moved(error: Array) -> Array:
-        """Return what errors (N, 6, c) of the wrench displace."""
-        return baseline.response @ error
-
     def misread(error: Callable[[Array], Array]) -> Array:
-        """Return what the same errors (N, 3, c) of a force and of a moment (N, 3) displace."""
-        return moved(np.concatenate([error(force), error(wrench[:, 3:])], 1))
+        """Return the same errors (N, 3, c) of a force and of a moment (N, 3), (N, 6, c)."""
+        return np.concatenate([error(force), error(wrench[:, 3:])], 1)
 
     def turned(frame: Array) -> Array:
         return misread(lambda acts: np.cross(frame, acts[:, :, None], axis=1))
@@ -58,15 +54,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         return misread(lambda acts: frame * np.einsum("nai,na->ni", frame, acts)[:, None])
 
     def by_side(frame: Array) -> Array:
-        """Return what another gain in push than in pull displaces, by axis."""
-        return moved(shift_alone(frame * np.abs(np.einsum("nai,na->ni", frame, force))[:, None]))
+        """Return another gain in push than in pull, by axis."""
+        return shift_alone(frame * np.abs(np.einsum("nai,na->ni", frame, force))[:, None])
 
     def constant(frame: Array) -> Array:
         acts = np.linalg.norm(wrench, axis=1) > 0
-        return moved(shift_alone(frame * acts[:, None, None]))
+        return shift_alone(frame * acts[:, None, None])
 
     way = np.divide(force, size[:, None], out=np.zeros_like(force), where=size[:, None] > 0)
-    aside = moved(shift_alone(size[:, None, None] * (base - way[:, :, None] * way[:, None, :])))
+    aside = shift_alone(size[:, None, None] * (base - way[:, :, None] * way[:, None, :]))
     where = nominal_pose(baseline.nominal, replace(baseline.rows, point=baseline.rows.load_point))[0]
     pulled = np.concatenate([aside, *(aside * part[:, None, None] for part in where.T)], -1)
     by_place = tuple(Quantity(f"aside_{a}_by_{b}", "rad/m", ANGLE) for b in "xyz" for a in "xyz")
@@ -90,11 +86,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("direction and gain", direction, gain),
         Shape("pulled from elsewhere", pulled, (*named("aside", "rad", ANGLE), *by_place), weight=0.5),
         Shape("cross-talk of the cell", misread(lambda acts: each_by_each(axes, acts)), gains),
-        Shape("cross-talk of the cell into moments", moved(turn_alone(each_by_each(axes, force))), levers),
+        Shape("cross-talk of the cell into moments", turn_alone(each_by_each(axes, force)), levers),
         Shape.of(sided, gain, (by_side(base), named("gain_by_side", "1", GAIN)), weight=0.5),
         Shape.of(f"{sided}, axes of the tool", gain_tool, by_side_tool, weight=0.5),
-        Shape("gain, and a share that does not grow", moved(np.stack([wrench, along], -1)), shares),
-        Shape("nonlinear", moved((largest * along * by_power(share, 2.0))[..., None]), (bent,)),
+        Shape("gain, and a share that does not grow", np.stack([wrench, along], -1), shares),
+        Shape("nonlinear", (largest * along * by_power(share, 2.0))[..., None], (bent,)),
         Shape("tare", constant(base), named("tare", "N", TARE)),
         Shape("tare of the tool", constant(axes), named("tare_tool", "N", TARE)),
     ]
@@ -102,8 +98,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     if baseline.stated is not None or ((branch > 0).any() and (branch < 0).any()):
         branch = rising(baseline)
         friction = Quantity("pulley_friction", "1", GAIN)
-        result.append(Shape("pulley friction", moved((wrench * branch[:, None])[..., None]), (friction,)))
-    return [replace(one, prior_factor=SPREAD) for one in result]
+        result.append(Shape("pulley friction", (wrench * branch[:, None])[..., None], (friction,)))
+    return [replace(one.displacing(baseline.response), prior_factor=SPREAD) for one in result]
 
 
 def rising(baseline: Baseline) -> Array:

@@ -20,30 +20,30 @@ STRETCH = 50.0  # N/m
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
-    axes, response = tool_axes(baseline), tcp_response(baseline)
+    axes = tool_axes(baseline)
     base = np.broadcast_to(np.eye(3), axes.shape)
     gravity = np.array(baseline.nominal.gravity)
     down = gravity / (np.linalg.norm(gravity) or 1.0)
 
     def off(shifts: Array) -> Array:
-        """Return what the weight of 1 kg does (N, 6, c) where its centre shifts (N, 3, c)."""
-        return response @ turn_alone(np.cross(shifts, gravity[None, :, None], axis=1))
+        """Return the wrench of the weight of 1 kg (N, 6, c) where its centre shifts (N, 3, c)."""
+        return turn_alone(np.cross(shifts, gravity[None, :, None], axis=1))
 
     weight = shift_alone(np.broadcast_to(gravity[:, None], (len(axes), 3, 1)))
     tcp = np.full(len(baseline.rows), baseline.nominal.tcp)
     held = replace(baseline.rows, point=tcp)  # whatever point is read
     place = nominal_pose(baseline.nominal, held)[0]
     further = off(axes)
-    mass = (response @ weight, (Quantity("mass", "kg", MASS, least=-_carried(baseline.nominal)),))
+    mass = (weight, (Quantity("mass", "kg", MASS, least=-_carried(baseline.nominal)),))
     centre = (further, named("mass_times", "kg*m", MASS_MOMENT))
     shifts = tuple(Quantity(f"mass_times_{a}_by_{b}", "kg*m", MASS_MOMENT) for a in "xyz" for b in "xyz")
     swung = (off(each_by_each(axes, np.broadcast_to(down, (len(axes), 3)))), shifts)
-    pull = (response @ shift_alone(base), named("pull", "N", PULL))
-    pull_tool = (response @ shift_alone(axes), named("pull_tool", "N", PULL))
+    pull = (shift_alone(base), named("pull", "N", PULL))
+    pull_tool = (shift_alone(axes), named("pull_tool", "N", PULL))
     springs = tuple(Quantity(f"pull_{a}_by_{b}", "N/m", STRETCH) for a in "xyz" for b in "xyz")
-    drawn = (response @ shift_alone(each_by_each(base, place)), springs)
+    drawn = (shift_alone(each_by_each(base, place)), springs)
     drawing = "something that pulls the more the further it is drawn"
-    return [
+    wrenches = [
         Shape("mass", mass[0] + further @ _centre(baseline.nominal)[:, None], mass[1]),
         Shape.of("centre of gravity", centre),
         Shape.of("mass and centre of gravity", mass, centre),
@@ -51,6 +51,8 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("something that pulls, as hoses do", centre, pull, pull_tool, weight=0.5),
         Shape.of(drawing, centre, pull, drawn, weight=0.5),  # more mass is a pull along gravity
     ]
+    response = tcp_response(baseline)
+    return [shape.displacing(response) for shape in wrenches]
 
 
 def _carried(robot: Robot) -> float:

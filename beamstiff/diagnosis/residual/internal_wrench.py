@@ -76,6 +76,13 @@ class Places:
     held: dict[str, str]
     standing: tuple[str, ...] = ()
 
+    def beside(self, other: Places) -> Places:
+        """Return the places under their loads and those of others, of the same machine in the same rows."""
+        joints = {name: there.beside(other.joints[name]) for name, there in self.joints.items()}
+        links = {name: there.beside(other.links[name]) for name, there in self.links.items()}
+        base, flange = self.base.beside(other.base), self.flange.beside(other.flange)
+        return replace(self, joints=joints, links=links, base=base, flange=flange)
+
 
 def find_places(robot: Robot, rows: Measurements) -> Places:
     """Return every place of a robot under the rows of a table.

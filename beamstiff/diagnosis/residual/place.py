@@ -59,6 +59,10 @@ class Place:
             stressed=None if self.stressed is None else change @ self.stressed @ back,
         )
 
+    def beside(self, other: Place) -> Place:
+        """Return the place under its load and that of another, in the same axes."""
+        return replace(self, load=self.load + other.load)
+
     def determined(self) -> Place:
         """Return the place with nothing in the directions that are not determined."""
         some = ~self.undetermined
