@@ -403,8 +403,10 @@ def test_what_is_known_of_two_parameters_together_outlasts_their_rounding() -> N
     assert total == pytest.approx(21.523471 - 21.487652, abs=1e-4)
 
 
-def added(effect: str, shape: str, **parameters: float) -> AddedEffect:
-    return AddedEffect(effect=effect, shape=shape, parameters=parameters)
+def added(
+    effect: str, shape: str, scales: dict[str, float] | None = None, **parameters: float
+) -> AddedEffect:
+    return AddedEffect(effect=effect, shape=shape, parameters=parameters, scales=scales or {})
 
 
 def test_a_floor_gives_way_under_the_payload_that_the_file_does_not_know() -> None:
@@ -426,7 +428,7 @@ def test_a_floor_gives_way_under_the_force_that_acts_and_not_that_which_a_cell_s
     gain = {f"gain_{axis}": 0.1 for axis in "xyz"}
     effects = (
         added("base-compliance", "tilt", tilting_compliance=TILT),
-        added("load-error", "gain by axis", **gain),
+        added("load-error", "gain by axis", {"force": 900.0}, **gain),
     )
     rows = make_measurements(["q1", "q2"], q, tcp="tip", wrench=wrench, displacement=np.zeros((len(q), 3)))
     moved, cell = (
