@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, Term, stated_scale
 from beamstiff.diagnosis.effects.torque_laws import (
     Axis,
@@ -38,6 +39,8 @@ BEGINNINGS = (
     (", left from the move", (1.0, -1.0), False),
     (", left from the move, then wound up by the weight", (1.0, 0.5, -0.5, -1.0), True),
 )
+# the same where the readings say which way the joint came, and all of its friction is left from there
+LAST_MOTION = (", left from the last motion", (1.0,), False)
 LET_GO = ", let go with the time"
 FEW = 2  # ways to begin, beyond which distributed friction could be anything that remembers
 LIMITS = (0.04, 0.1, 0.2, 0.4, 0.8)  # friction over the largest torque
@@ -58,6 +61,7 @@ def held_torque(
     arrived: ArrayLike = 0.0,
     whole: bool = False,
     kept: Array | None = None,
+    came: Array | None = None,
 ) -> Array:
     """Return S_r (N, ...): the torque that friction holds, stepping through the rows in their order.
 
@@ -82,6 +86,8 @@ def held_torque(
         are counted from there.
     kept : (N,) array, optional
         Share of what is held that is still held when a row is read, since the row before; all by default.
+    came : (N,) array, optional
+        Direction in which the joint came to the pose, which `arrived` is multiplied by.
 
     Examples
     --------
@@ -94,6 +100,8 @@ def held_torque(
     most = limit + grows * np.abs(torque).reshape(each)
     unwound = limit + grows * np.abs(start).reshape(each)
     begun = arrived * (limit if wound else unwound)
+    if came is not None:
+        begun = begun * came.reshape(each)
     if wound:
         begun = np.clip(begun + start.reshape(each), -unwound, unwound)
     begun = np.broadcast_to(begun, most.shape)
@@ -117,11 +125,12 @@ def held_shares(
     wound: bool,
     limits: Sequence[tuple[float, float]] = STEADY,
     kept: Array | None = None,
+    came: Array | None = None,
 ) -> Array:
     """Return what friction holds, over the largest torque, (N, limits, ways); see `BEGINNINGS`.
 
     The limits are friction without torque over the largest, and by which share of the torque it grows;
-    `kept` is what is still held from row to row, (N,).
+    `kept` is what is still held from row to row, (N,), `came` the direction in which the joint came, (N,).
     Nothing where no torque acts: friction that never slips is the zero of an encoder.
     """
     if not (np.abs(axis.load) + np.abs(axis.dead)).any():
@@ -139,6 +148,7 @@ def held_shares(
         arrived=np.array(ways),
         whole=baseline.absolute,
         kept=kept,
+        came=came,
     )
     return held / axis.typical
 
@@ -172,12 +182,14 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     give, growing = drive_compliance(axis) * axis.typical, tuple(product(*GROWING))
     kept = _kept(baseline)
     result = []
-    for begin, ways, wound in BEGINNINGS:
+    came = _came(baseline, axis)
+    for begin, ways, wound in (*BEGINNINGS, *([] if came is None else [LAST_MOTION])):
+        way = came if begin == LAST_MOTION[0] else None
         size = give if len(ways) == 1 else 0.7 * give
-        lags = [Quantity(_name(way), unit_of(axis), size, positive=True) for way in ways]
+        lags = [Quantity(_name(one), unit_of(axis), size, positive=True) for one in ways]
 
         def every(limits: Sequence[tuple[float, float]], then: str = "", of: Array | None = None) -> Term:
-            held = held_shares(baseline, axis, ways, wound, limits, of)  # noqa: B023
+            held = held_shares(baseline, axis, ways, wound, limits, of, way)  # noqa: B023
             return by_slips(-axis.shift, held.reshape(len(held), -1)), tuple(
                 replace(one, name=f"{one.name}_{_limit(limit)}{then}", size=0.5 * one.size)
                 for limit in limits
@@ -198,6 +210,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
                 name, let_go = f"{kind}{begin}{LET_GO}", every(limits, "_let_go", kept)
                 result.append(Shape.of(name, term, let_go, prior_factor=4.0, weight=0.5 * weight))
     return [one if one.name.endswith(LET_GO) else replace(one, against=("torque",)) for one in result]
+
+
+def _came(baseline: Baseline, axis: Axis) -> Array | None:
+    """Return the direction in which the joint came to each row, (N,); None: not known, or always the same."""
+    name = axis.joint.variable
+    if not baseline.absolute or name not in baseline.rows.variables:
+        return None
+    came = last_direction(baseline.rows, name)
+    return came if baseline.stated is not None or len(np.unique(came)) > 1 else None
 
 
 def _limit(limit: tuple[float, float]) -> str:

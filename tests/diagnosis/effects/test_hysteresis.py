@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.hysteresis import LIMITS, held_torque
+from beamstiff.diagnosis.effects.torque_laws import axis_at
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import ELBOW, FORE, elbow, nominal, rows_of, shape_of
 
@@ -209,3 +210,28 @@ def test_single_readings_say_nothing_of_how_long_a_history_takes() -> None:
     pose = np.array([0, 0, 0, 1, 2, 3, 4])
     rows = rows_of(elbow(), q, np.eye(6)[[1] * 7], time=np.arange(7.0) * 15, pose=pose)
     assert EFFECTS["hysteresis"].scales(nominal(elbow(), rows), "q1")["lasts"] == 30.0
+
+
+def test_the_friction_of_the_last_motion_lags_behind_it_until_a_load_has_turned_it() -> None:
+    # each pose twice: as the joint arrives, and under a load that would push it on, or back, by more than 2 r
+    q = np.array([[0.3, 0.0], [0.3, 0.6], [0.3, 0.2], [0.3, 0.9], [0.3, 0.4]])
+    came = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], 2)
+    push = np.repeat([1.0, 1.0, 1.0, -1.0, -1.0], 2) * np.tile([0.0, 1000.0], 5)
+    rows = rows_of(
+        elbow(),
+        np.repeat(q, 2, axis=0),
+        push[:, None] * np.eye(6)[1],
+        pose=np.repeat(np.arange(5), 2),
+        step=np.tile([0, 1], 5),
+        position=np.zeros((10, 3)),
+        rotation=np.zeros((10, 3)),
+    )
+    base = nominal(elbow(), rows)
+    moved = shape_of(base, "hysteresis", "q2", "friction 0.1, left from the last motion").columns[:, :, 0]
+    axis = axis_at(base, "q2")
+    held = 0.1 * np.where(axis.load == 0.0, came, np.sign(axis.load))
+    np.testing.assert_allclose(moved, -held[:, None] * axis.shift, atol=1e-12)
+    direction = shape_of(base, "approach-direction", "q2", "direction of the last motion").columns[:, :, 0]
+    still = axis.load == 0.0
+    # of readings without load the two are one, against the motion
+    np.testing.assert_allclose(moved[still], -0.1 * direction[still], atol=1e-12)
