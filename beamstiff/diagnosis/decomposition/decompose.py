@@ -11,7 +11,7 @@ from scipy import stats
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import MINOR, Decomposition
+from beamstiff.diagnosis.decomposition.causes import MINOR, QUARTER, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of
@@ -152,7 +152,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         if not astray:
             found = _told(settings, folds, step)
             every = (*found.causes, *found.unclear)
-            astray = _unsettled(found) | {
+            astray = _unsettled(found, QUARTER) | {
                 one.key for one in every if one.closes >= MINOR and one.closes_interval[0] < 0.0
             }
         if not astray:
@@ -245,21 +245,18 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
             change, thetas = _solution(model, chosen)
-            before = share
             share, size = unlike_linear(without_errors(model), chosen, thetas, change)
             if size <= SHOWS * max(found.scatter, 1.0):
                 return model
-            if share >= before:
-                break
     except BeamstiffError:  # the machine may buckle beside loads that are far too large
         return None
     return model if share <= SETTLED else None
 
 
-def _unsettled(found: Decomposition) -> set[str]:
+def _unsettled(found: Decomposition, share: float = SETTLED) -> set[str]:
     """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
     every = (*found.causes, *found.unclear)
-    least = (SETTLED, SHOWS * max(found.scatter, 1.0))
+    least = (share, SHOWS * max(found.scatter, 1.0))
     unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in every]
     return {one.key for one, how in zip(every, unlike, strict=True) if (np.array(how) > least).all()}
 
