@@ -14,7 +14,8 @@ from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import MINOR, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
-from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.loads import has_loads
+from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
@@ -115,11 +116,17 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     if model.problem is None:
         return linear
     rows = without_motion(model.baseline.rows, _moved(found, causes))
+    # errors of loads hold on these drives, unless what the robot will lack stands in them as well
+    held = None
+    if has_loads(model, [form for cause in causes for form in cause.forms]) and not found.unmodelled:
+        held = {name: linear.parameter(name) for name in model.given.identify}
     try:
-        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True)
+        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True, drives=held)
     except BeamstiffError:  # drives may come out so soft that the machine buckles: the linear step stands
         return linear
-    robot = again.robot(solved(again.of_told_apart, ())[0])
+    again = again.of_told_apart
+    change = np.append(inverse_of(again.geometry) @ again.residual, np.zeros(again.present.size))
+    robot = again.robot(change if held else solved(again, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}

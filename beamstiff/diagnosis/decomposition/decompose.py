@@ -18,6 +18,7 @@ from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
     follows_drives,
+    has_loads,
     moved_by,
     unlike_linear,
     without_errors,
@@ -118,8 +119,12 @@ class _Settings:
     prior: Prior
     seed: int
 
-    def calibrated(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
-        """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
+    def calibrated(self, model: OpenModel, chosen: Sequence[Form], held: bool = False) -> OpenModel:
+        """Return the open model that is calibrated beside causes, and linear about these loads and drives.
+
+        Drives are those of the calibration, or `held` as they fit best with errors of loads, not beside them:
+        a step of Newton's method, which is sure to lead on near the end alone.
+        """
         change, thetas = _solution(model, chosen)
         if model.problem is None:
             return beside_loads(
@@ -127,7 +132,11 @@ class _Settings:
             )
         moved = moved_by(model, chosen, thetas, change)
         rows, stations = model.baseline.rows, self.stations
-        opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
+        there, names = model.robot(change), self.robot.identify if held and has_loads(model, chosen) else ()
+        drives = {name: there.parameter(name) for name in names}
+        opened = open_geometry(
+            self.robot, rows, moved, parameters=self.parameters, stations=stations, drives=drives
+        )
         return beside_loads(opened, chosen, thetas)
 
     def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
@@ -239,8 +248,8 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
     model, share = found.model, np.inf
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
-        for _ in range(SETTLING):
-            model = settings.calibrated(model, chosen)
+        for turn in range(SETTLING):
+            model = settings.calibrated(model, chosen, held=turn >= SETTLING // 2)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]

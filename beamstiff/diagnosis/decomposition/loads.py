@@ -12,14 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.forms import Form, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import Baseline, around, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
 PLACES = ("load", "payload")  # of effects
+CARRYING = 3  # fits in turn of the errors of loads and of the drives that carry them
 
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
@@ -37,6 +39,23 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     tangent = model.tangent.copy()
     tangent[:, -drives:] += model.weighed(carried)
     return replace(model, tangent=tangent, carried=carried)
+
+
+def solved_beside(model: OpenModel, forms: Sequence[Form]) -> tuple[Array, Array]:
+    """Return what `solved` does, on drives that carry the errors of loads among the causes."""
+    found = solved(model, forms)
+    for _ in range(CARRYING):
+        thetas = by_form(forms, found[0][model.tangent.shape[1] :])
+        beside = beside_loads(model, forms, thetas)
+        if beside is model:
+            break
+        found = solved(beside, forms)
+    return found
+
+
+def has_loads(model: OpenModel, forms: Iterable[Form]) -> bool:
+    """Return whether errors of loads are among the causes of positions."""
+    return model.problem is not None and any(follows_drives(model, form) for form in forms)
 
 
 def without_errors(model: OpenModel) -> OpenModel:
