@@ -274,7 +274,8 @@ def _balancer(
     stretch = length - free * (1 - ratio)
     torque = stretch * first  # U' for k_s a^2 = 1
     curve = first**2 + stretch * (-ratio * np.cos(around) - first**2) / length  # U''
-    size = parameters.get("largest_stiffness", 0.0) / float(np.abs(curve).max())
+    pulls = parameters.get("largest_torque", 0.0) / float(np.abs(torque).max())
+    size = parameters.get("largest_stiffness", 0.0) / float(np.abs(curve).max()) + pulls
     curve, torque = size * curve, size * torque
     angles, counts = (np.atleast_1d(effect.scales.get(key, 0.0)) for key in ("angles", "counts"))
     if not counts.any() or size <= 0.0:
@@ -287,7 +288,7 @@ def _balancer(
         return float(np.interp(q + turn - phase, around, torque, period=2 * np.pi))
 
     # the drive winds up by what the effect says of its torque, in this posture: what remains is taken back
-    share = parameters.get("largest_torque", 0.0) / float(np.abs(torque).max())
+    share = pulls / size
     rest = (pull(-share * pull(0.0) / k) - share * pull(0.0)) / k
     wound = replace(spring, stiffness=k, rest=rest * float(np.sign(drive.axis @ spring.axis)))
     made.bodies[body].joints[own.joints.index(spring)] = wound

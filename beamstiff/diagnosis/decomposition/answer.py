@@ -12,6 +12,7 @@ from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import by_form
+from beamstiff.diagnosis.decomposition.loads import has_loads, solved_beside
 from beamstiff.diagnosis.decomposition.look_alikes import (
     instead,
     presence,
@@ -43,7 +44,7 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
     total = float(errors[0].sum())
-    theta, covariance = solved(model, forms)
+    theta, covariance = solved_beside(model, forms)
     scatter = float(np.sqrt(step.squares / max(choice.freedom - step.determined, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
     opened = model.tangent.shape[1]
@@ -94,7 +95,8 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
         unexplained=unexplained,
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
-        change=theta[:opened] + _taken_up(model, unmodelled),
+        # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
+        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
         scatter=scatter,
         bic=least,
         largest=_largest(errors),

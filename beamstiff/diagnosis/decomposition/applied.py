@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -12,9 +12,10 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
-from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.forms import shift_of
-from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.causes import MINOR, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.forms import Form, shift_of
+from beamstiff.diagnosis.decomposition.loads import has_loads
+from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
@@ -41,11 +42,18 @@ def calibrated_beside(found: Decomposition) -> Robot:
 def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
     """Return the robot calibrated beside the causes (`robot`, if at hand), and the causes as its effects.
 
-    What is of the measured campaign alone is no part of the robot.
+    What is of the measured campaign alone, a slip, is no part of the robot, nor of the gap of which its
+    effects are said to close a share: other rows do not hold it.
     """
     robot = robot or calibrated_beside(found)
-    pairs = zip((*found.causes, *found.unclear), _absorbed(found, robot), strict=True)
-    added = [one for cause, absorbed in pairs for one in _added(found, cause, absorbed)]
+    causes = (*found.causes, *found.unclear)
+    passing = sum(cause.closes for cause in causes if not any(map(_lasts, cause.forms)))
+    gap = max(1.0 - passing, MINOR)
+    added = [
+        one
+        for cause, absorbed in zip(causes, _absorbed(found, robot), strict=True)
+        for one in _added(found, cause, {"closes": round(cause.closes / gap, 4), "absorbed": absorbed})
+    ]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 
@@ -108,11 +116,17 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     if model.problem is None:
         return linear
     rows = without_motion(model.baseline.rows, _moved(found, causes))
+    # errors of loads hold on these drives, unless what the robot will lack stands in them as well
+    held = None
+    if has_loads(model, [form for cause in causes for form in cause.forms]) and not found.unmodelled:
+        held = {name: linear.parameter(name) for name in model.given.identify}
     try:
-        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True)
+        again = open_geometry(model.given, rows, parameters=model.parameters, settled=True, drives=held)
     except BeamstiffError:  # drives may come out so soft that the machine buckles: the linear step stands
         return linear
-    robot = again.robot(solved(again.of_told_apart, ())[0])
+    again = again.of_told_apart
+    change = np.append(inverse_of(again.geometry) @ again.residual, np.zeros(again.present.size))
+    robot = again.robot(change if held else solved(again, ())[0])
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
@@ -127,15 +141,18 @@ def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:
     return shift_of(forms, thetas, len(found.model.baseline.rows))
 
 
-def _added(found: Decomposition, cause: Cause, absorbed: dict[str, float]) -> Iterator[AddedEffect]:
+def _lasts(form: Form) -> bool:
+    """Return whether a form is one of the robot, not of the measured postures alone."""
+    return not all(item.posture_specific for item in form.shape.parameters)
+
+
+def _added(found: Decomposition, cause: Cause, told: Mapping[str, Any]) -> Iterator[AddedEffect]:
     """Yield an entry for every effect and component of a cause, with all its forms."""
     own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
     for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
-        if not all(item.posture_specific for item in form.shape.parameters):
+        if _lasts(form):
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
-    model = found.model
-    told: dict[str, Any] = {"closes": round(cause.closes, 4), "absorbed": absorbed}
     for (effect, component), shapes in own.items():
-        yield added_effect(model.baseline, effect, component, shapes, **told)
+        yield added_effect(found.model.baseline, effect, component, shapes, **told)
         told = {}  # of the whole cause: it stands in the first

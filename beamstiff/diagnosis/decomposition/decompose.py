@@ -18,7 +18,9 @@ from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
     follows_drives,
+    has_loads,
     moved_by,
+    under_loads,
     unlike_linear,
     without_errors,
 )
@@ -118,17 +120,31 @@ class _Settings:
     prior: Prior
     seed: int
 
-    def calibrated(self, model: OpenModel, chosen: Sequence[Form]) -> OpenModel:
-        """Return the open model that is calibrated beside causes, and linear about these loads and drives."""
+    def calibrated(
+        self, model: OpenModel, chosen: Sequence[Form], beside: Array | None = None, held: bool = False
+    ) -> OpenModel:
+        """Return the open model that is calibrated beside causes, and linear about these loads and drives.
+
+        Beside what they move, or (N, 6). Drives are those of the calibration, or `held` as they fit best with
+        errors of loads, not beside them: a step of Newton's method, which is sure to lead on near the end
+        alone.
+        """
         change, thetas = _solution(model, chosen)
         if model.problem is None:
-            return beside_loads(
-                open_stiffness(around(model.baseline, model.stiffness(change))), chosen, thetas
+            opened = open_stiffness(around(model.baseline, model.stiffness(change)))
+        else:
+            moved = moved_by(model, chosen, thetas, change) if beside is None else beside
+            there = model.robot(change)
+            names = self.robot.identify if held and has_loads(model, chosen) else ()
+            opened = open_geometry(
+                self.robot,
+                model.baseline.rows,
+                moved,
+                parameters=self.parameters,
+                stations=self.stations,
+                drives={name: there.parameter(name) for name in names},
             )
-        moved = moved_by(model, chosen, thetas, change)
-        rows, stations = model.baseline.rows, self.stations
-        opened = open_geometry(self.robot, rows, moved, parameters=self.parameters, stations=stations)
-        return beside_loads(opened, chosen, thetas)
+        return under_loads(beside_loads(opened, chosen, thetas), chosen, thetas)
 
     def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
         """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
@@ -236,11 +252,14 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
 
 def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) -> OpenModel | None:
     """Return the open model beside causes once neither loads nor drives change; None: they do."""
-    model, share = found.model, np.inf
+    model, share, moved = found.model, np.inf, None
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
-        for _ in range(SETTLING):
-            model = settings.calibrated(model, chosen)
+        for turn in range(SETTLING):
+            change, thetas = _solution(model, chosen)
+            now = moved_by(model, chosen, thetas, change)
+            moved = now if moved is None else 0.5 * (moved + now)  # loads and drives may overshoot in turn
+            model = settings.calibrated(model, chosen, moved, held=turn >= SETTLING // 2)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]

@@ -13,25 +13,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.forms import Form, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form, by_form, shift_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.external import OF_LOADS, under_errors
 from beamstiff.diagnosis.residual.baseline import Baseline, around, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
+CARRYING = 3  # fits in turn of the errors of loads and of the drives that carry them
+
 
 def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
     """Return the open model whose drives carry the errors of loads among causes, in realistic sizes."""
     loads = _following(model, forms, thetas)
-    errors = [
-        (EFFECTS[form.effect].place, form.shape.wrench @ (theta * form.sizes))
-        for form, theta in loads
-        if form.shape.wrench is not None
-    ]
-    if errors:
-        model = replace(model, baseline=under_errors(model.baseline, errors))
     drives = model.present.size
     if not loads or not drives:
         return model
@@ -44,6 +40,33 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     tangent = model.tangent.copy()
     tangent[:, -drives:] += model.weighed(carried)
     return replace(model, tangent=tangent, carried=carried)
+
+
+def under_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> OpenModel:
+    """Return the open model whose causes are looked for under the loads with their errors among causes."""
+    errors = [
+        (EFFECTS[form.effect].place, form.shape.wrench @ (theta * form.sizes))
+        for form, theta in zip(forms, thetas, strict=True)
+        if form.shape.wrench is not None
+    ]
+    return replace(model, baseline=under_errors(model.baseline, errors)) if errors else model
+
+
+def solved_beside(model: OpenModel, forms: Sequence[Form]) -> tuple[Array, Array]:
+    """Return what `solved` does, on drives that carry the errors of loads among the causes."""
+    found = solved(model, forms)
+    for _ in range(CARRYING):
+        thetas = by_form(forms, found[0][model.tangent.shape[1] :])
+        beside = beside_loads(model, forms, thetas)
+        if beside is model:
+            break
+        found = solved(beside, forms)
+    return found
+
+
+def has_loads(model: OpenModel, forms: Iterable[Form]) -> bool:
+    """Return whether errors of loads are among the causes of positions."""
+    return model.problem is not None and any(follows_drives(model, form) for form in forms)
 
 
 def without_errors(model: OpenModel) -> OpenModel:

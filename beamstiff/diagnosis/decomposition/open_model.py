@@ -7,7 +7,7 @@ squares problem, linear about the calibrated robot, and a cause counts by what t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -159,6 +159,7 @@ def open_geometry(
     parameters: Sequence[str] | None = None,
     stations: bool = False,
     settled: bool = False,
+    drives: Mapping[str, float] | None = None,
 ) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
@@ -178,17 +179,18 @@ def open_geometry(
     settled : bool
         Whether no cause is sought any more: what the calibration leaves is noise then, beside which counts
         what is known beforehand.
+    drives : mapping of str to float, optional
+        Stiffness that the model is linear about, default what a calibration beside `moved` finds.
 
     Raises
     ------
     BeamstiffError
         As of `calibrate`: too few readings, a pose that does not close its loops.
     """
-    bare = robot.model_copy(update={"identify": ()})
+    bare = robot.with_parameters(drives or {}).model_copy(update={"identify": ()})
     sound = rows if moved is None else without_motion(rows, moved)
-    found = calibrate(
-        bare, sound, parameters, compliances=robot.identify, folds=0, stations=stations, shrink=settled
-    )
+    free = () if drives else robot.identify
+    found = calibrate(bare, sound, parameters, compliances=free, folds=0, stations=stations, shrink=settled)
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
     given = {

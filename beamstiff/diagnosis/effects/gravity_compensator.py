@@ -2,8 +2,8 @@
 
 A spring k_s of free length l_0 between points at a (base side) and r (link) from the axis stores
 ``U = k_s (L - l_0)^2 / 2``, ``L^2 = a^2 + r^2 + 2 a r cos(q - q_0)``; its torque is U', its stiffness U''
-(Klimchik et al., arXiv 1311.6674). Balancers are preloaded, a gas cushion or a wound spring, so that one
-may pull much and stiffen little: torque and stiffness have sizes of their own.
+(Klimchik et al., arXiv 1311.6674). Absolute positions show the torque by what it winds up, and whatever the
+balancer, its stiffness is how its torque changes with the angle. Displacements show the stiffness alone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RATIOS, MIDDLE = (0.15, 0.4, 0.7), 0.4
 FREE_LENGTHS = (0.0, 0.4, 0.8)
 TORQUE, STIFFNESS = 0, 1  # places of a spring's two
 WIND_UP = 1e-3  # rad, of the drive by the balancer's torque: about what the arm's weight does
-SPREAD, PRELOADED = 4.0, 8.0  # of stiffness; where torque shows as well
+SPREAD, PRELOADED = 4.0, 8.0  # of stiffness; of torque
 
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
 FAR = 1.0 / 3.0  # of the longest arm from such an axis to the tool: nobody balances a wrist
@@ -73,46 +73,48 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
 
     def wound(torque: np.ndarray) -> np.ndarray:
         """Return what torques (N, k) wind up, (N, 6, k): absolute positions alone show it."""
-        moved = by_slips(axis.shift, -torque * compliance)
-        return moved if baseline.absolute else np.zeros_like(moved)
+        return by_slips(axis.shift, -torque * compliance * baseline.absolute)
 
     def numbered(what: str, unit: str, size: float, modes: np.ndarray) -> Quantities:
         return named(what, unit, size, [f"mode_{k + 1}" for k in range(modes.shape[-1])])
 
     spread = PRELOADED if baseline.absolute else SPREAD
     stiff, turn = 0.1 / compliance, WIND_UP / compliance
-    seen = baseline.absolute or baseline.stated is not None
+    by_torque = baseline.absolute or baseline.stated is not None
+    by_stiffness = not baseline.absolute or baseline.stated is not None
     pulls, stiffens = Quantity("largest_torque", "N*m", turn), Quantity("largest_stiffness", "N*m/rad", stiff)
     factors = softer(follow.varying(lambda q: laws(q, springs)))
     result = []
     for at, chosen in enumerate(springs):
-        terms: list[Term] = [(factors[..., at], (stiffens,))]
-        if seen:
-            terms.insert(0, (wound(_largest_torque(follow.angle, *chosen)[:, None]), (pulls,)))
+        terms: list[Term] = [(factors[..., at], (stiffens,))] if by_stiffness else []
+        if by_torque:
+            share = _stiffness_of_torque(*chosen[:2])
+            torque = share * laws(follow.angle, [chosen], TORQUE)
+            terms.insert(0, (wound(torque) + share * factors[..., [at]], (pulls,)))
         ratio, free, phase = chosen
         name = f"spring {ratio:g}, free {free:g}, {np.degrees(phase):.0f} deg"
         result.append(Shape.of(name, *terms, prior_factor=spread, weight=1.0 / len(springs)))
-    modes = softer(follow.family(lambda q: laws(q, family)))
-    whole = (modes, numbered("stiffness", "N*m/rad", 0.5 * stiff, modes))
-    if not seen:
-        return [*result, Shape.of("any spring", whole, prior_factor=spread)]
-    courses = laws(follow.angle, family, TORQUE) @ follow.mixture(laws(follow.fitted, family, TORQUE))
-    torques = (wound(courses), numbered("torque", "N*m", turn, courses))
+    wholes: list[Term] = []
+    if by_torque:
+        mixture = follow.mixture(laws(follow.fitted, family, TORQUE))
+        torques = laws(follow.angle, family, TORQUE) @ mixture
+        slopes = follow.varying(lambda q: laws(q, family) @ mixture)
+        wholes.append((wound(torques) + softer(slopes), numbered("torque", "N*m", turn, torques)))
+    if by_stiffness:
+        modes = softer(follow.family(lambda q: laws(q, family)))
+        wholes.append((modes, numbered("stiffness", "N*m/rad", 0.5 * stiff, modes)))
+    result.append(Shape.of("any spring", *wholes, prior_factor=spread))
+    if not by_torque:
+        return result
     about = follow.angle - follow.share @ follow.fitted
     more = (Quantity("torque", "N*m", turn), Quantity("torque_by_angle", "N*m/rad", turn))
     coil = (wound(np.stack([np.ones_like(about), about], -1)), more)
-    return [
-        *result,
-        Shape.of("any spring", torques, whole, prior_factor=spread),
-        Shape.of("any spring, and a wound one", coil, torques, whole, prior_factor=spread),
-    ]
+    return [*result, Shape.of("any spring, and a wound one", coil, *wholes, prior_factor=spread)]
 
 
-def _largest_torque(angle: np.ndarray, ratio: float, free: float, phase: float) -> np.ndarray:
-    """Return the torque of a balancer whose largest torque is 1."""
-    around = np.linspace(0, 2 * np.pi, 181)
-    largest: float = np.abs(_spring(around, ratio, free)[TORQUE]).max()
-    return _spring(angle - phase, ratio, free)[TORQUE] / largest
+def _stiffness_of_torque(ratio: float, free: float) -> float:
+    """Return the largest stiffness of a balancer whose largest torque is 1."""
+    return float(1.0 / np.abs(_spring(np.linspace(0, 2 * np.pi, 181), ratio, free)[TORQUE]).max())
 
 
 def _compliance(baseline: Baseline, axis: Axis) -> float:

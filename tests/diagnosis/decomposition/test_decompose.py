@@ -59,8 +59,9 @@ def read(robot: Robot, q: Array, causes: tuple[str, ...], rng: np.random.Generat
     kinematics = compile_kinematics(machine(robot))
     pose = pose_of(kinematics, posture(kinematics, true), robot.tcp)
     position = pose[:, :3, 3].copy()
-    if "slip" in causes:
-        position[SLIPS_AT:] += pose[SLIPS_AT:, :3, :3] @ SLIP
+    for cause, at in (("slip", SLIPS_AT), ("slipped", 0)):
+        if cause in causes:
+            position[at:] += pose[at:, :3, :3] @ SLIP
     time = None
     if "hall" in causes:  # which a heater warms and lets cool, every quarter of an hour
         time = 60.0 * np.arange(len(q))
@@ -134,10 +135,13 @@ def test_of_three_joints_that_stop_short_each_is_named() -> None:
         assert abs(half["value"] - THREE[one["component"]]) < 4.0 * half["std"]
 
 
-def test_promised_is_true_on_fresh_poses() -> None:
-    diagnosis, robot = found("approach", "gear")
+@pytest.mark.parametrize(("before", "after"), [((), ()), (("slip",), ("slipped",))])
+def test_promised_is_true_on_fresh_poses_whatever_slipped(
+    before: tuple[str, ...], after: tuple[str, ...]
+) -> None:
+    diagnosis, robot = found("approach", "gear", *before)
     rng = np.random.default_rng(7)
-    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear"), rng)
+    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear", *after), rng)
     result = verify(extended(diagnosis), fresh, refit_frame=True)
     assert result.promised == pytest.approx(result.true, abs=0.05)
     assert result.after < 2.0 * result.noise

@@ -23,14 +23,14 @@ MASS, AT = 4.0, (0.05, 0.0, 0.1)  # kg and m, of a tool that the file does not k
 STEP = 1e-5  # rad
 
 
-def sagged(q: Array, stiffness: float) -> Array:
+def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
     """Return the joint angles (N, 6) at which springs hold the weights' moments.
 
     These are what the potential energy falls by as a joint turns, by differences.
     """
     robot = load_robot(UR10)
     kinematics = compile_kinematics(machine(robot))
-    masses = [*((one.node, one.at, one.mass) for one in robot.masses), ("reflector", AT, MASS)]
+    masses = [*((one.node, one.at, one.mass) for one in robot.masses), ("reflector", AT, mass)]
     nodes = [kinematics.node_index[node] for node, _, _ in masses]
     arms, weights = np.array([at for _, at, _ in masses]), GRAVITY * np.array([mass for *_, mass in masses])
 
@@ -72,6 +72,25 @@ def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_f
         assert moment["value"] == pytest.approx(MASS * arm, abs=4 * moment["std"])
     written = extended(diagnosis)
     for name in DRIVES[:3]:  # of a wrist's drive the readings see little
+        assert written.parameter(name) == pytest.approx(stiffness, rel=0.05)
+    fresh = verify(written, rows(rng.uniform(-2.5, 2.5, (40, 6))), refit_frame=True)
+    assert fresh.after < 1.2 * np.sqrt(3) * NOISE
+    assert fresh.promised == pytest.approx(fresh.true, abs=0.03)
+
+
+def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as_well() -> None:
+    robot, stiffness = load_robot(UR10).with_parameters(dict.fromkeys(DRIVES, 2e5)), 1.5e5
+    robot, rng = robot.model_copy(update={"identify": DRIVES}), np.random.default_rng(1)
+
+    def rows(q: Array) -> Measurements:
+        turned = sagged(q, stiffness, 3 * MASS)
+        return replace(read(load_robot(UR10), turned, ("approach", "gear"), rng), q=q)
+
+    diagnosis = diagnose(robot, rows(rng.uniform(-2.5, 2.5, (POSES, 6))))
+    causes = {(cause["effect"], cause["component"]) for cause in diagnosis.to_dict()["causes"]}
+    assert causes == {("payload-error", None), ("approach-direction", "q2"), ("angle-curve", "q3")}
+    written = extended(diagnosis)
+    for name in DRIVES[:3]:
         assert written.parameter(name) == pytest.approx(stiffness, rel=0.05)
     fresh = verify(written, rows(rng.uniform(-2.5, 2.5, (40, 6))), refit_frame=True)
     assert fresh.after < 1.2 * np.sqrt(3) * NOISE
