@@ -31,13 +31,8 @@ Region = tuple[tuple[float, float], ...]
 class Batch:
     """A table that was measured.
 
-    Attributes
-    ----------
-    file : str
-        In the folder.
-    source : str
-        Where it came from.
-    withdrawn : bool
+    `file`: in the folder.
+    `source`: where it came from.
     """
 
     file: str
@@ -49,18 +44,10 @@ class Batch:
 class CampaignFolder:
     """A campaign as it stands in its folder.
 
-    Attributes
-    ----------
-    folder : path
-    batches : tuple of Batch
-        In the order in which they were added; their numbers begin with 1.
-    region : three pairs, m, or None
-        Of the TCP in what is proposed; None in an end that is free.
-    directions : tuple of str
-        Axes of the base along which loads can pull.
-    rows : int
-        Of a proposal.
-    seed : int
+    `batches`: in the order in which they were added; their numbers begin with 1.
+    `region`: m, least and largest x, y, z of the TCP in what is proposed; None in an end that is free.
+    `directions`: axes of the base along which loads can pull.
+    `rows`: of a proposal.
     """
 
     folder: Path
@@ -106,10 +93,7 @@ class CampaignFolder:
     def with_batches(self, added: Sequence[str]) -> CampaignFolder:
         """Return the campaign with more batches, files that were measured, which it copies.
 
-        Raises
-        ------
-        BeamstiffError
-            When a file cannot be read, or its rows are those of a batch that counts.
+        Raises BeamstiffError when a file cannot be read, or its rows are those of a batch that counts.
         """
         batches = list(self.batches)
         for source in added:
@@ -127,10 +111,7 @@ class CampaignFolder:
     def without(self, numbers: Sequence[str]) -> CampaignFolder:
         """Return the campaign with batches withdrawn, by their numbers.
 
-        Raises
-        ------
-        BeamstiffError
-            When there is no such batch.
+        Raises BeamstiffError when there is no such batch.
         """
         batches = list(self.batches)
         known = [str(k) for k, one in enumerate(batches, 1) if not one.withdrawn]
@@ -160,10 +141,7 @@ def new_campaign(
 ) -> CampaignFolder:
     """Return a campaign in a folder of its own, made where it is missing; `robot`: the text of its file.
 
-    Raises
-    ------
-    BeamstiffError
-        When there is a campaign, or something else, in the folder.
+    Raises BeamstiffError when there is a campaign, or something else, in the folder.
     """
     if (folder / HEAD).exists():
         raise BeamstiffError(f"{folder}: there is a campaign already, expected another folder")
@@ -186,10 +164,7 @@ def new_campaign(
 def opened(folder: Path) -> Iterator[CampaignFolder]:
     """Give the campaign of a folder, held against other commands.
 
-    Raises
-    ------
-    BeamstiffError
-        When it holds none.
+    Raises BeamstiffError when it holds none.
     """
     path = folder / HEAD
     if not path.is_file():

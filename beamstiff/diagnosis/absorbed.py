@@ -70,8 +70,6 @@ def calibrated_without(
 
     `absorbed`: of each effect, as `absorbed_by`.
 
-    Examples
-    --------
     >>> from beamstiff.measure import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")

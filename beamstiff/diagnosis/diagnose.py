@@ -62,16 +62,7 @@ LEAST_NONE = 0.05  # probability of no cause, from which it is one of them
 class Weighed:
     """Rows about one linearisation, and what every cause is worth of them.
 
-    Attributes
-    ----------
-    screened : Screened
-    linear : Baseline
-        The one about whose stiffness effects are linear.
-    white : Whitened
-    library : Library
-    laws : sequence of ComponentSubspace
-    found : Search
-    scales : NoisePrior
+    `linear`: the one about whose stiffness effects are linear.
     """
 
     screened: Screened

@@ -25,12 +25,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
     another. ``BIC = n log(RSS/n) + k log n`` (Schwarz, Ann. Statist. 6 (1978) 461); k counts the columns
     added.
 
-    Parameters
-    ----------
-    robot : Robot
-    measurements : Measurements
-    withheld : sequence of str
-        Effects to do without.
+    `withheld`: effects to do without.
     """
     baseline = fit_baseline(robot, measurements)
     used = baseline.used

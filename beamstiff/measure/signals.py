@@ -31,19 +31,12 @@ SLOW = tuple((share, lasts) for share in (0.2, 0.5, 0.8) for lasts in (0.03, 0.0
 class Signal:
     """Readings of one source.
 
-    Attributes
-    ----------
-    name : str
-        Topic, or column group of a file.
-    kind : "joints", "torques", "point", "pose" or "wrench"
-        Of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
-    columns : tuple of str
-        Names of the values: joints by their names.
-    time : (N,) array, s
-        Not decreasing.
-    values : (N, D) array, SI
-    frame : str
-        Frame that the source names, empty where it names none.
+    `name`: topic, or column group of a file.
+    `kind`: of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
+    `columns`: names of the values: joints by their names.
+    `time`: (N,) array, s; not decreasing.
+    `values`: (N, D) array, SI.
+    `frame`: frame that the source names, empty where it names none.
     """
 
     name: str

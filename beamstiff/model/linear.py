@@ -69,10 +69,8 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
 def compliance_of_rows(robot: Robot, loads: Measurements) -> Array:
     """Return the displacement of every row's point per unit wrench at its load point, (N, 6, 6), linear.
 
-    Raises
-    ------
-    BeamstiffError
-        As `predict_displacements`; loads on a node without a rotation are refused, whatever the rows carry.
+    Raises BeamstiffError as `predict_displacements`; loads on a node without a rotation are refused, whatever
+    the rows carry.
     """
     refuse_idle_moments(robot, replace(loads, wrench=np.ones_like(loads.wrench)))
     structure = compile_structure(robot)

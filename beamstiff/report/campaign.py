@@ -102,8 +102,6 @@ def campaign_text(plan: MeasurementPlan) -> str:
 def percent(share: float) -> str:
     """Return a share as people read it, two digits.
 
-    Examples
-    --------
     >>> percent(0.0234), percent(5.87), percent(1e5)
     ('2.3 %', '587 %', '> 1000 %')
     """

@@ -47,8 +47,6 @@ def plain(axes: Axes) -> None:
 def check_format(path: str | Path) -> str:
     """Return the format that a figure's file name asks for.
 
-    Examples
-    --------
     >>> check_format("fit.PNG")
     'png'
     """

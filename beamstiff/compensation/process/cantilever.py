@@ -113,8 +113,6 @@ def sliding(place: Array) -> Array:
 
     `place` (N,), m: on the line, in the order of the path. To the first nothing slid.
 
-    Examples
-    --------
     >>> sliding(np.array([0.0, 0.1, 0.1, 0.05]))
     array([ 0., 1., 0., -1.])
     """

@@ -28,16 +28,11 @@ SLIGHT = 0.005  # share that is not told
 class Attribution:
     """The gap attributed to places; n whitened values, m modes of all places.
 
-    Attributes
-    ----------
-    places : tuple of str
-    of : (m,) int array
-        Place of each mode.
-    columns : (n, m) array
-    precision : (p,) array
-        Inverse variance of each place's modes, per sigma.
-    mean : (m,) array
-    covariance : (m, m) array
+    `of`: (m,) int array; place of each mode.
+    `columns`: (n, m) array.
+    `precision`: (p,) array; inverse variance of each place's modes, per sigma.
+    `mean`: (m,) array.
+    `covariance`: (m, m) array.
     """
 
     places: tuple[str, ...]
@@ -141,16 +136,9 @@ def shares(
 def ceiling(found: Attribution, white: Whitened, fold: NDArray[np.intp], sigma: Array, noise: float) -> float:
     """Return the RMS position gap, m, that all free laws together leave on postures they did not see.
 
-    Parameters
-    ----------
-    found : Attribution
-    white : Whitened
-    fold : (N,) int array
-        Which fold holds each row's posture out; -1 for rows that do not count.
-    sigma : (N, 6) array
-        Standard deviations that the baseline counts with.
-    noise : float
-        Scale of the noise against them.
+    `fold`: (N,) int array; which fold holds each row's posture out; -1 for rows that do not count.
+    `sigma`: (N, 6) array; standard deviations that the baseline counts with.
+    `noise`: scale of the noise against them.
     """
     own = np.concatenate([white.tangent, found.columns], axis=1)
     columns, gap = (

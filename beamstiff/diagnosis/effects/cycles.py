@@ -34,11 +34,7 @@ class Cycle:
 def cycle_of(baseline: Baseline, since_unloaded: bool) -> Cycle:
     """Return the cycle that explains most of the gap of the rows that were fitted, or the one stated.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    since_unloaded : bool
-        Whether readings count from the first of their posture.
+    `since_unloaded`: whether readings count from the first of their posture.
     """
     if baseline.stated is not None:
         return Cycle(stated_scale(baseline, "cycles") or 0.0, 1.0)

@@ -27,13 +27,9 @@ ROTATION_LENGTH = 0.5  # m, by which rotations count beside positions, whatever 
 class Left:
     """What is left of the gap of the rows that were fitted, n values.
 
-    Attributes
-    ----------
-    fit : Baseline
-        Of these rows.
-    gap : (n,) array
-    own : (n, t) array
-        Orthonormal columns of what was taken out.
+    `fit`: of these rows.
+    `gap`: (n,) array.
+    `own`: (n, t) array; orthonormal columns of what was taken out.
     """
 
     fit: Baseline

@@ -22,8 +22,6 @@ FEWEST = 3  # rows before a slip and after it: fewer are gross errors
 def slip_row(shape: str) -> int:
     """Return the row (from 0) at which a shape's target slips.
 
-    Examples
-    --------
     >>> slip_row("from row 54 on")
     54
     """

@@ -16,14 +16,8 @@ def explanations(
 ) -> list[Explanation]:
     """Return what each candidate that was tried on held-out postures explains, with its probability.
 
-    Parameters
-    ----------
-    baseline : Baseline
-        The one that the effects are linear about.
-    candidates : iterable of Candidate
-    verdict : Candidate
-    pair : sequence of Fitted
-        The fit of the verdict and a second cause together, empty where one alone is named.
+    `baseline`: the one that the effects are linear about.
+    `pair`: the fit of the verdict and a second cause together, empty where one alone is named.
     """
     found = []
     for one in candidates:

@@ -67,19 +67,15 @@ INSIDE = ("structure", "drive")  # families of effects whose places have laws of
 class ComponentSubspace:
     """Everything that a place could do.
 
-    Attributes
-    ----------
-    place : str
-        A joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the like.
-    modes : (n, m) array
-        Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
-    inside : bool
-        Whether it is a compliant place of the machine.
-    unmodelled : dict of str to (n, k) array
-        Main modes of what no effect of the library is, by what the place would do: play of the structure,
-        friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
-        changes with the time or from posture to posture, or creeps; of readings that they stick. Few enough
-        each to be seen where all that the place could do is too much.
+    `place`: a joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the
+        like.
+    `modes`: (n, m) array; its main modes, whitened, less what the fit absorbs; all together have mean square
+        1.
+    `inside`: whether it is a compliant place of the machine.
+    `unmodelled`: dict of str to (n, k) array; main modes of what no effect of the library is, by what the
+        place would do: play of the structure, friction at base and tool, a tether or a stop; of a drive what
+        softens, stays softer to one side, changes with the time or from posture to posture, or creeps; of
+        readings that they stick. Few enough each to be seen where all that the place could do is too much.
     """
 
     place: str

@@ -34,14 +34,8 @@ def beside_the_cause(
 ) -> Baseline | None:
     """Return a baseline linear about the stiffness beside the likeliest cause or pair; None if it is.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    white : Whitened
-        Of it: what counts of it.
-    found : Search
-    scales : NoisePrior
-        Of the noise.
+    `white`: of it: what counts of it.
+    `scales`: of the noise.
     """
     if not baseline.fitted or found.log_weight[NONE] > found.log_weight[found.named[0]]:
         return None

@@ -32,14 +32,9 @@ STOPS = (0.0, 0.3, 0.6)  # of the largest displacement along a direction, where 
 class Held:
     """What holds the tool, for N rows: where it sits, and what it moves.
 
-    Attributes
-    ----------
-    own : (N, 3, 3) array
-        Displacement of the TCP per force there, C.
-    seen : (N, 6, 3) array
-        Displacement of the row's point per force at the TCP.
-    moved : (N, 3) array
-        Displacement of the TCP, ``C w``.
+    `own`: (N, 3, 3) array; displacement of the TCP per force there, C.
+    `seen`: (N, 6, 3) array; displacement of the row's point per force at the TCP.
+    `moved`: (N, 3) array; displacement of the TCP, ``C w``.
     """
 
     own: Array

@@ -44,10 +44,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
 
     Each is read at the point that the table reads most often.
 
-    Raises
-    ------
-    BeamstiffError
-        When no posture can be reached.
+    Raises BeamstiffError when no posture can be reached.
     """
     causes = (*found.causes, *found.unclear)
     if not causes:
@@ -73,13 +70,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
 
 @dataclass(frozen=True, eq=False)
 class Ahead:
-    """New rows, as a decomposition sees them.
-
-    Attributes
-    ----------
-    found : Decomposition
-    rows : Measurements
-    """
+    """New rows, as a decomposition sees them."""
 
     found: Decomposition
     rows: Measurements
@@ -112,10 +103,7 @@ class Ahead:
     def foretold(self, forms: Sequence[Form]) -> Foretold:
         """Return what some forms, fitted with all that is open, foretell.
 
-        Raises
-        ------
-        BeamstiffError
-            When a form does not exist there.
+        Raises BeamstiffError when a form does not exist there.
         """
         matrix = np.concatenate([self.opened, *(self.columns(form) for form in forms)], axis=2)
         theta, covariance = solved(self.found.model, forms)

@@ -15,20 +15,14 @@ from beamstiff.se3 import Array, rotate_screw
 class Place:
     """A place, for N rows, in its own axes.
 
-    Attributes
-    ----------
-    load : (N, 6) array, N and N m
-        Wrench ``[f, m]`` that the row's load passes through it.
-    dead : (N, 6) array
-        What the dead weight passes through it.
-    shift : (N, 6, 6) array
-        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
-    turn : (N, 3, 3) array
-        Its axes in the base frame, as columns.
-    length : (N,) array, m
-        Of a link: some grow with a slide; 0 for other places.
-    stressed : (N, 6, 6) array or None
-        Projector onto what self-stresses do there; None where statics and the springs determine all.
+    `load`: (N, 6) array, N and N m; wrench ``[f, m]`` that the row's load passes through it.
+    `dead`: (N, 6) array; what the dead weight passes through it.
+    `shift`: (N, 6, 6) array; displacement ``[d, r]`` of the row's point, base frame, per relative
+        displacement of the place.
+    `turn`: (N, 3, 3) array; its axes in the base frame, as columns.
+    `length`: (N,) array, m; of a link: some grow with a slide; 0 for other places.
+    `stressed`: (N, 6, 6) array or None; projector onto what self-stresses do there; None where statics and
+        the springs determine all.
     """
 
     load: Array

@@ -75,8 +75,6 @@ def shared(name: str) -> dict[str, str]:
 def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
     """Return numbers as figures hold them: few digits, None where there is none.
 
-    Examples
-    --------
     >>> numbers(np.array([1 / 3, np.nan, -0.0]))
     [0.33333, None, 0.0]
     """

@@ -367,8 +367,6 @@ def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -
 def shortened(name: str) -> str:
     """Return a name as a label has room for; the part under the pointer tells it whole.
 
-    Examples
-    --------
     >>> shortened("link2"), shortened("the column that carries the arm")
     ('link2', 'the column that…')
     """
