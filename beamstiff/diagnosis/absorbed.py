@@ -6,8 +6,6 @@ leaves which is calibrated without them. It differs by what calibration absorbs 
 the tangent of the open parameters, ``A theta`` what the effect moves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 

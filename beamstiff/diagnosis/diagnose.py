@@ -1,7 +1,5 @@
 """The diagnosis: where the gap is, which effect causes it, how far it shrinks, how sure that is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

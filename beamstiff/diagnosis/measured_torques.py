@@ -6,8 +6,6 @@ approach, and the sensor's own offset and gain. All are fitted to the readings o
 odds of each, tempered, become the prior of the positions, which are other readings (as of `behind_gears`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

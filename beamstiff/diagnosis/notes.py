@@ -1,7 +1,5 @@
 """What limits the conclusions, in one sentence each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

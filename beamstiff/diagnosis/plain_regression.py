@@ -1,7 +1,5 @@
 """A plain method to compare with: ordinary regression on each effect's signature, the best BIC wins."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

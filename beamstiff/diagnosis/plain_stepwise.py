@@ -5,8 +5,6 @@ are added to the regression, everything refitted, as long as the BIC falls. All 
 constraint on a parameter, no held-out postures, no prior, no look-alikes, no removal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ hand after what measurements of some nine robots showed (`docs/diagnosis_method.
 first, the direction of approach and the target next; links, bearings, base and couplings seldom.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """What a diagnosis changed in the geometry while it sought causes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ the others select (nested cross-validation: Varma and Simon, BMC Bioinformatics 
 model without a cause, fitted to the same others: of few postures the stiffness alone may go far astray.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.apply import extended, predict_with_effects

@@ -1,7 +1,5 @@
 """A robot with its effects on fresh rows: the gap without them and with them, promised against true."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Readings without what a robot's effects add: all else is fitted, or diagnosed, as if it had none."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ How much the readings scatter nobody states: it is what a spring alone leaves of
 play and friction included.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -12,8 +12,6 @@ from the camera to the tag.
 A wrong focal length or size of the tag makes all distances longer: ``camera.scale``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -20,8 +20,6 @@ it. Orientations: columns a b c with `orientation` (KUKA ABC, Euler ZYX, fixed X
 quaternion as columns qw qx qy qz.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path

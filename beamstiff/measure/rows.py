@@ -1,7 +1,5 @@
 """Rows of measurement tables: some of them, those of several tables, and the order they were measured in."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Many samples of a state to its mean, with the spread kept; noise from repeated states."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ exchanged; one in which a single reflector is off by itself has lost that one's 
 scatter is seen without names, in their sorted sizes. `mend_labels` puts exchanged names back.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

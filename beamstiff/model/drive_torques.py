@@ -1,7 +1,5 @@
 """Torques, of slides forces, that drives hold against weights and loads: ``tau = -J^T w``, virtual work."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

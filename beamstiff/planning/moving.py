@@ -5,8 +5,6 @@ in one posture cost none. From the best plan on, each test in turn is exchanged 
 soonest driven, as long as the criterion stays within a share of the best (exchanges as in `designs`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.planning.designs import Design, criterion_of, design_of

@@ -1,7 +1,5 @@
 """Table and sentences of a test plan: the standard errors to expect, and what more tests would bring."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

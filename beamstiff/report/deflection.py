@@ -1,7 +1,5 @@
 """Table and sentences of predicted displacements: the gap to measured ones, and the effects included."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

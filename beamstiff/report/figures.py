@@ -4,8 +4,6 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; what 
 in its marker.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a robot file means, as plain data: its parts, how they hang together, and numbers that follow."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables for people: described once, drawn by the console and by pages of a report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The verdict that a result begins with: a headline coloured by gap over noise, the data, the next action."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ determination: MacKay, Network 6 (1995) 469), so that what one place explains th
 cause explains is its own place's, as far as that cause is probable; the free laws share what is left.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -11,8 +11,6 @@ log odds enter as ``sign(x) log(1 + |x|)``, or divided as those between effects 
 (`python -m benchmarks.decision_study`); the file says which campaigns, and how many of each kind.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cache

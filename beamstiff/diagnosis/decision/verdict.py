@@ -6,8 +6,6 @@ where values are few (`tempering`); those between pairs, which are free enough t
 far off they are, by ``1 + sqrt(E residual_fraction)``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

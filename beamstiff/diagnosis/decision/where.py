@@ -3,8 +3,6 @@
 Every place gets what it could do at most (`component_subspaces`), and its share of the gap (`attribution`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

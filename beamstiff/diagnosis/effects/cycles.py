@@ -5,8 +5,6 @@ the gap (a periodogram by least squares: Lomb, Astrophys. Space Sci. 39 (1976) 4
 choice is the number of periods that can be told from one another.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ What the model itself and another part of the shape leave of the gap is what has
 has no part in the choice, which must not move with what the noise is thought to be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar

@@ -5,8 +5,6 @@ A ball screw that a bearing holds at one end is a rod up to its nut: ``c(L) = c0
 response already: ``c(L) / l^2`` about that axis. Its component is the prismatic variable that drives it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

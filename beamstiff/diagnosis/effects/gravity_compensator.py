@@ -6,8 +6,6 @@ A spring k_s of free length l_0 between points at a (base side) and r (link) fro
 may pull much and stiffen little: torque and stiffness have sizes of their own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque

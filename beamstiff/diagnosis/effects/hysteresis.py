@@ -6,8 +6,6 @@ Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|
 be let go with the time, ``S' = -S / tau``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

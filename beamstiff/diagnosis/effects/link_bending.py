@@ -6,8 +6,6 @@ unit-load method): under end force F and moment M, at s from the root, the secti
 ``M + (L - s) F``, and the end turns by the integral of its flexibility times that.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

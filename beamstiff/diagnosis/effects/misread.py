@@ -5,8 +5,6 @@ errors are those of each place, or, where a displacement is the difference of tw
 space that is bent. What reads rotations beside it is turned by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
 from math import comb

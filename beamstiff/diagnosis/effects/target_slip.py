@@ -4,8 +4,6 @@ From that row on the point is off by p, constant in the tool's frame. Every row 
 moment, and a slip says nothing of other campaigns: the target is glued on anew.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape

@@ -7,8 +7,6 @@ others, and softer to one side of each: no compliance, and no law by axis, does 
 not known beforehand: they are taken where they explain most of the gap, and the choice is paid for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """What the effects share: the torque about a joint's axis, slips that follow a law of it, axes of places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What each cause explains of the gap, at the places where it sits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from beamstiff.diagnosis.decision.attribution import Explanation

@@ -3,8 +3,6 @@
 Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.folds`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

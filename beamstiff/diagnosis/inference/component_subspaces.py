@@ -6,8 +6,6 @@ its history and the time. `where` looks for the gap among these laws; a cause wi
 better than they do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

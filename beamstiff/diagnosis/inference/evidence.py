@@ -8,8 +8,6 @@ weighs the density by twice the probability that they are not. It is averaged ov
 averaging; MacKay, Neural Comp. 4 (1992) 415), and tempered in `diagnosis.decision.tempering`.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Stop operators of vectors (Visintin, Differential Models of Hysteresis, 1994, ch
 with what is followed, and stays within a ball. No effect of the library has a name for them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Every effect at every component of a robot in all its shapes, as columns; and what the data cannot show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ where the gap is large. Effects are therefore weighed once more about the stiffn
 or pair, as Gauss and Newton do it, until that stays where it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ hypothesis with the columns of both. What their places may do beside their shape
 a shape that is not quite right errs at its own place first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ weighed again on what they leave. The likeliest pairs that this finds are weighe
 together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar

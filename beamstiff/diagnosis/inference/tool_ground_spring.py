@@ -6,8 +6,6 @@ tool moves by ``(I + C K)^-1 C w`` instead of ``C w``: two springs side by side.
 gap suggests. No effect of the library has a name for them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

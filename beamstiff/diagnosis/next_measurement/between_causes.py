@@ -7,8 +7,6 @@ parameters best: the expected information of a reading, ``log det(1 + M C M^T / 
 Ann. Math. Statist. 27 (1956) 986), each beside what the rows before it told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -10,8 +10,6 @@ A cause of the library may fit what another, outside it, does in the rows that i
 was not found with check that, and so it is decided only where it led before the last batch, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -14,8 +14,6 @@ Rows are chosen one after another, so that the sum over pairs falls most. That h
 discrimination of a row is by how much it lowers the logarithm of the sum.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

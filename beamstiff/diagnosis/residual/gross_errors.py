@@ -5,8 +5,6 @@ are off by the same, as after a reflector was bumped. What a shape misses is lar
 some loads, and next to large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -14,8 +14,6 @@ independent stand for all (`self_stress`). What statics does not determine of q_
 and is named.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -8,8 +8,6 @@ f the noise of positions and of rotations against the sigma counted with, K the 
 library, each of unit size. f, v and a maximise the likelihood and a prior of f.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

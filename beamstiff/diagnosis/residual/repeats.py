@@ -4,8 +4,6 @@ Rows are repeats where posture, load, its point, the reflector and the way the l
 Nothing but noise, and what goes with time, can part them, whatever the model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ outlier when the others, through that covariance, leave it too unlikely (leave-o
 processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -9,8 +9,6 @@ The springs of a place are determined always: their force follows from how far t
 some of them move only together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Charts: bars and intervals of named values, curves of errors, matrices as coloured squares."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import ceil, floor, log10
 from typing import Any

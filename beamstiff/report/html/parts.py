@@ -5,8 +5,6 @@ Figures are those of plotly, as plain data with two additions that the page reso
 figures draw, which the page holds once.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The robot in three dimensions: its parts, its load, its deformed shape, the ellipsoid of its compliance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
