@@ -68,7 +68,7 @@ def calibrated_without(
 
     `absorbed`: of each effect, as `absorbed_by`.
 
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")
     >>> change = 1e-3 / robot.parameter("J2.torsional")

@@ -70,7 +70,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         effects: the measuring frame is not the base frame. Changes nothing of displacements.
     Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
 
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot, wrench = load_robot("cantilever"), [[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]
     >>> seen = {"tcp": robot.tcp, "wrench": wrench, "displacement": np.zeros((1, 6))}

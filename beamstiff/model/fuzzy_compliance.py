@@ -110,7 +110,7 @@ def rules_from_table(table: Measurements, inputs: Sequence[str]) -> FuzzyComplia
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> pull, seen = [[-900, 0, 0, 0, 0, 0]] * 2, [[-0.9e-3, np.nan, np.nan]] * 2
     >>> seen[1] = [-1.8e-3, np.nan, np.nan]
     >>> rules = make_measurements(["q2"], [[0.0], [1.0]], tcp="n7", wrench=pull, displacement=seen)

@@ -48,7 +48,7 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")
     >>> names = [variable.name for variable in robot.actuated]

@@ -7,14 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff.measure import (
-    Measurements,
-    doubts,
-    history_order,
-    measurements_to_csv,
-    parse_measurements,
-    read_measurements,
-)
+from beamstiff.measure.doubts import doubts
+from beamstiff.measure.reader import parse_measurements, read_measurements
+from beamstiff.measure.rows import history_order
+from beamstiff.measure.table import Measurements
+from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 

@@ -8,11 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import (
-    average_samples,
-    difference_of_states,
-    make_measurements,
-)
+from beamstiff.measure.samples import average_samples, difference_of_states
+from beamstiff.measure.table import make_measurements
 
 
 @given(st.integers(1, 60), st.integers(1, 3), st.integers(0, 10_000), st.booleans())
