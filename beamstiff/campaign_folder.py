@@ -5,15 +5,13 @@ whole before it names it, and files that it does not name are those of a command
 copies, called after their content, and never change.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -90,7 +88,7 @@ class CampaignFolder:
         """Write a result of these batches."""
         write_output(self.folder / RESULT, json.dumps({"state": self.state, **told}, indent=1) + "\n")
 
-    def with_batches(self, added: Sequence[str]) -> CampaignFolder:
+    def with_batches(self, added: Sequence[str]) -> Self:
         """Return the campaign with more batches, files that were measured, which it copies.
 
         Raises BeamstiffError when a file cannot be read, or its rows are those of a batch that counts.
@@ -108,7 +106,7 @@ class CampaignFolder:
             batches.append(Batch(name, Path(source).name))
         return replace(self, batches=tuple(batches))
 
-    def without(self, numbers: Sequence[str]) -> CampaignFolder:
+    def without(self, numbers: Sequence[str]) -> Self:
         """Return the campaign with batches withdrawn, by their numbers.
 
         Raises BeamstiffError when there is no such batch.

@@ -1,10 +1,8 @@
 """Sampled signals of a running machine: joints, points, poses, wrenches, each with times of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -54,7 +52,7 @@ class Signal:
         """Median time between readings, s."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else np.inf
 
-    def shifted(self, time: Array) -> Signal:
+    def shifted(self, time: Array) -> Self:
         """Return the signal at other times, in their order."""
         order = np.argsort(time, kind="stable")
         return replace(self, time=time[order], values=self.values[order])

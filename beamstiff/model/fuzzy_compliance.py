@@ -1,9 +1,8 @@
 """Fuzzy compliance: ``d = C(q) w`` with a compliance matrix that fuzzy rules give (seed 003, eq. 38)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +37,7 @@ class FuzzyCompliance:
         """All rules: each system says what terms it knows."""
         return (self.system, *self.others)
 
-    def extrapolating(self) -> FuzzyCompliance:
+    def extrapolating(self) -> Self:
         """Return the model that answers outside what was trained too."""
         return replace(self, extrapolate=True)
 

@@ -1,9 +1,8 @@
 """What an effect is: its meaning, where it can sit, and its shapes, first order in their parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -83,7 +82,7 @@ class Shape:
         weight: float = 1.0,
         against: tuple[str, ...] | None = None,
         data_selected: bool = False,
-    ) -> Shape:
+    ) -> Self:
         """Return the shape of several terms side by side."""
         return cls(
             name,

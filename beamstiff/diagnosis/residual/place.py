@@ -1,8 +1,7 @@
 """A place of a machine: what passes through it, and what a slip there moves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,7 @@ class Place:
         most = np.diagonal(self.stressed, axis1=1, axis2=2).max(axis=0, initial=0.0)
         return np.asarray(most > RANK_TOLERANCE)
 
-    def along(self, turn: Array) -> Place:
+    def along(self, turn: Array) -> Self:
         """Return the place in other axes, the columns of (N, 3, 3) in the base frame."""
         change = rotate_screw(turn.swapaxes(-1, -2) @ self.turn)  # components in new axes from those in old
         back = change.swapaxes(-1, -2)
@@ -53,7 +52,7 @@ class Place:
             stressed=None if self.stressed is None else change @ self.stressed @ back,
         )
 
-    def determined(self) -> Place:
+    def determined(self) -> Self:
         """Return the place with nothing in the directions that are not determined."""
         some = ~self.undetermined
         return replace(self, load=self.load * some, dead=self.dead * some, shift=self.shift * some)

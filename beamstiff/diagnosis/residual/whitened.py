@@ -5,10 +5,9 @@ each growing with the load and its square. In the eigenvectors of that covarianc
 noise ``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is a weighted one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +102,7 @@ class Whitened:
             yield at, block, columns[start : start + at.size].reshape(*at.shape, -1)
             start += at.size
 
-    def with_fitted(self, cause: Array, nuisance: Array | None = None) -> Whitened:
+    def with_fitted(self, cause: Array, nuisance: Array | None = None) -> Self:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
 
         Beside them `nuisance` (n, m), of mean square 1 together, is what its place may do else.
