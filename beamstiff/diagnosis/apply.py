@@ -52,17 +52,6 @@ class EffectError(BeamstiffError):
         super().__init__(f"robot {robot!r}: {where}")
 
 
-def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
-    """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
-
-    Displacements ``[d, r]``, or deviations of absolute poses from the nominal geometry; with gravity, payload
-    and the stiffness of the loaded machine.
-
-    Raises BeamstiffError as of `effects_displacement`.
-    """
-    return predict(robot, rows)
-
-
 def bare_baseline(robot: Robot, rows: Measurements) -> Baseline:
     """Return what the effects of a robot are evaluated for: the robot without them, nothing fitted."""
     return fit_baseline(robot.model_copy(update={"effects": ()}), rows, keep=())
