@@ -139,12 +139,9 @@ def extended(diagnosis: Diagnosis) -> Robot:
 
     Effects that the robot had before and that were taken off the readings come first.
 
-    Returns
-    -------
-    Robot
-        Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added and
-        for what was of the measured postures alone and for compliances that the noise made negative, which
-        are 0.
+    It predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was
+    added and for what was of the measured postures alone and for compliances that the noise made negative,
+    which are 0.
     """
     found = _found(diagnosis)
     found = found.with_unmeasured(diagnosis.fitted_stiffness, diagnosis.untouched)

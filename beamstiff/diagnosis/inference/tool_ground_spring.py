@@ -55,20 +55,11 @@ def held_tool(baseline: Baseline) -> Held:
 def tethered(baseline: Baseline, held: Held, white: Whitened) -> tuple[Array, Array]:
     """Return what a spring between tool and floor does to displacements.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    held : Held
-    white : Whitened
-        Its gap, which suggests how strong the spring is.
-
-    Returns
-    -------
-    alike : (N, 6, 7) array
-        Of a spring that is alike everywhere: what the suggested one does and, per N/m of each of its six
-        values, what it would do more.
-    placed : (N, 6, 18) array
-        What it would do more if it changed with the place, as it does where its direction does.
+    `white`: its gap, which suggests how strong the spring is.
+    Returns `alike`, (N, 6, 7) array; of a spring that is alike everywhere: what the suggested one does and,
+    per N/m of each of its six values, what it would do more.
+    Returns `placed`, (N, 6, 18) array; what it would do more if it changed with the place, as it does where
+    its direction does.
     """
     about = suggested_spring(held, white)
     more = _more(held, about)

@@ -205,22 +205,19 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     else:
         tangent = np.zeros((len(rows), 6, 0))
     used = rows.measured_mask
-    return Baseline(
-        robot=fit.robot,
-        nominal=fit.nominal,
+    return replace(
+        fit,
         rows=rows,
-        fitted=fit.fitted,
         measured=np.where(used, deviation(fit.nominal, rows), 0.0),
         used=used,
         sigma=_sigma(rows),
-        claimed=fit.claimed,
         sharing=rows.sharing,
         predicted=predicted,
         tangent=tangent,
         response=tool_response(fit.robot, rows),
         places=find_places(fit.robot, rows),
         fit_rows=fit.fit,
-        given=fit.given,
+        stated=None,
     )
 
 

@@ -140,17 +140,9 @@ def self_stresses(
 ) -> dict[str, list[str]]:
     """Return which rigid directions of the machine the self-stresses of its places need, at the first pose.
 
-    Parameters
-    ----------
-    robot : Robot
-    where : Posture
-    places : mapping of str to sequence of (str, int)
-        By name of the place: joints and their directions 0..5.
-
-    Returns
-    -------
-    needed : dict of str to list of str
-        By name of the place: stiffness parameters, such as ``J12.axial``.
+    `places`: by name of the place: joints and their directions 0..5.
+    Returns `needed`, dict of str to list of str; by name of the place: stiffness parameters, such as
+    ``J12.axial``.
     """
     rigid = [name for name, value in stiffness_parameters(robot).items() if value == RIGID]
     ports, _ = find_ports(robot, rigid)
