@@ -9,8 +9,6 @@ import numpy as np
 from beamstiff.se3 import Array
 
 SignalKind = Literal["joints", "torques", "point", "pose", "wrench"]
-# Quantity of the first three values of a reading, and of the rest where these are another.
-UNIT: Mapping[SignalKind, str] = {"joints": "rad", "torques": "N m", "point": "m", "pose": "m", "wrench": "N"}
 # Below this a standard deviation counts as this: finer than encoders, trackers and load cells resolve.
 LEAST_NOISE: Mapping[SignalKind, float] = {
     "joints": 2e-6,

@@ -54,7 +54,6 @@ SOFTENING = "softens the more it carries"
 GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
 UNSTEADY = "has another compliance in every posture"
 ASTRAY = "stands off otherwise in every posture"
-OF_POSTURES = (UNSTEADY, ASTRAY)
 SLIPPING = "slips against friction, so that what it does depends on the load history"
 STICKING = "stick or drag behind what moves, as gauges do"
 READINGS = "readings"
