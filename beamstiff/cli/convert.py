@@ -133,7 +133,7 @@ def convert(
         return
     columns = None if profile is None else named_profile(profile)
     if is_bag(source) or (columns is not None and columns.samples):
-        from beamstiff.functions.convert_logs import convert_log
+        from beamstiff.functions.convert import convert_log
         from beamstiff.functions.robots import load_robot
 
         table = convert_log(
