@@ -5,15 +5,13 @@ whole before it names it, and files that it does not name are those of a command
 copies, called after their content, and never change.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -31,13 +29,8 @@ Region = tuple[tuple[float, float], ...]
 class Batch:
     """A table that was measured.
 
-    Attributes
-    ----------
-    file : str
-        In the folder.
-    source : str
-        Where it came from.
-    withdrawn : bool
+    `file`: in the folder.
+    `source`: where it came from.
     """
 
     file: str
@@ -49,18 +42,10 @@ class Batch:
 class CampaignFolder:
     """A campaign as it stands in its folder.
 
-    Attributes
-    ----------
-    folder : path
-    batches : tuple of Batch
-        In the order in which they were added; their numbers begin with 1.
-    region : three pairs, m, or None
-        Of the TCP in what is proposed; None in an end that is free.
-    directions : tuple of str
-        Axes of the base along which loads can pull.
-    rows : int
-        Of a proposal.
-    seed : int
+    `batches`: in the order in which they were added; their numbers begin with 1.
+    `region`: m, least and largest x, y, z of the TCP in what is proposed; None in an end that is free.
+    `directions`: axes of the base along which loads can pull.
+    `rows`: of a proposal.
     """
 
     folder: Path
@@ -103,13 +88,10 @@ class CampaignFolder:
         """Write a result of these batches."""
         write_output(self.folder / RESULT, json.dumps({"state": self.state, **told}, indent=1) + "\n")
 
-    def with_batches(self, added: Sequence[str]) -> CampaignFolder:
+    def with_batches(self, added: Sequence[str]) -> Self:
         """Return the campaign with more batches, files that were measured, which it copies.
 
-        Raises
-        ------
-        BeamstiffError
-            When a file cannot be read, or its rows are those of a batch that counts.
+        Raises BeamstiffError when a file cannot be read, or its rows are those of a batch that counts.
         """
         batches = list(self.batches)
         for source in added:
@@ -124,13 +106,10 @@ class CampaignFolder:
             batches.append(Batch(name, Path(source).name))
         return replace(self, batches=tuple(batches))
 
-    def without(self, numbers: Sequence[str]) -> CampaignFolder:
+    def without(self, numbers: Sequence[str]) -> Self:
         """Return the campaign with batches withdrawn, by their numbers.
 
-        Raises
-        ------
-        BeamstiffError
-            When there is no such batch.
+        Raises BeamstiffError when there is no such batch.
         """
         batches = list(self.batches)
         known = [str(k) for k, one in enumerate(batches, 1) if not one.withdrawn]
@@ -160,10 +139,7 @@ def new_campaign(
 ) -> CampaignFolder:
     """Return a campaign in a folder of its own, made where it is missing; `robot`: the text of its file.
 
-    Raises
-    ------
-    BeamstiffError
-        When there is a campaign, or something else, in the folder.
+    Raises BeamstiffError when there is a campaign, or something else, in the folder.
     """
     if (folder / HEAD).exists():
         raise BeamstiffError(f"{folder}: there is a campaign already, expected another folder")
@@ -186,10 +162,7 @@ def new_campaign(
 def opened(folder: Path) -> Iterator[CampaignFolder]:
     """Give the campaign of a folder, held against other commands.
 
-    Raises
-    ------
-    BeamstiffError
-        When it holds none.
+    Raises BeamstiffError when it holds none.
     """
     path = folder / HEAD
     if not path.is_file():

@@ -37,8 +37,6 @@ class OptionError(BeamstiffError):
 
     `what`: what was found, and what would be right.
 
-    Examples
-    --------
     >>> str(OptionError("folds", "found 1, expected 2 or more"))
     'folds: found 1, expected 2 or more'
     """
@@ -64,8 +62,6 @@ def optional(what: str, note: Callable[[str], object]) -> Iterator[None]:
 
     `what`: what is missing then, such as "the figure". `note`: takes the note.
 
-    Examples
-    --------
     >>> with optional("the figure", print):
     ...     raise BeamstiffError("robot.yaml: loop_1 does not close")
     the figure is skipped: robot.yaml: loop_1 does not close
@@ -81,8 +77,6 @@ def optional(what: str, note: Callable[[str], object]) -> Iterator[None]:
 def suggest(name: object, candidates: Iterable[str]) -> str:
     """Return a hint with the closest of `candidates`, or an empty string when none is close.
 
-    Examples
-    --------
     >>> suggest("tosional", ["axial", "torsional"])
     " (did you mean 'torsional'?)"
     >>> suggest("TCP", ["tcp", "fixed"])
@@ -112,8 +106,6 @@ def _differs_in_one_place(one: str, other: str) -> bool:
 def listed(names: Iterable[str], most: int = 8) -> str:
     """Return names joined by commas, cut after `most` of them, and each when long, for use in a message.
 
-    Examples
-    --------
     >>> listed(["a", "b", "c"], most=2)
     'a, b and 1 more'
     """
@@ -139,8 +131,6 @@ class _Short(reprlib.Repr):
 def shown(value: object) -> str:
     """Return a value as a message shows it: as it was written, cut to some sixty characters, in one line.
 
-    Examples
-    --------
     >>> shown("5 parsec"), shown(None), shown(True), shown([1, "a"])
     ("'5 parsec'", 'null', 'true', "[1, 'a']")
     """

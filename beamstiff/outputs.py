@@ -35,8 +35,6 @@ def sealed(content: str | bytes) -> bytes:
     `content`: JSON (an object), XML, HTML, SVG, PDF or PNG, or a text whose comments begin with ``#``; in the
     head of such a text, where it was an output itself, the new seal takes the place of the old one.
 
-    Examples
-    --------
     >>> sealed("a,b\n")[:26]
     b'# beamstiff-output sha256='
     """

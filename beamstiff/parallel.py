@@ -68,8 +68,6 @@ def parallel_map(
     them again. `then`: tasks that a result brings with it. It is called here, before the result is yielded;
     they go before others and have the same number.
 
-    Examples
-    --------
     >>> from math import sqrt
     >>> list(parallel_map(sqrt, [4.0, 9.0]))
     [(0, 2.0), (1, 3.0)]

@@ -29,8 +29,6 @@ def rotation_about(axis: int, angle: Array) -> Array:
 
     `angle` (...), rad. Returns (..., 3, 3) array.
 
-    Examples
-    --------
     >>> rotation_about(2, np.pi / 2).round(12) @ [1.0, 0.0, 0.0]
     array([0., 1., 0.])
     """

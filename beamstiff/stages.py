@@ -1,7 +1,5 @@
 """What long work is at, for whoever listens: a terminal shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextvars import ContextVar
 

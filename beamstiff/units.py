@@ -122,8 +122,6 @@ def unit_factor(unit: str, kind: str) -> tuple[float, float]:
 
     `unit`: a unit such as ``"mm"``, ``"N*mm/rad"``, ``"deg"``. `kind`: a key of `UNITS`.
 
-    Examples
-    --------
     >>> unit_factor("mm", "length")
     (0.001, 0.0)
     """
@@ -200,8 +198,6 @@ def quantity(value: object, kind: str) -> float:
     `value`: ``0.047``, ``"47 mm"``, ``"1.72e9 N*mm/rad"`` or ``"2e11"`` (YAML 1.1 reads that as text).
     `kind`: a key of `UNITS`, for instance ``"length"``.
 
-    Examples
-    --------
     >>> quantity("1047 mm", "length")
     1.047
     >>> quantity("1.5e9 N*mm/rad", "rotational stiffness")
@@ -229,8 +225,6 @@ def _quantity(value: object, kind: str) -> float:
 def in_si(magnitude: float, unit: str, kind: str) -> float:
     """Return a magnitude with its unit in SI, as exact as decimals are: ``473 mm`` is ``0.473``.
 
-    Examples
-    --------
     >>> in_si(473.0, "mm", "length")
     0.473
     >>> 473.0 * 0.001 == 0.473
@@ -247,8 +241,6 @@ def in_si(magnitude: float, unit: str, kind: str) -> float:
 def with_unit(text: object) -> tuple[float, str]:
     """Return magnitude and unit of a quantity of any dimension.
 
-    Examples
-    --------
     >>> with_unit("2e-7 rad/(N*m)")
     (2e-07, 'rad/(N*m)')
     """
@@ -264,8 +256,6 @@ def with_unit(text: object) -> tuple[float, str]:
 def in_unit(value: object, unit: str) -> float:
     """Return a quantity in a coherent SI unit: a plain number is in it already, text carries its unit.
 
-    Examples
-    --------
     >>> in_unit("0.2 mrad/kN/m", "rad/(N*m)")
     2e-07
     """
@@ -282,8 +272,6 @@ def in_unit(value: object, unit: str) -> float:
 def unit_size(unit: str) -> float:
     """Return how many of the coherent SI unit one of a unit is, whatever its dimension.
 
-    Examples
-    --------
     >>> unit_size("N*mm/rad")
     0.001
     """

@@ -18,8 +18,7 @@ from scipy import stats
 
 from beamstiff import Robot, compare_runs, forward_kinematics, load_robot, tcp_compliance
 from beamstiff.diagnosis.changes import RunComparison
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector
 

@@ -25,7 +25,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Diagnosis
 from beamstiff.exam.crowded.blind import true_closing
 from beamstiff.exam.names import effect_of, key_of, normal
-from beamstiff.measure import read_measurements
+from beamstiff.measure.reader import read_measurements
 
 SHARED = Path(os.environ.get("BEAMSTIFF_SHARED", "../shared"))
 WAYS: dict[str, Callable[..., Diagnosis]] = {"diagnose": beamstiff.diagnose, "plain stepwise": plain_stepwise}

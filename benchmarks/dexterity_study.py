@@ -17,7 +17,6 @@ from rich.console import Console
 from rich.table import Table
 
 from beamstiff import Robot, compile_structure, load_robot, posture
-from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.planning.candidates import Noise, candidate_poses, candidate_tests, force_loads, information
 from beamstiff.planning.designs import choose_tests, how_many
 from beamstiff.planning.dexterity import (
@@ -30,6 +29,7 @@ from beamstiff.planning.zones import find_zones
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, twist_jacobian
 from beamstiff.se3 import Array
+from tests.fem.complementary_stiffness import complementary_stiffness
 
 ZONES = {
     "Z1c": (0, 110, -245, -170),

@@ -13,7 +13,7 @@ import numpy as np
 
 from beamstiff import Robot, load_robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array, rotation_about, rotation_from_vector, transform, vector_from_rotation

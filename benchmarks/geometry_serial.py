@@ -12,7 +12,7 @@ from beamstiff import Robot, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.elastic import elastic_displacement
 from beamstiff.calibration.validation import errors_on
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import Mass, Node, Rigid
 from beamstiff.se3 import Array

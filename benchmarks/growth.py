@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from beamstiff import Robot, compile_structure, load_robot, posture, tcp_compliance
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.robot.parts import STIFFNESS_KINDS
 from beamstiff.se3 import Array

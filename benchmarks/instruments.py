@@ -27,10 +27,9 @@ from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import readings, reality_of, simulate
-from beamstiff.measure import make_measurements
 from beamstiff.measure.instruments import Target, target
 from beamstiff.measure.registration import fit_rigid_motion
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.planning.seated import reached, seated_postures
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian

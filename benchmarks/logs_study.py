@@ -368,7 +368,7 @@ class Score:
 def score(run: Run, path: Path) -> Score:
     """Return what `beamstiff convert` makes of a bag, beside the truth."""
     from beamstiff.errors import BeamstiffError
-    from beamstiff.functions.convert_logs import convert_log
+    from beamstiff.functions.convert import convert_log
 
     plateaus = [stay for stay in run.stays if stay.still]
     creeps = sum(stay.what == "creep" for stay in run.stays)

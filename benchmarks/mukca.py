@@ -21,9 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff import calibrate
-from beamstiff.measure import make_measurements
 from beamstiff.measure.instruments import target
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.urdf.reader import read_urdf

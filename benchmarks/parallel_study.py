@@ -29,7 +29,7 @@ from beamstiff.exam.run import run_exam
 from beamstiff.identification.bootstrap import bootstrap
 from beamstiff.identification.identify import identify
 from beamstiff.identification.statement import Statement, build_identification
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array

@@ -26,8 +26,8 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.applied import applied
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import concatenate, subset
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.tables import table
 from beamstiff.robot.parts import Frame, Joint, JointStiffness, Mass, Node, Rigid, Variable
 

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff import load_robot, write_measurements
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 
 ROBOT = "kr240-2"

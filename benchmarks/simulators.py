@@ -27,8 +27,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.robots import random_arm
 from beamstiff.files import read_text
 from beamstiff.functions.predict import predict
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.tables import table
 from beamstiff.robot.closure import close_loops

@@ -30,7 +30,7 @@ from beamstiff.fem.condensation import CHUNK, condense_by_matrices, tcp_complian
 from beamstiff.fem.condensation_program import condensation_program
 from beamstiff.fem.geometry import place
 from beamstiff.fem.structure import Structure
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import STIFFNESS_KINDS

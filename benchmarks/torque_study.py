@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.se3 import rotation_from_vector
 from tests.diagnosis.machines import arm_at
 from tests.diagnosis.weighed_arm import (

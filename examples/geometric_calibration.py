@@ -23,10 +23,10 @@ import numpy as np
 from rich.console import Console
 
 from beamstiff import Robot, calibrate, load_robot
-from beamstiff.calibration import Calibration
+from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.validation import gap_of, in_base_frame
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import concatenate, subset
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.tables import table
 from beamstiff.se3 import Array
 

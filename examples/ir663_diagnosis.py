@@ -36,7 +36,7 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.identification.result import Identification
-from beamstiff.measure import Measurements
+from beamstiff.measure.table import Measurements
 from beamstiff.report.diagnosis_text import separations, summary, verdict
 from beamstiff.report.diagnosis_words import named
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain, save_figure

@@ -18,8 +18,7 @@ import numpy as np
 
 from beamstiff import diagnose, load_robot
 from beamstiff.diagnosis.apply import extended, readable
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.simulators.deflection import mujoco_deflection

@@ -22,8 +22,8 @@ from rich.console import Console
 
 from beamstiff import Robot, diagnose, load_robot, verify
 from beamstiff.diagnosis.apply import extended
-from beamstiff.measure import Measurements
 from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import table
 

@@ -37,8 +37,8 @@ from beamstiff import (
     calibrate,
 )
 from beamstiff.calibration.validation import gap_of
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.tables import table
 from beamstiff.se3 import Array
 

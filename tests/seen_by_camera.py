@@ -1,7 +1,5 @@
 """Tables of a tag's poses as a camera reads them, exact but for noise: what a user would write."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff import load_robot

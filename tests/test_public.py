@@ -15,7 +15,7 @@ import beamstiff
 from beamstiff.cli.main import app
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.maps.summary import summary
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.robot.parts import AddedEffect
 from tests.remembered import remembered
 

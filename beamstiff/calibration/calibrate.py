@@ -9,7 +9,7 @@ from scipy import stats
 from beamstiff.calibration.corrected import corrected, nominal_value
 from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
-from beamstiff.calibration.instruments import settled_rows, start_of
+from beamstiff.calibration.instruments import settled, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
 from beamstiff.calibration.parameters import GEOMETRY, SOFTER
 from beamstiff.calibration.problem import Problem
@@ -230,7 +230,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         costs=found.costs,
         notes=(*statement.notes, *_notes(problem, found, factor, widened), *worse, *left_out),
         statement=statement,
-        targets=settled_rows(problem.rows, problem.values(theta)).targets,
+        targets=tuple(settled(one, problem.values(theta)) for one in problem.rows.targets),
     )
 
 

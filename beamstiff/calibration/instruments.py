@@ -129,11 +129,6 @@ def start_of(rows: Measurements, name: str) -> float:
     return (one.length or 0.0) if what == "length" else 0.0
 
 
-def settled_rows(rows: Measurements, values: Mapping[str, float]) -> Measurements:
-    """Return rows with their set-ups as found."""
-    return replace(rows, targets=tuple(settled(one, values) for one in rows.targets))
-
-
 def turned_rows(rows: Measurements, turn: Array, shift: Array, position: Array) -> Measurements:
     """Return rows with set-ups and directions in another frame: p there is ``turn^T (p - shift)``.
 

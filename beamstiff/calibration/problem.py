@@ -1,9 +1,8 @@
 """The calibration problem: residuals of absolute readings, weighed by their noise, and their derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,7 +142,7 @@ class Problem:
             columns = np.concatenate([columns, turned], axis=2)
         return linearised_rows(rows, self.parameters, self.values(self.expected), placed.position, columns)
 
-    def some(self, chosen: ArrayLike) -> Problem:
+    def some(self, chosen: ArrayLike) -> Self:
         """Return the problem of some rows: a mask, or indices."""
         at: Indices = np.arange(len(self.rows))[np.asarray(chosen)]
         rows = subset(self.rows, at)

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from beamstiff.measure.instruments import Target
     from beamstiff.measure.table import Measurements
 
-NO_GEOMETRY = ("compliance", "instrument")
 CORRELATION_DIGITS = 3  # behind the point, as written
 
 

@@ -6,8 +6,6 @@ taken together, and what a zero of each table and a curve of once and twice a tu
 scale, two reading heads, the gear) is projected out: r readings count as r - 5 contrasts, orthonormal.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 from scipy.linalg import qr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Assembly, Html, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.options import Assembly, Html, RobotFile, flag, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, working, write, write_robot
 from beamstiff.errors import BeamstiffError
 
@@ -50,10 +50,9 @@ def calibrate(
         "of a group with this unit; repeatable.",
     ),
     method: str = option("NAME", "levenberg-marquardt or gauss-newton.", "levenberg-marquardt"),
-    stations: bool = typer.Option(
-        False,
+    stations: bool = flag(
         "--stations",
-        help="The robot or the tracker was moved between the tables: estimate a base for each (base1, base2, "
+        "The robot or the tracker was moved between the tables: estimate a base for each (base1, base2, "
         "...).",
     ),
     folds: int = option(

@@ -6,13 +6,12 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from beamstiff.cli.options import (
     Assembly,
     DataFiles,
     Html,
     RobotFile,
+    flag,
     option,
     parse_names,
     parse_quantity,
@@ -48,10 +47,9 @@ def compare(
     cube: str | None = option(
         "LENGTH", "Side length of the grid's cubes, such as 300mm; default: a third of the workspace."
     ),
-    separate: bool = typer.Option(
-        False,
+    separate: bool = flag(
         "--separate",
-        help="As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
+        "As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
     ),
     seed: int = option("N", "Seed of the random numbers.", 0),
     assembly: Assembly = None,

@@ -11,6 +11,7 @@ import typer
 from beamstiff.cli.options import (
     Assembly,
     Html,
+    flag,
     option,
     parse_names,
     parse_quantities,
@@ -69,14 +70,10 @@ def compensate(
         "NAME=VALUE,...", "Posture near the first target, instead of the one that the path states."
     ),
     only: list[str] | None = option("NAME,...", "Correct only these targets; XP* matches several."),
-    taught: bool = typer.Option(
-        False,
-        "--taught",
-        help="Targets were taught on the unloaded robot: correct only the effect of the load.",
+    taught: bool = flag(
+        "--taught", "Targets were taught on the unloaded robot: correct only the effect of the load."
     ),
-    positions_only: bool = typer.Option(
-        False, "--positions-only", help="Leave the orientations as they are."
-    ),
+    positions_only: bool = flag("--positions-only", "Leave the orientations as they are."),
     unreachable: str = option(
         "refuse|keep",
         "If a target cannot be corrected: write nothing, or keep such targets as they are.",
@@ -89,14 +86,11 @@ def compensate(
         "FILE", "Standard deviations of stiffness, as `identify --json` wrote them; effects have their own."
     ),
     load_std: list[str] | None = option("NAME=VALUE,...", "Standard deviation of the load, such as fz=20N."),
-    leave_doubtful: bool = typer.Option(
-        False,
+    leave_doubtful: bool = flag(
         "--leave-doubtful",
-        help="Keep targets as they are if their correction is below twice its standard deviation.",
+        "Keep targets as they are if their correction is below twice its standard deviation.",
     ),
-    stream: bool = typer.Option(
-        False, "--stream", help="Answer lines of stdin with commands on stdout (online compensation)."
-    ),
+    stream: bool = flag("--stream", "Answer lines of stdin with commands on stdout (online compensation)."),
     measured: list[str] | None = option(
         "RUN.csv",
         "A measured run (x, y, z of every target, loads if a cell read them): fit the process to it.",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamstiff.cli.options import option, robot_file
+from beamstiff.cli.options import flag, option, robot_file
 from beamstiff.cli.output import Outputs, write
 from beamstiff.errors import BeamstiffError, listed, shown
 
@@ -59,9 +59,7 @@ def convert(
     q: list[str] | None = option(
         "NAME=VALUE,...", "For MJCF: the posture at which values that vary with it are taken."
     ),
-    series: bool = typer.Option(
-        False, "--series", help="URDF, SDF: every compliance a joint in series, as in MJCF."
-    ),
+    series: bool = flag("--series", "URDF, SDF: every compliance a joint in series, as in MJCF."),
     settle: str = option(
         "TIME", "For MJCF: time in which the springs settle, a few time steps.", f"{1e3 * SETTLE:g} ms"
     ),
@@ -88,10 +86,9 @@ def convert(
         "For a log: how far the clock of the points is ahead of that of the joints; default: estimated.",
     ),
     shortest: str = option("TIME", "For a log: shortest plateau to keep.", "0.3 s"),
-    mend_labels: bool = typer.Option(
-        False,
+    mend_labels: bool = flag(
         "--mend-labels",
-        help="For measurements (--like ROBOT): correct exchanged names of reflectors by their distances, and "
+        "For measurements (--like ROBOT): correct exchanged names of reflectors by their distances, and "
         "drop one that slipped.",
     ),
     figure: str | None = option("FILE", "For a log: draw what was kept and cut (.png, .svg or .pdf)."),
@@ -136,7 +133,7 @@ def convert(
         return
     columns = None if profile is None else named_profile(profile)
     if is_bag(source) or (columns is not None and columns.samples):
-        from beamstiff.functions.convert_logs import convert_log
+        from beamstiff.functions.convert import convert_log
         from beamstiff.functions.robots import load_robot
 
         table = convert_log(

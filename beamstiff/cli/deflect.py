@@ -55,8 +55,8 @@ def deflect(
     """
     from beamstiff.functions.predict import predict
     from beamstiff.functions.robots import as_robot
-    from beamstiff.measure import measurements_to_csv
     from beamstiff.measure.coerce import as_tables
+    from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.deflection import deflection_told
     from beamstiff.robot.stiffness import check_stiffness
 

@@ -12,6 +12,7 @@ from beamstiff.cli.options import (
     Html,
     Region,
     RobotFile,
+    flag,
     option,
     parse_names,
     parse_region,
@@ -32,10 +33,8 @@ def diagnose(
         "Expected number of an effect at each component, or at one: backlash:q2=0.5; repeatable.",
     ),
     seed: int = typer.Option(0, help="Seed of simulated campaigns and held-out postures.", min=0),
-    stations: bool = typer.Option(
-        False,
-        "--stations",
-        help="The robot or the tracker was moved between tables of absolute positions.",
+    stations: bool = flag(
+        "--stations", "The robot or the tracker was moved between tables of absolute positions."
     ),
     next_to: str | None = typer.Option(
         None,

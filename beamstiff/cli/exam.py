@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Html, Processes, Scheduler, option, parse_names, robot_file
+from beamstiff.cli.options import Html, Processes, Scheduler, flag, option, parse_names, robot_file
 from beamstiff.cli.output import Outputs, progress, written
 
 
@@ -34,10 +34,8 @@ def exam(
     sets: str | None = option(
         "FOLDER", "Use the campaigns of a folder with a labels.json instead of simulated ones."
     ),
-    crowded: bool = typer.Option(
-        False,
-        "--crowded",
-        help="Use machines with three to six effects at once and with errors of geometry.",
+    crowded: bool = flag(
+        "--crowded", "Use machines with three to six effects at once and with errors of geometry."
     ),
     out: str | None = option(
         "FILE", "Write every case's result as a line of JSON; an interrupted exam continues there."

@@ -17,6 +17,7 @@ from beamstiff.cli.options import (
     Processes,
     RobotFile,
     Scheduler,
+    flag,
     option,
     parse_names,
     robot_file,
@@ -94,10 +95,9 @@ def identify(
         "LENGTH",
         "With --model grid: side length of the cubes, such as 300mm; default: a third of the workspace.",
     ),
-    separate: bool = typer.Option(
-        False,
+    separate: bool = flag(
         "--separate",
-        help="As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
+        "As published: fit each cube to its own rows only, and give each fuzzy term its own sets.",
     ),
     positions: str | None = option(
         "CSV",

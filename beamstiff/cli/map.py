@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
 from beamstiff.cli.options import (
     Assembly,
     Processes,
     RobotFile,
     Scheduler,
+    flag,
     option,
     parse_names,
     parse_quantity,
@@ -52,9 +51,7 @@ def map(
         "NAME=VALUE,...",
         "Load on the TCP, base frame, for deflection and displacement, such as fz=-900N,mx=20.",
     ),
-    gravity: bool = typer.Option(
-        False, "--gravity", help="Add the sag under dead weight to deflection and displacement."
-    ),
+    gravity: bool = flag("--gravity", "Add the sag under dead weight to deflection and displacement."),
     direction: str | None = option("AXIS", "Direction of stiffness_along, base frame: x, -z or 0.6,0,0.8."),
     length: str | None = option(
         "LENGTH", "Characteristic length for kappa, dexterity, manipulability; default: the robot's own."

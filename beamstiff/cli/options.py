@@ -24,6 +24,11 @@ def option(metavar: str, text: str, default: Any = None, **more: Any) -> Any:
     return typer.Option(default, metavar=metavar, help=text, **more)
 
 
+def flag(name: str, text: str) -> Any:
+    """Return an option that is given or not, with its help."""
+    return typer.Option(False, name, help=text)
+
+
 RobotFile = Annotated[
     str,
     typer.Argument(

@@ -79,8 +79,6 @@ def note_limits(robot: Robot, values: Mapping[str, float]) -> None:
 def parse_frame(option: str, text: str) -> Array:
     """Return a transform (4, 4) from x, y, z and a, b, c (intrinsic Z-Y-X, KUKA's) or a quaternion qw to qz.
 
-    Examples
-    --------
     >>> parse_frame("--base", "x=1.2,a=90deg").round(9)[:, [0, 3]].tolist()
     [[0.0, 1.2], [1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
     """

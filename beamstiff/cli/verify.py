@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from beamstiff.cli.options import Assembly, DataFiles, RobotFile, option, robot_file
+from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option, robot_file
 from beamstiff.cli.output import QUIET, Outputs, say, working
 
 if TYPE_CHECKING:
@@ -28,9 +28,7 @@ TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 def verify(
     robot: RobotFile,
     data: DataFiles,
-    refit_frame: bool = typer.Option(
-        False, "--refit-frame", help="The measuring frame is not the base frame: fit it first."
-    ),
+    refit_frame: bool = flag("--refit-frame", "The measuring frame is not the base frame: fit it first."),
     max_gap: str | None = option("LENGTH", "Exit with code 3 if a larger gap is left, such as 0.2mm."),
     engine: str | None = option(
         "NAME", "Compare deflections with those of a physics engine instead: mujoco (extra of this name)."

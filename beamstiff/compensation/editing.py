@@ -62,8 +62,6 @@ def read_bytes(path: str | Path) -> str:
 def proper(text: str) -> str:
     r"""Return text of a file as people wrote it: as UTF-8 where it is that, else as Latin-1.
 
-    Examples
-    --------
     >>> proper("\xc3\xa4"), proper("\xe4")
     ('ä', 'ä')
     """
@@ -150,8 +148,6 @@ def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
 def masked(text: str, comment: str) -> str:
     r"""Return the text with comments, from a mark to the end of the line, and ``"strings"`` made blank.
 
-    Examples
-    --------
     >>> masked('p "a;b" 1 ; not 2\nq', ";")
     'p       1        \nq'
     """

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.compensation.path import Frames
-from beamstiff.diagnosis.apply import bare_baseline, effects_displacement, predict_with_effects
+from beamstiff.diagnosis.apply import bare_baseline, effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.measure.wrench import transport_wrench
@@ -75,7 +76,7 @@ class Machine:
         `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
         for the lever arm of the load.
         """
-        return predict_with_effects(self.real, self.rows(q, wrench, tip))
+        return predict(self.real, self.rows(q, wrench, tip))
 
     def unproven(self, q: Array) -> dict[str, dict[str, float]]:
         """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.

@@ -3,10 +3,9 @@
 Data alone: the correction is in `compensation.path_correction`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,7 @@ class ToolPath:
     def __len__(self) -> int:
         return len(self.names)
 
-    def at(self, rows: NDArray[np.intp]) -> ToolPath:
+    def at(self, rows: NDArray[np.intp]) -> Self:
         """Return some of the targets."""
         return replace(
             self,
@@ -62,7 +61,7 @@ class ToolPath:
         steps = np.linalg.norm(np.diff(self.poses[:, :3, 3], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
-    def moved_to(self, poses: Array) -> ToolPath:
+    def moved_to(self, poses: Array) -> Self:
         """Return the path with other poses (N, 4, 4)."""
         return replace(self, poses=poses)
 

@@ -5,10 +5,9 @@ needs no equilibrium. What happens without it, or with a command that is not qui
 follows the tool and the tool the load.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +60,7 @@ class Correction:
         mask[list(self.reasons)] = False
         return mask
 
-    def without(self, rows: list[int], reason: str) -> Correction:
+    def without(self, rows: list[int], reason: str) -> Self:
         """Return the correction with some targets left as they are, for a reason."""
         commands = self.commands.copy()
         commands[rows] = self.path.poses[rows]

@@ -6,8 +6,6 @@ leaves which is calibrated without them. It differs by what calibration absorbs 
 the tangent of the open parameters, ``A theta`` what the effect moves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -70,9 +68,7 @@ def calibrated_without(
 
     `absorbed`: of each effect, as `absorbed_by`.
 
-    Examples
-    --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")
     >>> change = 1e-3 / robot.parameter("J2.torsional")

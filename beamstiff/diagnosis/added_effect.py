@@ -1,7 +1,5 @@
 """A fitted effect as an entry of a robot's file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Literal
 

@@ -44,31 +44,13 @@ SAMPLES = 50  # postures tried, of which a few that close show what an effect is
 class EffectError(BeamstiffError):
     """An effect of a robot that cannot be used.
 
-    Attributes
-    ----------
-    at : int
-        Its place among the robot's effects.
-    where : str
-        The message from its key on, without the robot.
+    `at`: its place among the robot's effects.
+    `where`: the message from its key on, without the robot.
     """
 
     def __init__(self, robot: str, at: int, where: str) -> None:
         self.at, self.where = at, where
         super().__init__(f"robot {robot!r}: {where}")
-
-
-def predict_with_effects(robot: Robot, rows: Measurements) -> Array:
-    """Return what a robot with its effects says of rows, (N, 6), m and rad, base frame.
-
-    Displacements ``[d, r]``, or deviations of absolute poses from the nominal geometry; with gravity, payload
-    and the stiffness of the loaded machine.
-
-    Raises
-    ------
-    BeamstiffError
-        See `effects_displacement`.
-    """
-    return predict(robot, rows)
 
 
 def bare_baseline(robot: Robot, rows: Measurements) -> Baseline:
@@ -81,11 +63,8 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
 
     `bare`: `bare_baseline`, where several sets of effects are asked for; it takes most of the time.
 
-    Raises
-    ------
-    EffectError
-        When an effect, its component, shape, a parameter or a scale is unknown or missing; the message names
-        it.
+    Raises EffectError when an effect, its component, shape, a parameter or a scale is unknown or missing; the
+    message names it.
     """
     total = np.zeros((len(rows), 6))
     if not robot.effects:
@@ -121,10 +100,7 @@ def check_effects(robot: Robot) -> None:
     What an effect is called is found at a few postures, under loads of every direction. Where the machine
     takes no posture only the effects' names are checked: what is wrong with it, its use tells.
 
-    Raises
-    ------
-    EffectError
-        See `effects_displacement`.
+    Raises EffectError as of `effects_displacement`.
     """
     for at, effect in enumerate(robot.effects):
         try:
@@ -173,12 +149,9 @@ def extended(diagnosis: Diagnosis) -> Robot:
 
     Effects that the robot had before and that were taken off the readings come first.
 
-    Returns
-    -------
-    Robot
-        Predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was added and
-        for what was of the measured postures alone and for compliances that the noise made negative, which
-        are 0.
+    It predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was
+    added and for what was of the measured postures alone and for compliances that the noise made negative,
+    which are 0.
     """
     found = _found(diagnosis)
     found = found.with_unmeasured(diagnosis.fitted_stiffness, diagnosis.untouched)

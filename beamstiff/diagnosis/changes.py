@@ -13,8 +13,6 @@ sequentially rejective multiple test procedure", Scand. J. Statistics 6, 1979), 
 says that something did: so the chance of naming anything in a machine without change is the level at most.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The diagnosis: where the gap is, which effect causes it, how far it shrinks, how sure that is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -62,16 +60,7 @@ LEAST_NONE = 0.05  # probability of no cause, from which it is one of them
 class Weighed:
     """Rows about one linearisation, and what every cause is worth of them.
 
-    Attributes
-    ----------
-    screened : Screened
-    linear : Baseline
-        The one about whose stiffness effects are linear.
-    white : Whitened
-    library : Library
-    laws : sequence of ComponentSubspace
-    found : Search
-    scales : NoisePrior
+    `linear`: the one about whose stiffness effects are linear.
     """
 
     screened: Screened

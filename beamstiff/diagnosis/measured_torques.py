@@ -6,8 +6,6 @@ approach, and the sensor's own offset and gain. All are fitted to the readings o
 odds of each, tempered, become the prior of the positions, which are other readings (as of `behind_gears`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -49,14 +47,9 @@ MOTIONS, MOVES = ("approach-direction", "hysteresis"), 0.2
 class Said:
     """What the torques say.
 
-    Attributes
-    ----------
-    given : dict of str to float
-        How likely effects are after them, by ``effect:component``.
-    doubts : tuple of str
-        Where they contradict weights and loads as stated.
-    notes : tuple of str
-        What else there is to say: what is not used, friction, agreement.
+    `given`: how likely effects are after them, by ``effect:component``.
+    `doubts`: where they contradict weights and loads as stated.
+    `notes`: what else there is to say: what is not used, friction, agreement.
     """
 
     given: dict[str, float] = field(default_factory=dict)
@@ -82,10 +75,7 @@ class _Form:
 def measured_torques(robot: Robot, rows: Measurements, prior: Prior = DEFAULT) -> Said:
     """Return what the measured torques of rows say; nothing where there are none.
 
-    Raises
-    ------
-    BeamstiffError
-        As of `fit_baseline`: a pose that does not close its loops.
+    Raises BeamstiffError as of `fit_baseline`: a pose that does not close its loops.
     """
     if not np.isfinite(rows.torque).any():
         return Said()
@@ -173,18 +163,13 @@ def _of_effect(baseline: Baseline, read: Readings, effect: str, point: Names) ->
 class _Weighed:
     """Candidates, weighed by the readings.
 
-    Attributes
-    ----------
-    value, beside : (M + k,), (M + k, z) array
-        Readings and nuisance, of which the first `zeros` columns are offsets; as of `_stacked`.
-    columns : dict of str to list of (M + k, c) array
-    sigma : (M,) array
-    likely, odds : dict of str to float
-        Before the readings, and after.
-    chosen : set of str
-    picked : dict of str to int
-        The form of each that is chosen, in the order of their columns in `causes`.
-    causes : (M + k, z + c) array
+    `value`, `beside`: (M + k,), (M + k, z) array; readings and nuisance, of which the first `zeros` columns
+        are offsets; as of `_stacked`.
+    `columns`: dict of str to list of (M + k, c) array.
+    `sigma`: (M,) array.
+    `likely`, `odds`: before the readings, and after.
+    `picked`: the form of each that is chosen, in the order of their columns in `causes`.
+    `causes`: (M + k, z + c) array.
     """
 
     value: Array

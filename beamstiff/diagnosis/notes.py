@@ -1,7 +1,5 @@
 """What limits the conclusions, in one sentence each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -22,12 +20,8 @@ SURE = 0.001  # probability of what repeats show by chance
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
     """Yield what a reader of the verdict should know of the data, beside the doubts of its tables.
 
-    Parameters
-    ----------
-    verdict : str
-        Name of the effect, ``none`` or ``unknown``.
-    scale : float
-        Of the noise that the verdict leaves, against the sigma counted with.
+    `verdict`: name of the effect, ``none`` or ``unknown``.
+    `scale`: of the noise that the verdict leaves, against the sigma counted with.
     """
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size

@@ -1,7 +1,5 @@
 """A plain method to compare with: ordinary regression on each effect's signature, the best BIC wins."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,12 +23,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
     another. ``BIC = n log(RSS/n) + k log n`` (Schwarz, Ann. Statist. 6 (1978) 461); k counts the columns
     added.
 
-    Parameters
-    ----------
-    robot : Robot
-    measurements : Measurements
-    withheld : sequence of str
-        Effects to do without.
+    `withheld`: effects to do without.
     """
     baseline = fit_baseline(robot, measurements)
     used = baseline.used

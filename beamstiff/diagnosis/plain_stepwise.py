@@ -5,8 +5,6 @@ are added to the regression, everything refitted, as long as the BIC falls. All 
 constraint on a parameter, no held-out postures, no prior, no look-alikes, no removal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -38,12 +36,7 @@ ABSORBED = 1e-4  # share of a column, below which the fit has taken it up alread
 
 @dataclass(frozen=True, eq=False)
 class PlainStepwise:
-    """What the regression says, as a diagnosis says it.
-
-    Attributes
-    ----------
-    found : Decomposition
-    """
+    """What the regression says, as a diagnosis says it."""
 
     found: Decomposition
 
@@ -87,17 +80,8 @@ def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[
     noise as the table states it; k counts the columns added. A cause `closes` what its entry takes from the
     sum of squares beyond what noise would leave.
 
-    Parameters
-    ----------
-    robot : Robot
-    measurements : Measurements
-    withheld : sequence of str
-        Effects to do without.
-
-    Raises
-    ------
-    BeamstiffError
-        As of `calibrate` and `fit_baseline`.
+    `withheld`: effects to do without.
+    Raises BeamstiffError as of `calibrate` and `fit_baseline`.
     """
     if measurements.kind == "absolute":
         model = open_geometry(robot, measurements)

@@ -5,8 +5,6 @@ hand after what measurements of some nine robots showed (`docs/diagnosis_method.
 first, the direction of approach and the target next; links, bearings, base and couplings seldom.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -44,18 +42,12 @@ RELATIVE = 120.0
 class Prior:
     """Which causes are candidates, and how likely each is before the data.
 
-    Attributes
-    ----------
-    without : tuple of str
-        Effects, or ``effect:component``, that are no candidates.
-    given : mapping of str to float
-        How many of a cause are expected at a component, by ``effect:component``, or by effect at each of its
-        components; what is not named keeps its default.
-    measured : mapping of str to float
-        The same by ``effect:component`` after other readings than positions, which count in its place.
+    `without`: effects, or ``effect:component``, that are no candidates.
+    `given`: how many of a cause are expected at a component, by ``effect:component``, or by effect at each of
+        its components; what is not named keeps its default.
+    `measured`: the same by ``effect:component`` after other readings than positions, which count in its
+        place.
 
-    Examples
-    --------
     >>> prior = Prior(given={"backlash": 0.2, "backlash:q2": 0.6})
     >>> prior.expected("backlash", "q1"), prior.expected("backlash", "q2"), prior.expected("hardening", "q1")
     (0.2, 0.6, 0.05)
@@ -84,8 +76,6 @@ DEFAULT = Prior()
 def default_expected(effect: str, component: str | None) -> float:
     """Return how many causes of an effect are expected at a component of any machine.
 
-    Examples
-    --------
     >>> default_expected("joint-compliance", "q2"), default_expected("joint-compliance", None)
     (0.15, 0.9)
     """

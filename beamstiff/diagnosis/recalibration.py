@@ -1,7 +1,5 @@
 """What a diagnosis changed in the geometry while it sought causes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -33,17 +31,11 @@ class Change:
 class Recalibration:
     """The geometry beside the causes, against the one that the robot's file describes.
 
-    Attributes
-    ----------
-    before : float, m
-        RMS position gap of the robot as described, the measuring frame fitted alone.
-    placed : float, m
-        The same with the reflectors placed anew, as they are set up: what is left is the geometry's.
-    after : float, m
-        The same with the geometry fitted and no cause, on held-out postures.
-    changes : tuple of Change
-        Encoders' zeros, frames and reflectors that moved; the largest first, by realistic deviations (1 mm,
-        1 mrad).
+    `before`: m; RMS position gap of the robot as described, the measuring frame fitted alone.
+    `placed`: m; the same with the reflectors placed anew, as they are set up: what is left is the geometry's.
+    `after`: m; the same with the geometry fitted and no cause, on held-out postures.
+    `changes`: encoders' zeros, frames and reflectors that moved; the largest first, by realistic deviations
+        (1 mm, 1 mrad).
     """
 
     before: float

@@ -1,7 +1,5 @@
 """What a diagnosis found, as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -60,16 +58,8 @@ class Estimate:
 class Candidate:
     """An explanation of the gap, with its probability.
 
-    Attributes
-    ----------
-    effect : str
-        Name of the effect, ``none`` or ``unknown``.
-    component : str or None
-    probability : float
-    shape : str
-        The likeliest of its shapes; empty where it has none.
-    estimates : tuple of Estimate
-    shrink : HeldOutError or None
+    `effect`: name of the effect, ``none`` or ``unknown``.
+    `shape`: the likeliest of its shapes; empty where it has none.
     """
 
     effect: str
@@ -363,10 +353,8 @@ def as_measured(baseline: Baseline, deviation: Array) -> Array:
 def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
     """Return a hypothesis' columns (N, 6, c) at a baseline's rows.
 
-    Raises
-    ------
-    BeamstiffError
-        When its shape does not exist there, as that of a closed loop which a changed geometry opens.
+    Raises BeamstiffError when its shape does not exist there, as that of a closed loop which a changed
+    geometry opens.
     """
     name = hypothesis.shape.name
     shapes = EFFECTS[hypothesis.effect].shapes(baseline, hypothesis.component)

@@ -4,8 +4,6 @@ The error of that reading is common to the rows of the posture, whatever their l
 each loaded reading: an effect may look like it in one of these ways, hardly in all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -43,16 +43,10 @@ SURE = float(stats.norm.ppf(SEEN))  # standard deviations
 class Smallest:
     """The smallest size at which a cause would have shown in most such campaigns.
 
-    Attributes
-    ----------
-    key : str
-        ``effect:component``.
-    parameter : Quantity
-        That is hardest to see in the simplest form of the cause.
-    size : float
-        In its unit.
-    realistic : float
-        The largest realistic size.
+    `key`: ``effect:component``.
+    `parameter`: that is hardest to see in the simplest form of the cause.
+    `size`: in its unit.
+    `realistic`: the largest realistic size.
     """
 
     key: str

@@ -1,7 +1,5 @@
 """Measured torques of the drives: which readings can be used, with which sign, less what statics says."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

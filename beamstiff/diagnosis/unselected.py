@@ -6,15 +6,13 @@ the others select (nested cross-validation: Varma and Simon, BMC Bioinformatics 
 model without a cause, fitted to the same others: of few postures the stiffness alone may go far astray.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
-from beamstiff.diagnosis.apply import extended, predict_with_effects
+from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposed import diagnosis_of
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.robot.description import Robot
@@ -38,7 +36,7 @@ def closes_unselected(baseline: Baseline, prior: Prior, seed: int) -> float:
 
     def left(robot: Robot, part: int) -> Array:
         out = posture % PARTS == part
-        predicted = predict_with_effects(robot, subset(rows, out))
+        predicted = predict(robot, subset(rows, out))
         error = np.where(used[out], rows.displacement[out, :3] - predicted[:, :3], 0.0)
         squares = np.bincount(posture[out], (error**2).sum(axis=1), len(noise))
         return np.asarray(np.maximum(squares, noise)[part::PARTS])

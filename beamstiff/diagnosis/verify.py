@@ -1,7 +1,5 @@
 """A robot with its effects on fresh rows: the gap without them and with them, promised against true."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,25 +23,15 @@ MOST = 0.75  # share of the gap's square that a rigid motion closes where the me
 class Verification:
     """Position errors of a robot on rows, RMS of the norm, m.
 
-    Attributes
-    ----------
-    before, after : float
-        Without the robot's model and effects, calibrated without them, and with them.
-    noise : float
-        What the stated noise alone makes; 0 where none is stated.
-    promised : float or None
-        Share of the gap that the effects closed on held-out postures when they were found.
-    true : float
-        Share of the explainable gap that they close here, at most 1; negative where they make it worse.
-    rows : int
-    causes : tuple of (str, float, float)
-        Effect and component (first the model, ``model:grid``), the error with all up to this one, and the
-        share that it closes.
-    notes : tuple of str
-        What in the robot and the rows is hardly meant.
-    other_frame : float or None
-        What would be left were the measuring frame fitted, where that closes most of the gap: the readings
-        hardly are in the robot's base frame.
+    `before`, `after`: without the robot's model and effects, calibrated without them, and with them.
+    `noise`: what the stated noise alone makes; 0 where none is stated.
+    `promised`: share of the gap that the effects closed on held-out postures when they were found.
+    `true`: share of the explainable gap that they close here, at most 1; negative where they make it worse.
+    `causes`: effect and component (first the model, ``model:grid``), the error with all up to this one, and
+        the share that it closes.
+    `notes`: what in the robot and the rows is hardly meant.
+    `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
+        readings hardly are in the robot's base frame.
     """
 
     before: float
@@ -77,23 +65,12 @@ class Verification:
 def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = False) -> Verification:
     """Verify a robot and its effects on rows that were not fitted.
 
-    Parameters
-    ----------
-    robot : Robot
-    measurements : Measurements
-        Displacements or absolute positions, in the robot's base frame.
-    refit_frame : bool
-        Lay the predicted positions over the measured ones as a rigid body first, with and without effects:
-        the measuring frame is not the base frame. Changes nothing of displacements.
+    `measurements`: displacements or absolute positions, in the robot's base frame.
+    `refit_frame`: lay the predicted positions over the measured ones as a rigid body first, with and without
+        effects: the measuring frame is not the base frame. Changes nothing of displacements.
+    Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
 
-    Raises
-    ------
-    BeamstiffError
-        When no position is measured, or the rows cannot be predicted.
-
-    Examples
-    --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot, wrench = load_robot("cantilever"), [[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]
     >>> seen = {"tcp": robot.tcp, "wrench": wrench, "displacement": np.zeros((1, 6))}

@@ -1,7 +1,5 @@
 """Readings without what a robot's effects add: all else is fitted, or diagnosed, as if it had none."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 
@@ -25,10 +23,7 @@ def without_effects(
     Effects that depend on the stiffness (in closed loops, or of the load) count with the robot's present one.
     Absolute positions may be in any measuring frame, or with `stations` in one of each table.
 
-    Raises
-    ------
-    BeamstiffError
-        See `effects_displacement`.
+    Raises BeamstiffError as of `effects_displacement`.
     """
     if not robot.effects:
         return robot, rows

@@ -1,10 +1,8 @@
 """What the exam draws: the effect that a machine really has, and the campaign in which it is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +83,6 @@ class SimulatedCampaign:
     def __len__(self) -> int:
         return len(self.q)
 
-    def at(self, rows: Any) -> SimulatedCampaign:
+    def at(self, rows: Any) -> Self:
         """Return the campaign of some of the rows, in any order, or as often as they are named."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})

@@ -1,7 +1,6 @@
 """Campaigns in a folder, with their labels in a file of their own: diagnosed blind, compared afterwards."""
 
 import json
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ def examine_folder(
     *,
     processes: int = 1,
     scheduler: str | None = None,
-    progress: Callable[[Record], None] = lambda _: None,
 ) -> list[Record]:
     """Return the records of all labelled sets in a folder, in the order of their names.
 
@@ -46,7 +44,6 @@ def examine_folder(
         if examiner.reports is not None:
             write_output(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
         records[at] = record
-        progress(record)
     return [records[at] for at in range(len(names))]
 
 

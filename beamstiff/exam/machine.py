@@ -4,13 +4,11 @@ Made from a robot's description and then changed by effects: what is rigid in th
 linear spring of the model may follow any law.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -156,21 +154,21 @@ class Machine:
         """Return a hinge by name."""
         return next(hinge for hinge in self.hinges if hinge.name == name)
 
-    def with_hinge(self, hinge: Hinge) -> Machine:
+    def with_hinge(self, hinge: Hinge) -> Self:
         """Return the machine with the hinge of that name replaced."""
         hinges = tuple(hinge if h.name == hinge.name else h for h in self.hinges)
         return dataclasses.replace(self, hinges=hinges)
 
-    def with_law(self, name: str, direction: int, law: Law) -> Machine:
+    def with_law(self, name: str, direction: int, law: Law) -> Self:
         """Return the machine with a law in one direction of a hinge."""
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
 
-    def plus(self, **parts: tuple[Any, ...]) -> Machine:
+    def plus(self, **parts: tuple[Any, ...]) -> Self:
         """Return the machine with further parts of some kinds, by the names of the attributes."""
         return dataclasses.replace(self, **{name: getattr(self, name) + more for name, more in parts.items()})
 
-    def without(self, name: str) -> Machine:
+    def without(self, name: str) -> Self:
         """Return the machine without the rigid or the bar of that name."""
         rigids = tuple(rigid for rigid in self.rigids if rigid[0] != name)
         return dataclasses.replace(self, rigids=rigids, bars=tuple(b for b in self.bars if b.name != name))

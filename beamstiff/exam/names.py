@@ -22,8 +22,6 @@ EFFECTS = tuple(effect for effects in FAMILIES.values() for effect in effects)
 def family(effect: str) -> str:
     """Return the family of an effect; a name that the table does not hold is a family of its own.
 
-    Examples
-    --------
     >>> family("backlash"), family("none")
     ('drive', 'none')
     """
@@ -33,8 +31,6 @@ def family(effect: str) -> str:
 def key_of(effect: str, component: str | None) -> str:
     """Return ``effect:component``; null for no component, the two of a pair in the order of the alphabet.
 
-    Examples
-    --------
     >>> key_of("base-compliance", None), key_of("joint-coupling", "q6+q5")
     ('base-compliance:null', 'joint-coupling:q5+q6')
     """
@@ -45,8 +41,6 @@ def key_of(effect: str, component: str | None) -> str:
 def normal(key: str) -> str:
     """Return a text ``effect:component`` as `key_of` writes it; ``none`` and ``unknown`` need no component.
 
-    Examples
-    --------
     >>> normal("joint-coupling:q6+q5"), normal("none")
     ('joint-coupling:q5+q6', 'none:null')
     """

@@ -28,8 +28,6 @@ def rate(hits: Iterable[bool]) -> Figure:
     Wilson (1927): ``(p + z^2/2n +- z sqrt(p(1-p)/n + z^2/4n^2)) / (1 + z^2/n)``, which stays within [0, 1]
     and keeps its coverage near 0 and 1.
 
-    Examples
-    --------
     >>> figure = rate([True] * 9 + [False])
     >>> figure.value, round(figure.low, 4), round(figure.high, 4), figure.count
     (0.9, 0.5958, 0.9821, 10)
@@ -47,8 +45,6 @@ def rate(hits: Iterable[bool]) -> Figure:
 def mean(values: Iterable[float]) -> Figure:
     """Return the mean, and 1.96 standard errors to either side.
 
-    Examples
-    --------
     >>> mean([1, 1, 2, 4])
     Figure(value=2.0, low=0.6, high=3.4, count=4)
     """
@@ -65,8 +61,6 @@ def mean(values: Iterable[float]) -> Figure:
 def median(values: Iterable[float]) -> Figure:
     """Return the median; the interval is between the order statistics at ``(n -+ 1.96 sqrt(n)) / 2``.
 
-    Examples
-    --------
     >>> median([0.3, 0.1, 0.2]).value
     0.2
     """

@@ -1,10 +1,9 @@
 """What really happens in a campaign: the machine, its geometry, the loads on it and the readings of it."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,16 +42,16 @@ class Reality:
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     marked: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def with_machine(self, machine: Machine) -> Reality:
+    def with_machine(self, machine: Machine) -> Self:
         """Return the same with another machine."""
         return dataclasses.replace(self, machine=machine)
 
-    def with_errors(self, errors: Mapping[str, float]) -> Reality:
+    def with_errors(self, errors: Mapping[str, float]) -> Self:
         """Return the same with errors added to the geometry."""
         more = {name: self.geometry.get(name, 0.0) + error for name, error in errors.items()}
         return dataclasses.replace(self, geometry={**self.geometry, **more})
 
-    def with_encoder(self, variable: str, error: Callable[[Array], Array]) -> Reality:
+    def with_encoder(self, variable: str, error: Callable[[Array], Array]) -> Self:
         """Return the same with one more error of an encoder, from what it reads (P,)."""
         at = [v.name for v in self.machine.robot.actuated].index(variable)
 
@@ -63,11 +62,11 @@ class Reality:
 
         return dataclasses.replace(self, encoders=(*self.encoders, change))
 
-    def with_load(self, change: LoadChange) -> Reality:
+    def with_load(self, change: LoadChange) -> Self:
         """Return the same with one more change of the loads."""
         return dataclasses.replace(self, loads=(*self.loads, change))
 
-    def with_reading(self, change: ReadingChange) -> Reality:
+    def with_reading(self, change: ReadingChange) -> Self:
         """Return the same with one more change of the readings."""
         return dataclasses.replace(self, readings=(*self.readings, change))
 

@@ -128,8 +128,6 @@ class Record:
 def answer_of(report: Mapping[str, Any]) -> Answer:
     """Return what a diagnosis says, from its JSON (format ``beamstiff-diagnosis/1``).
 
-    Examples
-    --------
     >>> answer_of({"which": [], "verdict": {"effect": "none", "component": None, "probability": 0.9}})
     Answer(verdict='none:null', probability=0.9, also=(), indistinguishable=(), probabilities={},
            promised=None)

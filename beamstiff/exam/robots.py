@@ -33,8 +33,6 @@ def random_arm(rng: np.random.Generator) -> Robot:
     then has no common centre. Drive stiffness grows with the reach as it does from small arms to large
     ones, and each axis' own is scattered by a factor of two.
 
-    Examples
-    --------
     >>> arm = random_arm(np.random.default_rng(3))
     >>> arm.name, len(arm.joints), arm.identify[0]
     ('random-arm', 6, 'J1.torsional')

@@ -24,8 +24,6 @@ def cross(v: Array, w: Array) -> Array:
 def turn(vector: Array) -> Array:
     """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3), by unit quaternions.
 
-    Examples
-    --------
     >>> turn(np.array([0.0, 0.0, np.pi / 2])).round(12) @ [1.0, 0.0, 0.0]
     array([0., 1., 0.])
     """
@@ -40,8 +38,6 @@ def turn(vector: Array) -> Array:
 def turned_by(rotation: Array) -> Array:
     """Return the rotation vectors (..., 3) of rotation matrices (..., 3, 3), angle below pi.
 
-    Examples
-    --------
     >>> turned_by(turn(np.array([0.1, -0.2, 0.3])))
     array([ 0.1, -0.2,  0.3])
     """

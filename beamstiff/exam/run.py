@@ -9,12 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Generic, NoReturn, TypeVar
 
+from pydantic import TypeAdapter
+
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Examiner, examined, keep_report
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.crowded.blind import examined_crowded
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
-from beamstiff.exam.crowded.record import CrowdedRecord, crowded_record_from
+from beamstiff.exam.crowded.record import CrowdedRecord
 from beamstiff.exam.record import Record, record_from
 from beamstiff.files import held, is_device, read_text, remove_drafts, target_of, write_new
 from beamstiff.parallel import parallel_map
@@ -48,7 +50,7 @@ class Procedure(Generic[R]):
 
 
 SINGLE = Procedure(draw_case, examined, record_from)
-CROWDED = Procedure(draw_crowded_case, examined_crowded, crowded_record_from)
+CROWDED = Procedure(draw_crowded_case, examined_crowded, TypeAdapter(CrowdedRecord).validate_python)
 
 
 def run_exam(exam: Exam, count: int, examiner: Examiner, **more: Any) -> list[Record]:

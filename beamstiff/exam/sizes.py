@@ -193,8 +193,6 @@ def size_for(gap_of: Callable[[float], float], wanted: float) -> tuple[float, fl
     bracket it, `USUAL` growth beyond them. Where the largest size leaves less than the middle one (a drive
     that sticks altogether) sizes between are tried.
 
-    Examples
-    --------
     >>> size, gap = size_for(lambda s: 0.1 * 100.0**s, 1.0)
     >>> round(size, 1), 0.85 < gap < 1.17
     (0.5, True)

@@ -12,7 +12,7 @@ the load, but exact in the axial forces of beams (`beam_column`). Loads keep the
 nodes.
 
 With rigid links and springs about the axes, H is K_C of seed 000 (eq. 9; Chen and Kao, Int. J. Robotics Res.
-19 (2000) 835; `complementary_stiffness`) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not
+19 (2000) 835) and ``K_X = J^-T (K_theta - K_C) J^-1`` (eq. 10), which is not
 symmetric when moments act.
 """
 

@@ -115,11 +115,7 @@ def calibrate(
     bare = machine.model_copy(update={"effects": ()})
     with doubted(doubts):
         if priors:
-            known = build_calibration(
-                machine.model_copy(update={"effects": ()}), rows, **said
-            ).problem.parameters
-            said["priors"] = each_prior(priors, known)
-        bare = machine.model_copy(update={"effects": ()})
+            said["priors"] = each_prior(priors, build_calibration(bare, rows, **said).problem.parameters)
         found = fit(bare, rows, method=method, folds=0 if machine.effects else folds, **said)
         if machine.effects:  # of the measuring frame, which only a fit tells: twice
             rows = positions_without_effects(machine, rows, found.bases)

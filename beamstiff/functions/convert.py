@@ -1,13 +1,21 @@
-"""A robot of any file that describes one, and the stiffness that conversion gives its joints."""
+"""A robot of any file that describes one, the stiffness that conversion gives its joints; logs as tables."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.functions.robots import check_known, load_robot
+from beamstiff.measure.bags import is_bag, read_bag
+from beamstiff.measure.logs import LogTable, table_of_log
+from beamstiff.measure.plateaus import SHORTEST
+from beamstiff.measure.point_lists import signals_of
+from beamstiff.measure.profiles import Profile
 from beamstiff.measure.reader import read_measurements
+from beamstiff.measure.signals import Signal
 from beamstiff.measure.swapped_labels import mend_labels
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.coupling import variable_kinds
@@ -21,6 +29,8 @@ from beamstiff.robot.urdf.reader import read_tree, read_urdf
 from beamstiff.robot.xml_text import parse_xml
 from beamstiff.robot.yaml_text import parse_yaml
 from beamstiff.units import quantity
+
+LARGEST = 1 << 30  # bytes of a log in columns
 
 
 def read_any(
@@ -150,3 +160,43 @@ def missing_stiffness_notes(robot: Robot) -> list[str]:
         f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
         "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
     ]
+
+
+def convert_log(
+    path: str | os.PathLike[str],
+    profile: Profile | None = None,
+    joints: str | os.PathLike[str] | None = None,
+    joints_profile: Profile | None = None,
+    *,
+    points: Mapping[str, str] | None = None,
+    skip: Iterable[str] = (),
+    lag: float | None = None,
+    robot: Robot | None = None,
+    shortest: float = SHORTEST,
+) -> LogTable:
+    """Return a log as a table of measurements (`measure.logs.table_of_log`).
+
+    `path`: a bag, or columns that `profile` names. `joints`: the log of the robot, where it is another file.
+    """
+    signals, notes = _read(path, profile, skip)
+    if joints is not None:
+        more, others = _read(joints, joints_profile, ())
+        signals = [one for one in signals if one.kind != "joints"] + [
+            one for one in more if one.kind not in ("point", "pose")
+        ]
+        notes += others
+    made = table_of_log(signals, str(path), points=points, lag=lag, robot=robot, shortest=shortest)
+    return replace(made, notes=(*notes, *made.notes))
+
+
+def _read(
+    path: str | os.PathLike[str], profile: Profile | None, skip: Iterable[str]
+) -> tuple[list[Signal], list[str]]:
+    if is_bag(path):
+        return read_bag(path, skip)
+    if profile is None or not profile.samples:
+        raise BeamstiffError(
+            f"{path}: is no bag; a log in columns needs a profile with `samples: true` "
+            "(or --joints-profile ur-rtde, kuka-rsi)"
+        )
+    return signals_of(read_text(Path(path), LARGEST), profile, str(path)), []

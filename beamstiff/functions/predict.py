@@ -117,7 +117,7 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> push = make_measurements([], [[]], tcp="tip", wrench=[[0, 0, -100, 0, 0, 0]])
     >>> predict("cantilever", push).displacement.shape
     (1, 6)

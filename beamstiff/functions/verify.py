@@ -114,7 +114,7 @@ def second_opinion(robot: RobotLike, data: DataLike, *, engine: str = "mujoco") 
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> push = make_measurements([], [[]], tcp="tip", wrench=[[0, 0, -10, 0, 0, 0]])
     >>> second_opinion("cantilever", push).relative < 1e-3
     True

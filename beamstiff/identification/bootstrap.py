@@ -285,13 +285,11 @@ def number_of_tests(
     orders: int = 30,
     seed: int = 0,
     by: Literal["pose", "row"] = "pose",
-    progress: Callable[[int], None] | None = None,
 ) -> NumberOfTests:
     """Fit a stated identification to growing numbers of its tests.
 
     `theta` (t,): its optimum. `counts`: numbers of tests, growing; default all, or thirty of them. `orders`:
-    random orders of the tests. `by`: what a test is: a pose with all its loads, or a row. `progress`: called
-    with the number of each order.
+    random orders of the tests. `by`: what a test is: a pose with all its loads, or a row.
     """
     problem, objective = statement.problem, statement.objective
     torn = (problem.sharing >= 0).any() or (
@@ -326,8 +324,6 @@ def number_of_tests(
             found = refit(objective, theta, often)
             stiffness[order, at] = values_of(statement, found[None])[0]
             sums[order, at] = sums_of(statement, found[None])[0]
-        if progress is not None:
-            progress(order)
     return NumberOfTests(
         names=statement.parameters.names,
         relations=tuple(sum_.text() for sum_ in statement.plan.sums),

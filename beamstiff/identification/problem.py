@@ -1,10 +1,8 @@
 """The identification problem: whitened residuals of all measured components, with exact derivatives."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,7 +87,7 @@ class Problem:
         jacobian = self.whitening @ -slopes[self.used]
         return residual, jacobian
 
-    def rows(self, chosen: ArrayLike) -> Problem:
+    def rows(self, chosen: ArrayLike) -> Self:
         """Return the problem of some rows: a mask (N,), or indices; a row may come several times."""
         at = np.arange(len(self.measured))[np.asarray(chosen)]
         used, sigma, sharing = self.used[at], self.sigma[at], self.sharing[at]
@@ -110,7 +108,7 @@ class Problem:
             return undisturbed
         return undisturbed.disturbed(self.disturbance.rows(at))
 
-    def disturbed(self, disturbance: Disturbance) -> Problem:
+    def disturbed(self, disturbance: Disturbance) -> Self:
         """Return the problem with errors of its inputs added to the noise."""
         blocks = disturbed_covariance(self.sigma, self.used, self.sharing, self.pose, disturbance)
         return replace(self, disturbance=disturbance, whitening=of_blocks(inverse_root(blocks)))

@@ -5,7 +5,7 @@ together; what the identification then finds scatters. Readings, loads and joint
 same: it is the machine that was elsewhere.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -56,13 +56,12 @@ def sensitivity(
     errors: InputErrors,
     repetitions: int = 500,
     seed: int = 0,
-    progress: Callable[[int], None] | None = None,
 ) -> Sensitivity:
     """Return how far errors of the readings, loads and joint values move what is identified.
 
     `measurements`: the table it states. `theta` (t,): its optimum: the machine that is measured again.
     `errors`: of the loads and joint values. Those of the readings are the table's. `repetitions`: for each
-    source. `progress`: called with the number of refits made.
+    source.
     """
     problem = statement.problem
     if problem.behind is not None:
@@ -86,7 +85,6 @@ def sensitivity(
     sources = {READINGS: InputErrors(), **drawn, **({ALL: errors} if kinds else {})}
     streams = np.random.default_rng(seed).spawn(len(sources))
     found = []
-    done = 0
     for (source, of_source), random in zip(sources.items(), streams, strict=True):
         noise = problem.sigma if source in (READINGS, ALL) else np.zeros_like(problem.sigma)
         models = (
@@ -101,9 +99,6 @@ def sensitivity(
             seen = model.predict(true) + _noise(statement, noise, random)
             again = statement.measuring(np.where(problem.used, seen, 0.0))
             thetas.append(refit(again.objective, theta))
-            done += 1
-            if progress is not None:
-                progress(done)
         found.append(np.array(thetas))
     return Sensitivity(
         names=statement.parameters.names,

@@ -1,10 +1,8 @@
 """An identification stated in full before it is minimised: what is sought, and what cannot be known."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypedDict
+from typing import Self, TypedDict
 
 import numpy as np
 
@@ -75,18 +73,18 @@ class Statement:
         """Return the free values theta (t,) of stiffness values (m,), as in `Identification.stiffness`."""
         return np.log(stiffness)[self.parameters.first]
 
-    def weighed(self, stiffness: Array) -> Statement:
+    def weighed(self, stiffness: Array) -> Self:
         """Return the statement with the errors of its inputs as they are at stiffness values (m,)."""
         if self.response is None:
             return self
         return replace(self, problem=self.problem.disturbed(self.response.disturbance(stiffness)))
 
-    def holding(self, stiffness: Array) -> Statement:
+    def holding(self, stiffness: Array) -> Self:
         """Return the statement with what is held, at stiffness values (m,)."""
         start = np.where(self.parameters.tied < 0, stiffness, self.parameters.start)
         return replace(self, parameters=replace(self.parameters, start=start))
 
-    def measuring(self, measured: Array) -> Statement:
+    def measuring(self, measured: Array) -> Self:
         """Return the statement with other readings (N, 6) at the same rows."""
         return replace(self, problem=replace(self.problem, measured=measured))
 

@@ -10,8 +10,6 @@ How much the readings scatter nobody states: it is what a spring alone leaves of
 play and friction included.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -40,18 +38,11 @@ Contrasts = Callable[[Measurements, int, bool], tuple[sparse.csr_array, Array]]
 class Drive:
     """A drive with an encoder behind its gear.
 
-    Attributes
-    ----------
-    at : int
-        Column of the table.
-    turns : bool
-        Whether it is revolute.
-    port : int
-        The port of its own spring.
-    gain : float
-        1, or -1 where its spring opens as its variable falls.
-    sigma : float, rad or m
-        Noise of a reading.
+    `at`: column of the table.
+    `turns`: whether it is revolute.
+    `port`: the port of its own spring.
+    `gain`: 1, or -1 where its spring opens as its variable falls.
+    `sigma`: rad or m; noise of a reading.
     """
 
     at: int
@@ -65,16 +56,10 @@ class Drive:
 class WindUp:
     """Contrasts of readings behind the gears.
 
-    Attributes
-    ----------
-    drives : tuple of Drive
-    port : (E,) array of int
-        The port that each sees open.
-    value, sigma : (E,) arrays, rad or m
-    contrast : (E, N) sparse array
-        What each counts of the table's rows.
-    notes : tuple of str
-        What was used, and what was not.
+    `port`: (E,) array of int; the port that each sees open.
+    `value`, `sigma`: (E,) arrays, rad or m.
+    `contrast`: (E, N) sparse array; what each counts of the table's rows.
+    `notes`: what was used, and what was not.
     """
 
     drives: tuple[Drive, ...]
@@ -132,19 +117,12 @@ def wind_up(
 ) -> WindUp:
     """Return the contrasts that a table's encoders behind the gears make.
 
-    Parameters
-    ----------
-    robot : Robot
-    table : Measurements
-        N rows.
-    model : PortModel
-        Of these rows; drives that are not among its parameters do not count.
-    moved : (N, 6, A) array
-        How far each row's point moves per unit of each actuated variable (`input_errors.rigid_motion`).
-    contrasts : callable
-        Returns those of a column, such as `between_loads`.
-    told : str
-        What they are, for the notes.
+    `table`: N rows.
+    `model`: of these rows; drives that are not among its parameters do not count.
+    `moved`: (N, 6, A) array; how far each row's point moves per unit of each actuated variable
+        (`input_errors.rigid_motion`).
+    `contrasts`: returns those of a column, such as `between_loads`.
+    `told`: what they are, for the notes.
     """
     drives, notes = list[Drive](), list[str]()
     opened = model.openings(model.start)

@@ -1,7 +1,5 @@
 """Finished chunks of a map on the disk: a folder with a file each, where an interrupted run goes on."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -9,7 +7,7 @@ import re
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -38,7 +36,7 @@ class Parts:
         self._job = hashlib.sha256(json.dumps(self._told, sort_keys=True).encode()).hexdigest()
         self._stack = ExitStack()
 
-    def __enter__(self) -> Parts:
+    def __enter__(self) -> Self:
         busy = (
             f"{self.folder}: another process is making this map: wait until it ends, or choose another --out"
         )

@@ -14,8 +14,6 @@ from beamstiff.measure.samples import (
     AveragedStates,
     average_samples,
     difference_of_states,
-    pooled_sigma,
-    repeated_states,
 )
 from beamstiff.measure.swapped_labels import mend_labels
 from beamstiff.measure.table import Measurements, make_measurements
@@ -43,10 +41,8 @@ __all__ = [
     "measurements_to_csv",
     "mend_labels",
     "parse_measurements",
-    "pooled_sigma",
     "read_measurements",
     "register",
-    "repeated_states",
     "subset",
     "subtract_sensor_deflection",
     "transport_wrench",

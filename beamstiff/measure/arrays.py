@@ -1,7 +1,5 @@
 """Checks of arrays that measurements are computed from, and rows that are equal."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

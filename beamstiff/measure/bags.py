@@ -1,7 +1,5 @@
 """Signals of a ROS bag (`.mcap`, `.db3`, `.bag`, or a folder of rosbag2), by the library rosbags."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path

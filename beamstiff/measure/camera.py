@@ -12,8 +12,6 @@ from the camera to the tag.
 A wrong focal length or size of the tag makes all distances longer: ``camera.scale``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -33,14 +31,9 @@ def corner_noise(position: Array, rotation: Array, noise: float, focal: float, s
     To first order in the noise of the four corners, which grows with range and angle (Hartley & Zisserman
     2004, eq. 5.10: covariance ``s^2 (J^T J)^-1`` of a pose by its projections).
 
-    Parameters
-    ----------
-    position, rotation : (N, 3) arrays, m and rad
-        In the camera's frame, z forward; rotation vectors.
-    noise, focal : float, pixels
-        Of a corner's coordinates; focal length.
-    size : float, m
-        Edge of the tag.
+    `position`, `rotation`: (N, 3) arrays, m and rad; in the camera's frame, z forward; rotation vectors.
+    `noise`, `focal`: of a corner's coordinates; focal length.
+    `size`: m; edge of the tag.
     """
     arm = np.einsum("nij,kj->nki", rotation_from_vector(rotation), size * CORNERS)
     x, y, z = np.moveaxis(position[:, None] + arm, -1, 0)

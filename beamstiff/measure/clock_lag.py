@@ -5,8 +5,6 @@ itself: where the point is must be a smooth function of where the joints are, wh
 the lag. A straight line through these gives lag and drift of the clock.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

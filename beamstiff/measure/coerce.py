@@ -1,7 +1,5 @@
 """Tables of measurements, however they are given: objects or paths; and what in them is hardly meant."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager

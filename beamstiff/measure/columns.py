@@ -1,7 +1,5 @@
 """The columns of a measurement table: their names, their units, and which of them a robot has."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

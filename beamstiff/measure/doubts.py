@@ -5,8 +5,6 @@ play and friction alike, as long as the load acts where the displacement is seen
 more than their noise are rare even where a machine drifts; loads of the wrong sign or frame make many.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The columns of a table that hold readings without a tracker (`measure.instruments`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

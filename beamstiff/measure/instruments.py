@@ -10,8 +10,6 @@ Each says one number of where the point p is (a socket three), in the frame that
 Loaded minus unloaded, all of them read ``n . d``, the displacement along one direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -4,8 +4,6 @@ Clocks are brought together (`clock_lag`), windows found in which the machine st
 the readings of each averaged, with the standard deviation of the mean.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -4,8 +4,6 @@ Each convention turns rows of numbers into rotation matrices and back. Back, of 
 rotation the ones nearest to those that stood there before are taken.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ IEEE Signal Processing Letters 12, 105, of the squared residuals over the noise)
 slope beyond the noise moves: it creeps, settles or is being loaded. The rest stands still.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A list of points, read by its profile (`measure.profiles`), as a table of measurements."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

@@ -1,7 +1,5 @@
 """Displacement of the tool from points on it, measured before and after loading (seed 000, eqs 27 to 30)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

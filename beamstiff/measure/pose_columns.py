@@ -4,8 +4,6 @@
 ``m11 .. m34``: the upper rows of a homogeneous matrix, whose last column is the position (``m14 [mm]``).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Container
 from dataclasses import replace

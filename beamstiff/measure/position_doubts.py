@@ -6,8 +6,6 @@ the length of links; calibration seeks millimetres from where the robot is said 
 there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 

@@ -20,8 +20,6 @@ it. Orientations: columns a b c with `orientation` (KUKA ABC, Euler ZYX, fixed X
 quaternion as columns qw qx qy qz.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -54,24 +52,15 @@ def _column(value: Any) -> Any:
 class Profile(Described):
     """What the columns of a list of points are.
 
-    Attributes
-    ----------
-    columns : mapping of str to int or str
-        Our columns, and theirs: numbers from 1, or names of the header.
-    units : mapping of str to str
-        Unit by column, or by kind of quantity (length, angle, time, ...).
-    separator, decimal, comment, skip
-        Form of the file; `skip` lines at its beginning hold neither names nor points.
-    orientation : str or None
-        What a b c are.
-    points : mapping of str to str or None
-        Their names of points to nodes of the robot.
-    base : mapping of str to point or None
-        Points known in the base frame, m.
-    sigma_position : str or None
-        Standard deviation, such as ``0.03 mm``, written along.
-    samples : bool
-        Whether the rows are samples of a running machine.
+    `columns`: our columns, and theirs: numbers from 1, or names of the header.
+    `units`: unit by column, or by kind of quantity (length, angle, time, ...).
+    `separator`, `decimal`, `comment`, `skip`: form of the file; `skip` lines at its beginning hold neither
+        names nor points.
+    `orientation`: what a b c are.
+    `points`: their names of points to nodes of the robot.
+    `base`: points known in the base frame, m.
+    `sigma_position`: standard deviation, such as ``0.03 mm``, written along.
+    `samples`: whether the rows are samples of a running machine.
     """
 
     columns: Mapping[str, Annotated[int | str, BeforeValidator(_column)]]

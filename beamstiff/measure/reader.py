@@ -23,8 +23,6 @@ decided so:
 - Lines that begin with ``#`` after the header are comments; empty lines are skipped.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rigid motion that carries points onto points, by least squares; a tracker's frame in the base frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

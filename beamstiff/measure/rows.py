@@ -1,7 +1,5 @@
 """Rows of measurement tables: some of them, those of several tables, and the order they were measured in."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
@@ -56,7 +54,7 @@ def in_runs(measurements: Measurements, most: int, runs: int = 10) -> Measuremen
 
     Neighbours stay together, for a machine has a memory.
 
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> q = 0.1 * np.arange(100)[:, None]
     >>> table = make_measurements(["q1"], q, tcp="tip", displacement=np.zeros((100, 3)))
     >>> [round(float(q), 1) for q in in_runs(table, 6, runs=2).q[:, 0]]

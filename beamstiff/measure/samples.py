@@ -1,6 +1,4 @@
-"""Many samples of a state to its mean, with the spread kept; noise from repeated states."""
-
-from __future__ import annotations
+"""Many samples of a state to its mean, with the spread kept."""
 
 from dataclasses import dataclass
 
@@ -9,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers, equal_rows, finite
-from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 # modified z-score above which a sample is an outlier, and the factors that make the median and the mean
@@ -28,7 +25,7 @@ class AveragedStates:
     mean: Array  # (S, D): naN where nothing was sampled
     spread: Array  # (S, D): standard deviation of one sample (n - 1); NaN for fewer than two
     # (S, D): standard deviation of the mean, ``spread / sqrt(n)``: of independent samples. Slow drift within
-    # a state makes it too small; repeats (`repeated_states`) show that
+    # a state makes it too small
     sigma: Array
     count: Integers  # (S, D): samples used
     rejected: Integers  # (S, D): samples left out as outliers
@@ -99,40 +96,6 @@ def difference_of_states(
         )
     sigma: Array = np.hypot(states.sigma[a], states.sigma[b])
     return states.mean[a] - states.mean[b], sigma
-
-
-def pooled_sigma(values: ArrayLike, group: ArrayLike) -> tuple[Array, Integers]:
-    """Return the standard deviation of one value, pooled over groups of repeats, and its degrees of freedom.
-
-    ``sigma^2 = sum_g sum_i (x_gi - mean_g)^2 / sum_g (n_g - 1)``, component by component.
-
-    `values` (N, D): NaN where not measured. `group` (N,): repeats of one state share an id. Both results are
-    (D,); sigma is NaN without repeats.
-
-    >>> pooled_sigma([[1.0], [3.0], [10.0], [10.0], [50.0]], [0, 0, 1, 1, 2])
-    (array([1.]), array([2]))
-    """
-    states = average_samples(values, group)
-    weight = np.maximum(states.count - 1, 0)
-    freedom = weight.sum(axis=0)
-    squares = np.nansum(weight * np.where(np.isnan(states.spread), 0.0, states.spread) ** 2, axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.sqrt(squares / np.where(freedom > 0, freedom, np.nan)), freedom
-
-
-def repeated_states(measurements: Measurements) -> Integers:
-    """Return an id for every row (N,), equal for repeats: same configuration, load, load point and point.
-
-    Joint variables and loads are the same when they agree to a millionth of the largest in their column.
-    """
-    inputs = np.concatenate([measurements.q, measurements.wrench], axis=1)
-    size = np.abs(inputs).max(axis=0)
-    rounded = np.round(inputs / np.where(size > 0, size * 1e-6, 1.0))
-    names = [
-        np.unique(column, return_inverse=True)[1]
-        for column in (measurements.point, measurements.load_point, measurements.target)
-    ]
-    return equal_rows(np.column_stack([rounded, *names]).astype(np.float64))
 
 
 def _groups(state: ArrayLike, n: int, dimensions: int) -> tuple[Integers, Integers, Integers]:

@@ -1,7 +1,5 @@
 """The JSON Schema of measurement tables, drawn from the columns that the reader knows."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from beamstiff.measure.columns import LABELS, NODES, QUANTITIES

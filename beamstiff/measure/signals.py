@@ -1,18 +1,14 @@
 """Sampled signals of a running machine: joints, points, poses, wrenches, each with times of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from beamstiff.se3 import Array
 
 SignalKind = Literal["joints", "torques", "point", "pose", "wrench"]
-# Quantity of the first three values of a reading, and of the rest where these are another.
-UNIT: Mapping[SignalKind, str] = {"joints": "rad", "torques": "N m", "point": "m", "pose": "m", "wrench": "N"}
 # Below this a standard deviation counts as this: finer than encoders, trackers and load cells resolve.
 LEAST_NOISE: Mapping[SignalKind, float] = {
     "joints": 2e-6,
@@ -31,19 +27,12 @@ SLOW = tuple((share, lasts) for share in (0.2, 0.5, 0.8) for lasts in (0.03, 0.0
 class Signal:
     """Readings of one source.
 
-    Attributes
-    ----------
-    name : str
-        Topic, or column group of a file.
-    kind : "joints", "torques", "point", "pose" or "wrench"
-        Of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
-    columns : tuple of str
-        Names of the values: joints by their names.
-    time : (N,) array, s
-        Not decreasing.
-    values : (N, D) array, SI
-    frame : str
-        Frame that the source names, empty where it names none.
+    `name`: topic, or column group of a file.
+    `kind`: of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
+    `columns`: names of the values: joints by their names.
+    `time`: (N,) array, s; not decreasing.
+    `values`: (N, D) array, SI.
+    `frame`: frame that the source names, empty where it names none.
     """
 
     name: str
@@ -61,7 +50,7 @@ class Signal:
         """Median time between readings, s."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else np.inf
 
-    def shifted(self, time: Array) -> Signal:
+    def shifted(self, time: Array) -> Self:
         """Return the signal at other times, in their order."""
         order = np.argsort(time, kind="stable")
         return replace(self, time=time[order], values=self.values[order])

@@ -7,8 +7,6 @@ exchanged; one in which a single reflector is off by itself has lost that one's 
 scatter is seen without names, in their sorted sizes. `mend_labels` puts exchanged names back.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -40,25 +38,16 @@ Order = tuple[int, ...]
 class Body:
     """States that read the same reflectors of one body, and what their distances say.
 
-    Attributes
-    ----------
-    names : (P,) tuple of str
-    rows : (S, P) array of int
-        Row of the table of each reflector in each state.
-    orders : dict of int to orders
-        By state whose names are wrong: orders in which they are right, ``rows[state, order[k]]`` being
+    `names`: (P,) tuple of str.
+    `rows`: (S, P) array of int; row of the table of each reflector in each state.
+    `orders`: by state whose names are wrong: orders in which they are right, ``rows[state, order[k]]`` being
         reflector ``names[k]``.
-    off : dict of int to tuple of int
-        By state that no names make right: the reflectors without which its distances are.
-    far : (S, P) array, m
-        How far the distances of each reflector are off, by its name.
-    sides : tuple of int
-        Number of states whose names are held for right, and of the most that agree on others.
-    placed : bool
-        The robot file's places say which names are right.
-    alike : (P,) array of bool
-        Reflectors that may be exchanged without a change of distances beyond `fine`.
-    fine : float, m
+    `off`: by state that no names make right: the reflectors without which its distances are.
+    `far`: (S, P) array, m; how far the distances of each reflector are off, by its name.
+    `sides`: number of states whose names are held for right, and of the most that agree on others.
+    `placed`: the robot file's places say which names are right.
+    `alike`: (P,) array of bool; reflectors that may be exchanged without a change of distances beyond `fine`.
+    `fine`: m.
     """
 
     names: tuple[str, ...]
@@ -114,18 +103,11 @@ def mend_labels(table: Measurements, robot: Robot) -> tuple[Measurements, tuple[
 
     Rows of a reflector that slipped are left out in the states where it did.
 
-    Parameters
-    ----------
-    table : Measurements
-        Absolute positions; four states or more read the same three reflectors or more of one body.
-    robot : Robot
-        Where its file places the reflectors apart, this says which of several names are right; else those of
-        the most states.
-
-    Raises
-    ------
-    BeamstiffError
-        When distances say nothing, or several exchanges, or no exchange and no single slip, explain a state.
+    `table`: absolute positions; four states or more read the same three reflectors or more of one body.
+    `robot`: where its file places the reflectors apart, this says which of several names are right; else
+        those of the most states.
+    Raises BeamstiffError when distances say nothing, or several exchanges, or no exchange and no single slip,
+    explain a state.
     """
     bodies = list(_bodies(table, robot))
     if not bodies:

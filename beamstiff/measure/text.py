@@ -1,7 +1,5 @@
 """A measurement file as text: what stands before the header, its cells, their line numbers, their numbers."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ A wrench is ``[f, m]``, N and N m, and acts on the robot's tool. Carried from on
 body it does the same work: ``m_b = m_a + (a - b) x f``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Writes measurements as CSV that `read_measurements` reads back."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

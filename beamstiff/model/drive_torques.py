@@ -1,7 +1,5 @@
 """Torques, of slides forces, that drives hold against weights and loads: ``tau = -J^T w``, virtual work."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,13 +17,9 @@ from beamstiff.se3 import Array
 class Weight:
     """What hangs on the nodes of a frame; N rows, A actuated variables.
 
-    Attributes
-    ----------
-    frame : str
-    torque : (N, A) array, N m or N
-        What holds the weight that the robot states there.
-    unit : (N, A, 4) array, N m/kg and N m/(kg m)
-        What holds 1 kg more at the frame's first node, and 1 kg m away from it along each axis of the frame.
+    `torque`: (N, A) array, N m or N; what holds the weight that the robot states there.
+    `unit`: (N, A, 4) array, N m/kg and N m/(kg m); what holds 1 kg more at the frame's first node, and 1 kg m
+        away from it along each axis of the frame.
     """
 
     frame: str

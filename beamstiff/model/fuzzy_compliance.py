@@ -1,9 +1,8 @@
 """Fuzzy compliance: ``d = C(q) w`` with a compliance matrix that fuzzy rules give (seed 003, eq. 38)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +37,7 @@ class FuzzyCompliance:
         """All rules: each system says what terms it knows."""
         return (self.system, *self.others)
 
-    def extrapolating(self) -> FuzzyCompliance:
+    def extrapolating(self) -> Self:
         """Return the model that answers outside what was trained too."""
         return replace(self, extrapolate=True)
 
@@ -110,7 +109,7 @@ def rules_from_table(table: Measurements, inputs: Sequence[str]) -> FuzzyComplia
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> pull, seen = [[-900, 0, 0, 0, 0, 0]] * 2, [[-0.9e-3, np.nan, np.nan]] * 2
     >>> seen[1] = [-1.8e-3, np.nan, np.nan]
     >>> rules = make_measurements(["q2"], [[0.0], [1.0]], tcp="n7", wrench=pull, displacement=seen)

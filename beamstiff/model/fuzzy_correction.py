@@ -4,9 +4,8 @@ The rules say by which factor each spring of the model is softer or stiffer in a
 the logarithm of the factor is a mean, so compliances stay positive.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +29,7 @@ class FuzzyCorrection:
     # answer outside what was trained too (flagged by `outside`); else such rows are refused
     extrapolate: bool = False
 
-    def extrapolating(self) -> FuzzyCorrection:
+    def extrapolating(self) -> Self:
         """Return the model that answers outside what was trained too."""
         return replace(self, extrapolate=True)
 

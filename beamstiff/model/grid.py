@@ -1,9 +1,8 @@
 """Gridded stiffness: the workspace cut into cubes, each with springs of its own (seed 001, section 3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -103,7 +102,7 @@ class GriddedStiffness:
     extrapolate: bool = False
     deviations: CubeDeviations | None = None  # of the kinematics, by cube
 
-    def extrapolating(self) -> GriddedStiffness:
+    def extrapolating(self) -> Self:
         """Return the model that answers outside the cubes with data too."""
         return replace(self, extrapolate=True)
 

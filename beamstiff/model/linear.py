@@ -48,7 +48,7 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
 
     Examples
     --------
-    >>> from beamstiff.measure import make_measurements
+    >>> from beamstiff.measure.table import make_measurements
     >>> from beamstiff.robot.reader import load_robot
     >>> robot = load_robot("kr240-2")
     >>> names = [variable.name for variable in robot.actuated]
@@ -69,10 +69,8 @@ def predict_displacements(robot: Robot, loads: Measurements, preload: bool = Fal
 def compliance_of_rows(robot: Robot, loads: Measurements) -> Array:
     """Return the displacement of every row's point per unit wrench at its load point, (N, 6, 6), linear.
 
-    Raises
-    ------
-    BeamstiffError
-        As `predict_displacements`; loads on a node without a rotation are refused, whatever the rows carry.
+    Raises BeamstiffError as `predict_displacements`; loads on a node without a rotation are refused, whatever
+    the rows carry.
     """
     refuse_idle_moments(robot, replace(loads, wrench=np.ones_like(loads.wrench)))
     structure = compile_structure(robot)

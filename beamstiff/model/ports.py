@@ -12,12 +12,10 @@ Where statics alone gives the forces at the ports (S = 0: serial robots, a four-
 series, and d is linear in the compliances: ``d = C_clamped w + sum_j B_d^T Phi_j^+ (B_w w + g) / k_j``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -161,7 +159,7 @@ class PortModel:
             return None
         return 1.0 / values
 
-    def rows(self, chosen: ArrayLike) -> PortModel:
+    def rows(self, chosen: ArrayLike) -> Self:
         """Return the model of some rows: a mask or indices."""
         at = np.asarray(chosen)
         poses, pose = np.unique(self.pose[at], return_inverse=True)
@@ -174,7 +172,7 @@ class PortModel:
             clamped=self.clamped[at],
         )
 
-    def along(self, rows: Measurements) -> PortModel:
+    def along(self, rows: Measurements) -> Self:
         """Return the model of rows (N) that are read along axes of their own."""
         motion = rows.along(self.motion.swapaxes(-1, -2)).swapaxes(-1, -2)
         return replace(self, motion=motion, clamped=rows.along(self.clamped))

@@ -1,7 +1,5 @@
 """A measurement campaign: the tests to make, chosen, and written as a table to fill in."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

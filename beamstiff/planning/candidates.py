@@ -1,7 +1,5 @@
 """Tests that could be made: poses within reach, loads on the tool, and what each would tell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -19,8 +19,6 @@ It is taken at the best weighted design that Frank and Wolfe's method finds, whe
 Designs of growing size say how many tests are enough, by the worst standard error (seed 000, Figure 7).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

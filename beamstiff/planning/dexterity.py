@@ -9,8 +9,6 @@ smallest kappa_F over all poses as small as it can be (Angeles, Fundamentals of 
 sec. 5.8).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ With dp and dr the translation and rotation of the tool under a wrench, with and
 Where both are small, joint stiffness may be identified without K_C.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ in one posture cost none. From the best plan on, each test in turn is exchanged 
 soonest driven, as long as the criterion stays within a share of the best (exchanges as in `designs`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.planning.designs import Design, criterion_of, design_of
@@ -37,14 +35,9 @@ def driven(q: Array, speed: Array) -> float:
 def sooner_driven(design: Design, information: Array, q: Array, speed: Array) -> Design:
     """Return a design that tells nearly as much as another, in less time for moving.
 
-    Parameters
-    ----------
-    design : Design
-    information : (N, m, m) array
-        Of each candidate.
-    q : (N, A) array, rad or m
-        Posture of each candidate.
-    speed : (A,) array, rad/s or m/s
+    `information`: (N, m, m) array; of each candidate.
+    `q`: (N, A) array, rad or m; posture of each candidate.
+    `speed`: (A,) array, rad/s or m/s.
     """
     criterion, tests = design.criterion, design.chosen.tolist()
     scale = float(np.trace(information.mean(axis=0))) / len(design.names)

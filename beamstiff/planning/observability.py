@@ -16,8 +16,6 @@ All are better the larger, and depend on the units of the parameters: logarithms
 unit. O1 belongs to D-optimal designs, O3 to E-optimal ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

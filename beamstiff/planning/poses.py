@@ -1,7 +1,5 @@
 """Poses to look at: grids over two joint variables, and random ones within the limits, loops closed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Newton's method from postures at random: the shortest step in the joints that takes the point there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

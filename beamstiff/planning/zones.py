@@ -1,7 +1,5 @@
 """Zones of a map where something is good, and the lines of singular poses that it runs through."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

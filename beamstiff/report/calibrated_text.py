@@ -1,7 +1,5 @@
 """What the calibration beside the causes of a diagnosis changed, in words."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.apply import extended

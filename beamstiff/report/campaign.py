@@ -1,7 +1,5 @@
 """Table and sentences of a test plan: the standard errors to expect, and what more tests would bring."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -102,8 +100,6 @@ def campaign_text(plan: MeasurementPlan) -> str:
 def percent(share: float) -> str:
     """Return a share as people read it, two digits.
 
-    Examples
-    --------
     >>> percent(0.0234), percent(5.87), percent(1e5)
     ('2.3 %', '587 %', '> 1000 %')
     """

@@ -1,7 +1,5 @@
 """What changed between two campaigns, in a line."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from beamstiff.diagnosis.changes import RunComparison

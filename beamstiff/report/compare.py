@@ -1,7 +1,5 @@
 """Models side by side: errors by what was held out and by load, and over the workspace."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

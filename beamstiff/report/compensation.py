@@ -1,7 +1,5 @@
 """Tables and figure of a corrected path: predicted error before and after, targets not corrected."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

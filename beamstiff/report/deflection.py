@@ -1,7 +1,5 @@
 """Table and sentences of predicted displacements: the gap to measured ones, and the effects included."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -25,55 +23,34 @@ def deflection_told(found: Prediction) -> Iterator[RenderableType]:
 
 
 def deflection_table(found: Prediction) -> Table:
-    """Return a table of the displacement of every row, beside what was measured of it."""
-    rows = found.rows
-    if found.pose is not None:
-        return _positions_table(found, found.pose)
-    seen = rows.measured_mask
-    compared = np.flatnonzero(seen.any(axis=0)).tolist()
-    columns = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, UNITS, strict=True)]
-    title = f"{found.robot.name}: predicted displacement, loaded minus unloaded, base frame"
-    title += ", with gravity and K_C" if found.preload else ""
-    result = table(title, "line", *columns, *(f"measured {columns[at]}" for at in compared))
-    scaled, measured = 1e3 * without_rounding(found.displacement), 1e3 * rows.displacement
-    add_rows(
-        result,
-        (
-            [
-                str(line),
-                *map(number, scaled[row]),
-                *("" if np.isnan(measured[row, at]) else number(measured[row, at]) for at in compared),
-            ]
-            for row, line in enumerate(rows.rows.tolist())
-        ),
-    )
+    """Return a table of the displacement of every row, beside what was measured of it.
+
+    Of absolute rows: of where its point is predicted, base frame, and of its displacement.
+    """
+    rows, name = found.rows, found.robot.name
+    units = [f"{name} [{unit}]" for name, unit in zip(DISPLACEMENT, UNITS, strict=True)]
+    moved, seen = 1e3 * without_rounding(found.displacement), 1e3 * rows.measured
+    if found.pose is None:
+        title = f"{name}: predicted displacement, loaded minus unloaded, base frame"
+        title += ", with gravity and K_C" if found.preload else ""
+        columns, heads, shown = units, units, number
+        predicted = [[*map(number, row)] for row in moved]
+    else:
+        title = f"{name}: predicted position, base frame, and displacement from the undeformed machine"
+        columns, shown = [f"{axis} [mm]" for axis in "xyz"], _place
+        heads = [*columns, *units[:3]]
+        placed = zip(1e3 * found.pose[:, :3], moved[:, :3], strict=True)
+        predicted = [[*map(_place, at), *map(number, by)] for at, by in placed]
+    compared = np.flatnonzero(rows.measured_mask[:, : len(columns)].any(axis=0)).tolist()
+    result = table(title, "line", *heads, *(f"measured {columns[at]}" for at in compared))
+    measured = [["" if np.isnan(row[at]) else shown(row[at]) for at in compared] for row in seen]
+    cells = zip(rows.rows.tolist(), predicted, measured, strict=True)
+    add_rows(result, ([str(line), *one, *other] for line, one, other in cells))
     return result
 
 
-def _positions_table(found: Prediction, pose: Array) -> Table:
-    """Return a table of where every row's point is predicted, and what was measured."""
-    rows = found.rows
-    compared = np.flatnonzero(rows.measured_mask[:, :3].any(axis=0)).tolist()
-    columns = [f"{axis} [mm]" for axis in "xyz"]
-    sag = [f"{name} [mm]" for name in DISPLACEMENT[:3]]
-    title = (
-        f"{found.robot.name}: predicted position, base frame, and displacement from the undeformed machine"
-    )
-    result = table(title, "line", *columns, *sag, *(f"measured {columns[at]}" for at in compared))
-    placed, moved, seen = 1e3 * pose[:, :3], 1e3 * without_rounding(found.displacement), 1e3 * rows.position
-    add_rows(
-        result,
-        (
-            [
-                str(line),
-                *(f"{value:.3f}" for value in placed[row]),
-                *map(number, moved[row, :3]),
-                *("" if np.isnan(seen[row, at]) else f"{seen[row, at]:.3f}" for at in compared),
-            ]
-            for row, line in enumerate(rows.rows.tolist())
-        ),
-    )
-    return result
+def _place(value: float) -> str:
+    return f"{value:.3f}"
 
 
 def deflection_verdict(found: Prediction) -> Verdict:

@@ -1,7 +1,5 @@
 """How a drift goes over time, or temperature: what it adds to the readings, whatever its shape."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

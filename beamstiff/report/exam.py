@@ -1,7 +1,5 @@
 """Tables and figures of an exam of the diagnosis: targets and results, the worst class first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 from typing import Any

@@ -4,8 +4,6 @@ Colours are those of Okabe and Ito, which colour-blind readers tell apart; what 
 in its marker.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 
@@ -47,8 +45,6 @@ def plain(axes: Axes) -> None:
 def check_format(path: str | Path) -> str:
     """Return the format that a figure's file name asks for.
 
-    Examples
-    --------
     >>> check_format("fit.PNG")
     'png'
     """

@@ -1,7 +1,5 @@
 """Fuzzy compliance as pictures: the surface of one term over two inputs, and the membership functions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

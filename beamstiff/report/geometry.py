@@ -1,7 +1,5 @@
 """Tables and figures of a geometric calibration: sensitivity indices, the residual pose by pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tables and sentences of an identification: stiffness with its uncertainty, and what the residual means."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from math import inf, sqrt

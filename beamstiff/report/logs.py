@@ -1,7 +1,5 @@
 """Figure of a log: speeds over time, with the windows that were kept and those that were cut."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """What a robot file means, as plain data: its parts, how they hang together, and numbers that follow."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -34,8 +32,6 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
     `samples`: postures drawn for the reach, evenly within the limits of the actuated variables. `seed`: of
     the samples.
 
-    Examples
-    --------
     >>> from beamstiff.robot.reader import load_robot
     >>> facts = describe(load_robot("cantilever"))
     >>> facts["unknowns"], facts["reach"]["upper"]

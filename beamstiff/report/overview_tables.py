@@ -1,7 +1,5 @@
 """What a robot file means, as tables for people."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import degrees
 from typing import Any

@@ -1,7 +1,5 @@
 """Residuals of displacements before and after a fit, over load and posture; the front of two errors."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

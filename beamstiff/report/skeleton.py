@@ -1,7 +1,5 @@
 """A robot as lines in a picture: beams, rigids and struts, its joints, in the plane that shows most of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a diagnosis without a cause would have shown: the smallest sizes, an effect a row."""
 
-from __future__ import annotations
-
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import Smallest
 from beamstiff.errors import listed

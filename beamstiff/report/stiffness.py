@@ -1,7 +1,5 @@
 """Tables of the stiffness at the TCP: the posture, and the two matrices."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

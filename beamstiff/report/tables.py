@@ -1,7 +1,5 @@
 """Tables for people: described once, drawn by the console and by pages of a report."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -104,8 +102,6 @@ def spaced(parts: Iterable[RenderableType]) -> Iterator[RenderableType]:
 def number(value: float) -> str:
     """Return a number as tables show it: four digits.
 
-    Examples
-    --------
     >>> number(1723456.0), number(0.0), number(-0.0123456)
     ('1.723e+06', '0', '-0.01235')
     """
@@ -117,8 +113,6 @@ def worth(value: float, std: float) -> tuple[str, str]:
 
     What is held has no standard deviation: a 0 is ``-``.
 
-    Examples
-    --------
     >>> worth(1364333.2, 139420.2), worth(1.257e-06, 1.996e-08), worth(0.0, 2e-3)
     (('1.36e+06', '1.4e+05'), ('1.257e-06', '2e-08'), ('0', '0.002'))
     >>> worth(1.2345678, 0.0)
@@ -146,8 +140,6 @@ def nice(value: float) -> float:
 def millimetres(lengths: Iterable[float]) -> list[str]:
     """Return lengths in metres as millimetres with three decimals.
 
-    Examples
-    --------
     >>> millimetres([1.2345678, -1e-9])
     ['1234.568', '0.000']
     """
@@ -167,8 +159,6 @@ def times_off(ratio: float) -> str:
 def counted(count: int, what: str) -> str:
     """Return a number of things.
 
-    Examples
-    --------
     >>> counted(1, "test"), counted(12, "pose")
     ('1 test', '12 poses')
     """

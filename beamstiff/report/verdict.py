@@ -1,7 +1,5 @@
 """The verdict that a result begins with: a headline coloured by gap over noise, the data, the next action."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -117,8 +115,6 @@ def undetermined_text(names: Sequence[str]) -> str:
 def rounded(value: float) -> str:
     """Return a positive number with two digits, without a power of ten; less than 1e-6 is rounding.
 
-    Examples
-    --------
     >>> rounded(0.0704), rounded(0.4149), rounded(12.4), rounded(0.0), rounded(4.5e-15)
     ('0.070', '0.41', '12', '0', '0')
     """

@@ -4,8 +4,6 @@ Points stand undeformed; warp by the vector `displacement`. Between its ends a b
 that their displacements and rotations define: exact for a beam without load on its span and stiff in shear.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

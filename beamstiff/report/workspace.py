@@ -34,8 +34,6 @@ SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "m/N": (1e6, "µm/N"), "rad": 
 def shown(value: float | None, unit: str) -> str:
     """Return a value as people read it, without its unit.
 
-    Examples
-    --------
     >>> shown(1.5e6, "N/m"), shown(None, "1")
     ('1500', 'inf')
     """

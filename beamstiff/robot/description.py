@@ -1,9 +1,7 @@
 """The robot as its file describes it: its parts, and what they say of each other."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -107,7 +105,7 @@ class Robot(Shown, Described):
     urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back
 
     @model_validator(mode="after")
-    def _cross_references(self) -> Robot:
+    def _cross_references(self) -> Self:
         problems = list(find_problems(self))
         if problems:
             raise DescriptionError(problems)
@@ -128,7 +126,7 @@ class Robot(Shown, Described):
         """
         return stiffness_parameters(self)[_known(name, stiffness_parameters(self), self.name)]
 
-    def with_parameters(self, values: Mapping[str, float]) -> Robot:
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
         """Return the same robot with other stiffness values, by parameter name, SI.
 
         What becomes rigid or free is no longer among those to `identify`: it has no number to start from.
@@ -148,7 +146,7 @@ class Robot(Shown, Described):
         }
         return self.model_copy(update=update)
 
-    def with_unmeasured(self, fitted: Collection[str], untouched: Collection[str]) -> Robot:
+    def with_unmeasured(self, fitted: Collection[str], untouched: Collection[str]) -> Self:
         """Return the robot, of whose `fitted` stiffness values no measured load touched some."""
         open_ones = {*self.unmeasured} - {*fitted} | {*untouched}
         finite = {name for name, value in stiffness_parameters(self).items() if FREE < value < RIGID}

@@ -3,9 +3,7 @@
 Stiffness values are those of springs of the robot, in the order of `springs`; all numbers are SI.
 """
 
-from __future__ import annotations
-
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -68,7 +66,7 @@ class FuzzyRules(Described):
     support: Numbers = ()
 
     @model_validator(mode="after")
-    def _complete(self) -> FuzzyRules:
+    def _complete(self) -> Self:
         rules = 1
         for values in self.sets:
             rules *= len(values)
@@ -90,7 +88,7 @@ class CubeGrid(Described):
     rows: tuple[Whole, ...]  # measured in each
 
     @model_validator(mode="after")
-    def _complete(self) -> CubeGrid:
+    def _complete(self) -> Self:
         nx, ny, nz = self.counts
         _same("rows", len(self.rows), nx * ny * nz, "cube")
         return self
@@ -170,7 +168,7 @@ class FittedModel(Described):
     process: TaughtProcess | None = None
 
     @model_validator(mode="after")
-    def _complete(self) -> FittedModel:
+    def _complete(self) -> Self:
         needs = {
             "fuzzy": ("rules",),
             "grid": ("springs", "stiffness", "cubes"),

@@ -4,10 +4,8 @@ Every class checks its own fields; what they say of each other is checked in `ch
 with a unit is accepted wherever a quantity is expected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -111,7 +109,7 @@ class Variable(Described):
         return described(value, "length" if info.data.get("type") == "prismatic" else "angle")
 
     @model_validator(mode="after")
-    def _consistent(self) -> Variable:
+    def _consistent(self) -> Self:
         if self.equals is None and self.type is None:
             raise DescriptionError([(("type",), "is missing: expected revolute or prismatic (or `equals`)")])
         if self.equals is not None and self.passive:
@@ -250,7 +248,7 @@ class Strut(Described):
     fixed_length: LeastLength = 0.0
 
     @model_validator(mode="after")
-    def _free_length(self) -> Strut:
+    def _free_length(self) -> Self:
         if self.EA is None and self.fixed_length:
             raise DescriptionError([(("fixed_length",), "found one without EA, expected EA with it")])
         return self
@@ -322,7 +320,7 @@ class AddedEffect(Described):
     shapes: tuple[AddedShape, ...] = ()
 
     @model_validator(mode="after")
-    def _one_or_several(self) -> AddedEffect:
+    def _one_or_several(self) -> Self:
         if self.shapes:
             for name in ("shape", "parameters", "std", "scales"):
                 if getattr(self, name):
@@ -344,7 +342,7 @@ class AddedEffect(Described):
             ),
         )
 
-    def with_shapes(self, shapes: tuple[AddedShape, ...]) -> AddedEffect:
+    def with_shapes(self, shapes: tuple[AddedShape, ...]) -> Self:
         """Return the effect with other shapes, as it is written: one that counts in full as its own."""
         if len(shapes) == 1 and shapes[0].weight == 1.0:
             own = {name: getattr(shapes[0], name) for name in ("shape", "parameters", "std", "scales")}

@@ -19,27 +19,7 @@ VERSION = 1
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot that a YAML, URDF or SDF file describes, by its ending.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        A file, or the name of a robot that comes with the package, such as ``ir663``.
-
-    Returns
-    -------
-    Robot
-
-    Raises
-    ------
-    BeamstiffError
-        When the file cannot be read or its robot cannot be used: one line ``FILE:LINE: key: message``.
-
-    Examples
-    --------
-    >>> load_robot("cantilever").fixed
-    ('root',)
-    """
+    """Return the robot of a YAML, URDF or SDF file, or of a name; its effects are not looked at."""
     file = Path(path)
     if str(path) == file.name and not os.path.isfile(file):
         names = _library()

@@ -7,13 +7,11 @@ Stiffness stands in a joint as in URDF: ``<beamstiff torsional="1e6 N*m/rad"/>``
 names its TCP: ``<beamstiff tcp="tool0"/>``.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -81,7 +79,7 @@ class _Poses:
     between: set[str] = field(default_factory=set)
 
     @classmethod
-    def of(cls, model: Element) -> _Poses:
+    def of(cls, model: Element) -> Self:
         elements: dict[str, Element] = {}
         for item in (*model.all("link"), *model.all("joint"), *model.all("frame")):
             name = item.attribute("name")

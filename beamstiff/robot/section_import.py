@@ -16,17 +16,11 @@ ALIGNED = 1e-3  # of the smaller second moment: a product of inertia below is ro
 def section_from_analysis(analysed: Any, unit: float, *, shear: bool = False) -> Section:
     """Return the beam section of a cross-section that sectionproperties has analysed.
 
-    Parameters
-    ----------
-    analysed : sectionproperties.analysis.Section
-        After ``calculate_geometric_properties()`` and ``calculate_warping_properties()``; one material.
-    unit : float, m
-        Length of its unit: ``1e-3`` where its coordinates are in mm.
-    shear : bool
-        Take over the shear areas, for a Timoshenko beam.
+    `analysed`: after ``calculate_geometric_properties()`` and ``calculate_warping_properties()``; one
+        material.
+    `unit`: m; length of its unit: ``1e-3`` where its coordinates are in mm.
+    `shear`: take over the shear areas, for a Timoshenko beam.
 
-    Examples
-    --------
     ::
 
         geometry = sectionproperties.pre.library.channel_section(d=200, b=75, t_f=12, t_w=6, r=12, n_r=8)

@@ -7,12 +7,10 @@ apart (a lower bound). Shear areas with Poisson's ratio 0: circle 6/7 A, tube, r
 J. Appl. Mech. 33 (1966) 335); box and I: the walls along the force alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -76,7 +74,7 @@ class Section(Described):
     shear: Truth = False
 
     @model_validator(mode="after")
-    def _complete(self) -> Section:
+    def _complete(self) -> Self:
         expected = GIVEN if self.shape is None else DIMENSIONS[self.shape]
         allowed = {*expected, "Ay", "Az"} if self.shape is None else {*expected, "shape", "shear"}
         missing = [name for name in expected if getattr(self, name) is None]

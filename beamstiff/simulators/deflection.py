@@ -49,16 +49,9 @@ def mujoco_deflection(
 def follow_posture(model: Any, robot: Robot, q: Array) -> None:
     """Give a MuJoCo model of a robot the springs and masses of a posture, where beams follow slides.
 
-    Parameters
-    ----------
-    model : mujoco.MjModel
-        Of `robot_to_mjcf`, with whatever was added to it; `mujoco.mj_setConst` has to follow.
-    robot : Robot
-    q : (A,) array, rad or m
-        Actuated variables.
+    `model`: of `robot_to_mjcf`, with whatever was added to it; `mujoco.mj_setConst` has to follow.
+    `q`: (A,) array, rad or m; actuated variables.
 
-    Examples
-    --------
     >>> from beamstiff import load_robot
     >>> gantry = load_robot("gantry")
     >>> model = MujocoModel(write_mjcf(assemble(gantry))).model

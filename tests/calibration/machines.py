@@ -11,7 +11,7 @@ import numpy as np
 from beamstiff import Robot, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.elastic import elastic_displacement
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import Mass, Node, Rigid

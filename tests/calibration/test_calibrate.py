@@ -8,8 +8,8 @@ import pytest
 from beamstiff import BeamstiffError, calibrate, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.validation import errors_on, gap_of, in_base_frame
-from beamstiff.measure import make_measurements
 from beamstiff.measure.rows import concatenate, subset
+from beamstiff.measure.table import make_measurements
 from beamstiff.se3 import rotation_from_vector, transform
 from tests.calibration.machines import (
     JOINTS,

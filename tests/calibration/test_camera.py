@@ -1,7 +1,5 @@
 """Hand-eye, scale and zeros from the poses of a tag that a camera sees."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

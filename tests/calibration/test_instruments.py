@@ -8,10 +8,9 @@ import pytest
 from beamstiff import BeamstiffError, Robot, calibrate
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
-from beamstiff.measure import make_measurements
 from beamstiff.measure.instruments import Target, target
 from beamstiff.measure.registration import fit_rigid_motion
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.planning.seated import reached, seated_postures
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array

@@ -6,8 +6,8 @@ import numpy as np
 
 from beamstiff import calibrate
 from beamstiff.calibration.result import Calibration
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from tests.identification.test_wind_up import ROBOT as UNLOADED
 from tests.identification.test_wind_up import ROBOT_VARIABLES, TRUE, only

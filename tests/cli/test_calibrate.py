@@ -10,7 +10,7 @@ import pytest
 
 from beamstiff import load_robot, read_measurements, save_robot, write_measurements
 from beamstiff.calibration.corrected import corrected
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture

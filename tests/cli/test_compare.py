@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, write_measurements
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from tests.cli.conftest import Refused, Run
 

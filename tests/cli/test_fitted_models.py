@@ -9,7 +9,7 @@ import pytest
 from beamstiff import Robot, load_robot, write_measurements
 from beamstiff.compensation.follow import solve
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.cli.conftest import Refused, Run

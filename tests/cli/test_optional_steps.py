@@ -10,7 +10,7 @@ import pytest
 
 from beamstiff import load_robot, save_robot, write_measurements
 from beamstiff.errors import BeamstiffError, UnwritableError
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from tests.cli.conftest import Run
 from tests.cli.test_calibrate import readings

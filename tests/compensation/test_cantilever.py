@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.cantilever import Cantilever
-from beamstiff.compensation.process.corotational import at_ratio, straight, under_load
-from beamstiff.compensation.process.large_displacement import contact
+from beamstiff.compensation.process.corotational import at_ratio, contact, straight, under_load
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array, transform
 from benchmarks.elastica import follower_tip

@@ -15,8 +15,8 @@ from beamstiff.diagnosis.recalibration import recalibration_of
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 

@@ -9,7 +9,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot
 from beamstiff.diagnosis.added_effect import needed_scales, rounded
-from beamstiff.diagnosis.apply import effects_displacement, extended, predict_with_effects
+from beamstiff.diagnosis.apply import effects_displacement, extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Weighted, fitted
@@ -146,7 +146,7 @@ def test_the_robot_written_predicts_new_rows_as_the_diagnosis(effect: str) -> No
         predict_displacements(one, rows, preload=True) - predict_displacements(one, rows)
         for one in (robot, result.linear.robot)
     ]
-    found = predict_with_effects(robot, rows) - (stiffening[0] - stiffening[1])
+    found = predict(robot, rows) - (stiffening[0] - stiffening[1])
     np.testing.assert_allclose(found, after, rtol=0, atol=1e-12)
     assert np.abs(stiffening[0] - stiffening[1]).max() < 0.02 * np.abs(after - before).max()
     # the effects' own part is the same
@@ -170,7 +170,7 @@ def test_where_the_load_does_not_stiffen_the_machine_the_prediction_is_the_same(
     wrench[:, :3] = lever[:, :, 0] * np.linspace(-900, 900, 20)[:, None]
     wrench[:, 2] = 0.0
     rows = read(q, wrench, truth(q, wrench, effect), 3)
-    apart = predict_with_effects(robot, rows) - result.predict_shift(rows)[1]
+    apart = predict(robot, rows) - result.predict_shift(rows)[1]
     across = wrench[:, :3] / np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
     along = apart[:, :3] - (apart[:, :3] * across).sum(axis=1, keepdims=True) * across
     np.testing.assert_allclose(apart[:, :3] - along, 0, atol=1e-9)
@@ -359,7 +359,7 @@ def test_what_the_library_does_not_know_is_refused(change: dict[str, Any], messa
     q, wrench = campaign(0)
     rows = read(q, wrench, 0 * wrench[:, :3], 0)
     with np.errstate(all="ignore"), pytest.raises(BeamstiffError, match=message):
-        predict_with_effects(robot, rows)
+        predict(robot, rows)
 
 
 def test_a_payload_does_not_show_in_differences() -> None:

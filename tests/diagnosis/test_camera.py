@@ -1,7 +1,5 @@
 """Whose fault it is that a tag seems to move: the camera's, its mount's, or the robot's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

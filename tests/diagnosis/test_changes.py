@@ -9,8 +9,7 @@ from scipy import stats
 import beamstiff
 from beamstiff import BeamstiffError, Robot, compare_runs
 from beamstiff.diagnosis.changes import campaign_fit, compare_fits, holm
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import rotation_from_vector
 

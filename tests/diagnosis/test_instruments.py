@@ -11,8 +11,8 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.next_measurement.candidates import UNREAD, load_cycles, noise_of
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.instruments import target
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 
 ROBOT = load_robot("kr240-2")

@@ -11,7 +11,7 @@ from beamstiff import calibrate, diagnose, identify, load_robot
 from beamstiff.diagnosis.effects.torque_laws import axis_at
 from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS, Said, measured_torques
 from beamstiff.diagnosis.residual.baseline import fit_baseline
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.drive_torques import drive_torques
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.parts import AddedEffect

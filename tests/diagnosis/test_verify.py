@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot

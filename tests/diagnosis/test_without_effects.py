@@ -10,8 +10,8 @@ from beamstiff import Robot
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
-from beamstiff.measure import Measurements
 from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array, rotation_from_vector
 from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of

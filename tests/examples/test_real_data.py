@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from beamstiff import Robot, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.residual.baseline import nominal_pose
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array, rotation_from_vector
 from tests.examples.scripts import EXAMPLES, run_script

@@ -6,7 +6,7 @@ import pytest
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import compile_structure
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
 from tests.fem.builders import STEEL, at_rest, frame, relative_error, some_rotation

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads
@@ -32,6 +31,7 @@ from tests.fem.builders import (
     some_rotation,
     turned,
 )
+from tests.fem.complementary_stiffness import complementary_stiffness
 from tests.fem.rigid_bodies import RigidBodies
 from tests.fem.test_serial_robots import serial_robot
 
@@ -397,16 +397,6 @@ def test_a_moment_on_a_node_of_struts_is_refused() -> None:
     load = nodal_loads(structure, 1, {"n4": np.array([0, 0, 0, 1.0, 0, 0])})
     with pytest.raises(BeamstiffError, match="a moment acts on node 'n4', which struts alone hold"):
         loaded_compliance(structure, at_rest(structure), load)
-
-
-def test_complementary_stiffness_refuses_closed_loops() -> None:
-    robot = load_robot("ir663")
-    structure = compile_structure(robot)
-    pose = posture(structure.kinematics, np.radians([[1.37, 48.63]]))
-    with pytest.raises(
-        BeamstiffError, match="'ir663' has closed loops: K_C in joint space is for serial robots"
-    ):
-        complementary_stiffness(structure, pose, np.array([0, 0, -900.0, 0, 0, 0]))
 
 
 def test_the_stiffness_of_a_singular_compliance_is_refused() -> None:

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import Measurements, parse_measurements, read_measurements
+from beamstiff.measure.reader import parse_measurements, read_measurements
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from tests.malformed import damaged
 from tests.measure import conftest

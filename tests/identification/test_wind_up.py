@@ -10,8 +10,8 @@ from beamstiff import identify, load_robot
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.identification.result import Identification
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.rows import subset
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array

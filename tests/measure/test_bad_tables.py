@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import parse_measurements, read_measurements
 from beamstiff.measure.columns import RESERVED
+from beamstiff.measure.reader import parse_measurements, read_measurements
 from beamstiff.robot.checks import TABLE_COLUMNS
 from beamstiff.robot.description import Robot
 

@@ -1,7 +1,5 @@
 """Poses of a tag in the frame of a camera, read as poses of the robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
-from beamstiff.measure import Measurements, parse_measurements
 from beamstiff.measure.doubts import copies_between, counted_once, doubts, require_usable
+from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from tests.diagnosis.machines import at_random, elbow, nominal
 

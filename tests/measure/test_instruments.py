@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, load_robot
-from beamstiff.measure import concatenate, measurements_to_csv, parse_measurements
 from beamstiff.measure.instruments import axes_along, target
+from beamstiff.measure.reader import parse_measurements
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.writer import measurements_to_csv
 
 ROBOT = load_robot("kr240-2")
 JOINTS = "q1 [deg],q2 [deg],q3 [deg],q4 [deg],q5 [deg],q6 [deg]"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import displacement_from_points, frame_from_points, subtract_sensor_deflection
+from beamstiff.measure.points import displacement_from_points, frame_from_points, subtract_sensor_deflection
 from beamstiff.se3 import Array, displacement_transport
 
 # P10, P11, P12 on a tool of 0.3 m, two metres from the base

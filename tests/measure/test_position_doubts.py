@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError, diagnose
 from beamstiff.errors import UnusableError
-from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.position_doubts import require_joints, require_loads, require_scale, work_between
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.functions.convert_logs import convert_log
+from beamstiff.functions.convert import convert_log
 from beamstiff.measure.point_lists import convert_points, parse_points
 from beamstiff.measure.profiles import parse_profile, read_profile
 from beamstiff.measure.reader import parse_measurements

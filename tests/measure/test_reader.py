@@ -8,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError
-from beamstiff.measure import measurements_to_csv, parse_measurements, read_measurements
+from beamstiff.measure.reader import parse_measurements, read_measurements
+from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
 
 TABLE = """\

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import register
+from beamstiff.measure.registration import register
 from beamstiff.se3 import Array
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 2.0])

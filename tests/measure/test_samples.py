@@ -1,4 +1,4 @@
-"""Raw samples to states, and noise from repeats, against plain numpy and known distributions."""
+"""Raw samples to states, against plain numpy and known distributions."""
 
 from typing import Any
 
@@ -8,13 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import (
-    average_samples,
-    difference_of_states,
-    make_measurements,
-    pooled_sigma,
-    repeated_states,
-)
+from beamstiff.measure.samples import average_samples, difference_of_states
+from beamstiff.measure.table import make_measurements
 
 
 @given(st.integers(1, 60), st.integers(1, 3), st.integers(0, 10_000), st.booleans())
@@ -132,43 +127,3 @@ def test_states_become_measurements_with_their_own_sigma() -> None:
 def test_samples_that_make_no_state_are_refused(samples: Any, state: Any, part: str) -> None:
     with pytest.raises(BeamstiffError, match=part):
         average_samples(samples, np.array(state))
-
-
-def test_pooled_sigma_is_unbiased_over_many_small_groups() -> None:
-    random = np.random.default_rng(6)
-    groups = np.repeat(np.arange(3000), 3)
-    values = random.normal(size=3000)[groups, None] * 10 + random.normal(0, 0.03, (9000, 2))
-    sigma, freedom = pooled_sigma(values, groups)
-    assert freedom.tolist() == [6000, 6000]
-    np.testing.assert_allclose(sigma, 0.03, rtol=4 / np.sqrt(2 * 6000))
-
-
-def test_without_repeats_there_is_no_pooled_sigma() -> None:
-    sigma, freedom = pooled_sigma([[1.0], [2.0]], [0, 1])
-    assert np.isnan(sigma[0])
-    assert freedom.tolist() == [0]
-
-
-def repeats(n: int = 400, **given: Any) -> Any:
-    random = np.random.default_rng(7)
-    q = np.repeat(random.uniform(-1, 1, (n // 4, 2)), 4, axis=0)
-    load = np.zeros((n, 6))
-    load[:, 2] = np.tile([-500, -500, -900, -900], n // 4)
-    noise = random.normal(0, [3e-5] * 3 + [5e-5] * 3, (n, 6))
-    displacement = (
-        np.abs(load[:, 2:3]) * 1e-6 + np.repeat(random.normal(0, 1e-3, (n // 4, 6)), 4, axis=0) + noise
-    )
-    return make_measurements(["q1", "q2"], q, tcp="n", wrench=load, displacement=displacement, **given)
-
-
-def test_the_noise_of_a_campaign_shows_in_its_repeats() -> None:
-    table = repeats()
-    sigma, freedom = pooled_sigma(table.measured, repeated_states(table))
-    assert freedom.tolist() == [200] * 6
-    np.testing.assert_allclose(sigma, [3e-5] * 3 + [5e-5] * 3, rtol=4 / np.sqrt(2 * 200))
-
-
-def test_repeats_have_the_same_load_load_point_and_point() -> None:
-    table = repeats(8, point=["a", "b"] * 4, load_point=["a"] * 8)
-    assert len(np.unique(repeated_states(repeats(8)))) == 4
-    assert len(np.unique(repeated_states(table))) == 8

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import Measurements, concatenate, history_order, make_measurements, subset
+from beamstiff.measure.rows import concatenate, history_order, subset
+from beamstiff.measure.table import Measurements, make_measurements
 
 
 def table(n: int = 3, **given: Any) -> Measurements:

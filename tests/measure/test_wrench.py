@@ -11,7 +11,12 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import transport_wrench, wrench_from_dead_weight, wrench_from_force, wrench_from_sensor
+from beamstiff.measure.wrench import (
+    transport_wrench,
+    wrench_from_dead_weight,
+    wrench_from_force,
+    wrench_from_sensor,
+)
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 VECTORS = arrays(np.float64, 3, elements=st.floats(-10, 10))

@@ -10,15 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import (
-    Measurements,
-    concatenate,
-    make_measurements,
-    measurements_to_csv,
-    parse_measurements,
-    read_measurements,
-    write_measurements,
-)
+from beamstiff.measure.reader import parse_measurements, read_measurements
+from beamstiff.measure.rows import concatenate
+from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.writer import measurements_to_csv, write_measurements
 from beamstiff.robot.description import Robot
 
 FLOATS = st.floats(-1e100, 1e100)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from beamstiff import BeamstiffError, load_robot, read_measurements
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of, rules_from_table
 from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 

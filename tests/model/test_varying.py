@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.model.varying import displaced, displaced_with_slopes, ports_at

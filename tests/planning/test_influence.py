@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.complementary_stiffness import complementary_stiffness
 from beamstiff.fem.structure import compile_structure
 from beamstiff.planning.influence import choose_wrist, influence_map, load_influence
 from beamstiff.planning.poses import joint_grid
 from beamstiff.robot.kinematics import posture, twist_jacobian
 from beamstiff.robot.reader import load_robot
+from tests.fem.complementary_stiffness import complementary_stiffness
 
 KR240 = load_robot("kr240-2")
 STRUCTURE = compile_structure(KR240)

@@ -8,7 +8,7 @@ import pytest
 from beamstiff import load_robot, read_measurements
 from beamstiff.identification.models.side_by_side import Models, fit_models
 from beamstiff.identification.models.split import split_rows
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.compare import models_figure, models_table

@@ -10,7 +10,7 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.report.figures import new_figure, save_figure
 from beamstiff.report.residuals import AFTER, BEFORE, residual_figure

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from beamstiff import Robot, identify, load_robot
 from beamstiff.identification.result import Combination, Identification, Parameter
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.identification import combinations_text, identification_table, identification_text
 
 PARTS: dict[str, Any] = {

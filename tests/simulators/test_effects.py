@@ -5,8 +5,7 @@ import pytest
 
 from beamstiff import load_robot
 from beamstiff.functions.predict import predict
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.simulators.assemble import assemble

@@ -10,7 +10,8 @@ from beamstiff import load_robot, predict, tcp_compliance
 from beamstiff.cli.main import app
 from beamstiff.errors import BeamstiffError
 from beamstiff.functions.robots import load_robot as load_any
-from beamstiff.measure import make_measurements, write_measurements
+from beamstiff.measure.table import make_measurements
+from beamstiff.measure.writer import write_measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.simulators.mjcf_edit import mjcf_like

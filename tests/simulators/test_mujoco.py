@@ -10,8 +10,7 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.functions.verify import second_opinion
-from beamstiff.measure import make_measurements
-from beamstiff.measure.table import Measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot

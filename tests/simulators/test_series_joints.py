@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from beamstiff import load_robot, predict, tcp_compliance
 from beamstiff.cli.main import app
 from beamstiff.functions.written import SERIES, applied_text
-from beamstiff.measure import make_measurements, write_measurements
+from beamstiff.measure.table import make_measurements
+from beamstiff.measure.writer import write_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect

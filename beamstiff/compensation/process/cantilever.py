@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.path import ToolPath, inverse
-from beamstiff.compensation.process import large_displacement
+from beamstiff.compensation.process.corotational import LARGEST_RATIO, contact
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
@@ -51,9 +51,7 @@ class Cantilever:
         else:
             for direction in np.unique(way[touching]).tolist():
                 some = touching & (way == direction)
-                found = large_displacement.contact(
-                    distance[some], deflection[some], self.friction * direction
-                )
+                found = contact(distance[some], deflection[some], self.friction * direction)
                 normal[some], slope[some] = found.normal, found.slope
                 self._check_on_beam(found.length, np.flatnonzero(some), path)
         normal *= self.bending_stiffness
@@ -76,9 +74,9 @@ class Cantilever:
             (touching & (distance > self.length), "is beyond the free end of the beam"),
             (touching & (np.abs(local[:, 1]) > 0.5 * self.width), "is beside the beam"),
             (
-                touching & (deflection > large_displacement.LARGEST_RATIO * distance),
+                touching & (deflection > LARGEST_RATIO * distance),
                 "bends the beam too far: the deflection is more than "
-                f"{large_displacement.LARGEST_RATIO:g} of the distance from the clamp",
+                f"{LARGEST_RATIO:g} of the distance from the clamp",
             ),
         ):
             if wrong.any():
@@ -104,7 +102,7 @@ class Cantilever:
         place = distance.copy()
         touching = deflection > 0
         if self.method == "incremental" and touching.any():
-            place[touching] = large_displacement.contact(distance[touching], deflection[touching]).length
+            place[touching] = contact(distance[touching], deflection[touching]).length
         return sliding(place)
 
 
@@ -113,8 +111,6 @@ def sliding(place: Array) -> Array:
 
     `place` (N,), m: on the line, in the order of the path. To the first nothing slid.
 
-    Examples
-    --------
     >>> sliding(np.array([0.0, 0.1, 0.1, 0.05]))
     array([ 0., 1., 0., -1.])
     """

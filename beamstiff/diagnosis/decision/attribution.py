@@ -5,8 +5,6 @@ determination: MacKay, Network 6 (1995) 469), so that what one place explains th
 cause explains is its own place's, as far as that cause is probable; the free laws share what is left.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,16 +26,11 @@ SLIGHT = 0.005  # share that is not told
 class Attribution:
     """The gap attributed to places; n whitened values, m modes of all places.
 
-    Attributes
-    ----------
-    places : tuple of str
-    of : (m,) int array
-        Place of each mode.
-    columns : (n, m) array
-    precision : (p,) array
-        Inverse variance of each place's modes, per sigma.
-    mean : (m,) array
-    covariance : (m, m) array
+    `of`: (m,) int array; place of each mode.
+    `columns`: (n, m) array.
+    `precision`: (p,) array; inverse variance of each place's modes, per sigma.
+    `mean`: (m,) array.
+    `covariance`: (m, m) array.
     """
 
     places: tuple[str, ...]
@@ -141,16 +134,9 @@ def shares(
 def ceiling(found: Attribution, white: Whitened, fold: NDArray[np.intp], sigma: Array, noise: float) -> float:
     """Return the RMS position gap, m, that all free laws together leave on postures they did not see.
 
-    Parameters
-    ----------
-    found : Attribution
-    white : Whitened
-    fold : (N,) int array
-        Which fold holds each row's posture out; -1 for rows that do not count.
-    sigma : (N, 6) array
-        Standard deviations that the baseline counts with.
-    noise : float
-        Scale of the noise against them.
+    `fold`: (N,) int array; which fold holds each row's posture out; -1 for rows that do not count.
+    `sigma`: (N, 6) array; standard deviations that the baseline counts with.
+    `noise`: scale of the noise against them.
     """
     own = np.concatenate([white.tangent, found.columns], axis=1)
     columns, gap = (

@@ -11,8 +11,6 @@ log odds enter as ``sign(x) log(1 + |x|)``, or divided as those between effects 
 (`python -m benchmarks.decision_study`); the file says which campaigns, and how many of each kind.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from functools import cache
@@ -38,15 +36,9 @@ Coefficients = dict[str, Terms]  # of each model, by the names of its features, 
 class Features:
     """What the models look at, by name.
 
-    Attributes
-    ----------
-    none : dict of str to float
-    two : dict of str to float
-        Empty where no second cause was weighed.
-    unknown, unknown_of_two : dict of str to float
-        Of the likeliest cause, and of the likeliest pair; empty where there is none.
-    enough : float
-        Share of the values that the models need, at most 1.
+    `two`: empty where no second cause was weighed.
+    `unknown`, `unknown_of_two`: of the likeliest cause, and of the likeliest pair; empty where there is none.
+    `enough`: share of the values that the models need, at most 1.
     """
 
     none: Terms
@@ -75,15 +67,9 @@ def features_of(
 ) -> Features:
     """Return what a search says.
 
-    Parameters
-    ----------
-    search : Search
-    freedom : int
-        Values less fitted parameters.
-    single, both : HeldOutError
-        Held-out worth of the best cause, and of the best pair.
-    by_load : (HeldOutError, HeldOutError), optional
-        The worth of both on held-out loads, where the pair has something to itself in each posture.
+    `freedom`: values less fitted parameters.
+    `single`, `both`: held-out worth of the best cause, and of the best pair.
+    `by_load`: the worth of both on held-out loads, where the pair has something to itself in each posture.
     """
     best, nothing = search.named[0], search.log_weight[NONE]
     outside = list(search.unmodelled.values())

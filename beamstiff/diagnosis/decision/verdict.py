@@ -6,8 +6,6 @@ where values are few (`tempering`); those between pairs, which are free enough t
 far off they are, by ``1 + sqrt(E residual_fraction)``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -36,19 +34,10 @@ MOST = 5  # effects in a set, beyond which the data tell nothing apart
 class Judged:
     """A verdict.
 
-    Attributes
-    ----------
-    probabilities : dict of str to float
-        Of all candidates; their sum is 1.
-    verdict : str
-    indistinguishable : tuple of str
-    also : str or None
-    also_probability : float
-    unclear : tuple of str
-        What a second cause could be, where there is one and it is not clear which; of a verdict that is
-        unknown, what two causes could be.
-    features : Features
-        What the probabilities rest on.
+    `probabilities`: of all candidates; their sum is 1.
+    `unclear`: what a second cause could be, where there is one and it is not clear which; of a verdict that
+        is unknown, what two causes could be.
+    `features`: what the probabilities rest on.
     """
 
     probabilities: dict[str, float]
@@ -72,22 +61,13 @@ def judge(
 ) -> Judged:
     """Return the verdict.
 
-    Parameters
-    ----------
-    search : Search
-    freedom : int
-        Values less fitted parameters.
-    outliers : (int, float, bool)
-        How many rows were left out that nothing explains, their strength, and whether they are isolated
-        (`Screened`).
-    single, both : HeldOutError
-        Held-out worth of the best cause, and of the best pair.
-    may_be_outliers : bool
-        Whether rows that nothing explains may be called wrong; else they are what is unknown.
-    by_load : (HeldOutError, HeldOutError), optional
-        The worth of both on held-out loads, where the pair has something to itself in each posture.
-    coefficients : dict of str to dict of str to float, optional
-        Of the classifier; default those of its file.
+    `freedom`: values less fitted parameters.
+    `outliers`: how many rows were left out that nothing explains, their strength, and whether they are
+        isolated (`Screened`).
+    `single`, `both`: held-out worth of the best cause, and of the best pair.
+    `may_be_outliers`: whether rows that nothing explains may be called wrong; else they are what is unknown.
+    `by_load`: the worth of both on held-out loads, where the pair has something to itself in each posture.
+    `coefficients`: of the classifier; default those of its file.
     """
     features = features_of(search, freedom, single, both, by_load)
     found = shares_of(features, coefficients)

@@ -3,8 +3,6 @@
 Every place gets what it could do at most (`component_subspaces`), and its share of the gap (`attribution`).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -22,21 +20,12 @@ SAME = 1e-9  # of the largest: what levels differ by from rounding
 def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str, Any]]) -> dict[str, Any]:
     """Return where the gap is, as plain data.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    used : (N, 6) bool array
-        Values that count.
-    components : list of dict
-        Shares of the places (`attribution.shares`).
-
-    Returns
-    -------
-    dict
-        ``components`` (share of the explainable gap by place, with a 90 % interval), ``directions``,
-        ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``joints`` (by thirds of every
-        variable), ``regions`` (by thirds of where it was read along the base frame's axes), ``poses`` (the
-        worst).
+    `used`: (N, 6) bool array; values that count.
+    `components`: shares of the places (`attribution.shares`).
+    Returns ``components`` (share of the explainable gap by place, with a 90 % interval),
+    ``directions``, ``loads``, ``history`` and ``time`` (RMS of the position gap in mm), ``joints`` (by thirds
+    of every variable), ``regions`` (by thirds of where it was read along the base frame's axes), ``poses``
+    (the worst).
     """
     gap = 1e3 * np.where(used[:, :3], baseline.gap[:, :3], np.nan)
     size = np.sqrt(np.nansum(gap**2, axis=1))

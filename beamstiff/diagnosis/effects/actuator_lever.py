@@ -8,8 +8,6 @@ holds those laws too. Where the model has the screw itself, as a strut or a pris
 known and its compliance grows with its free length (`free_length`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

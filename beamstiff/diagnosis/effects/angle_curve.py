@@ -5,8 +5,6 @@ The error of an encoder or gear that turns once with the joint is a Fourier seri
 order is a shape of its own: which ones a joint has is for the data to say.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape

@@ -7,8 +7,6 @@ Without a component: all joints at once, each by a lost motion of its own. Where
 itself may show too little.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term

@@ -1,7 +1,5 @@
 """`backlash`: a dead zone in the drive, crossed where the torque changes sign; gravity may hide it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """`base-compliance`: the pedestal or the floor under the machine is compliant."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`bearing-tilt`: the joint is compliant radially or in tilting, across its axis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`camera-scale`: distances that a camera reads are too long: focal length, or size of the tag."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape

@@ -5,8 +5,6 @@ the gap (a periodogram by least squares: Lomb, Astrophys. Space Sci. 39 (1976) 4
 choice is the number of periods that can be told from one another.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,11 +32,7 @@ class Cycle:
 def cycle_of(baseline: Baseline, since_unloaded: bool) -> Cycle:
     """Return the cycle that explains most of the gap of the rows that were fitted, or the one stated.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    since_unloaded : bool
-        Whether readings count from the first of their posture.
+    `since_unloaded`: whether readings count from the first of their posture.
     """
     if baseline.stated is not None:
         return Cycle(stated_scale(baseline, "cycles") or 0.0, 1.0)

@@ -4,8 +4,6 @@ What the model itself and another part of the shape leave of the gap is what has
 has no part in the choice, which must not move with what the noise is thought to be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -27,13 +25,9 @@ ROTATION_LENGTH = 0.5  # m, by which rotations count beside positions, whatever 
 class Left:
     """What is left of the gap of the rows that were fitted, n values.
 
-    Attributes
-    ----------
-    fit : Baseline
-        Of these rows.
-    gap : (n,) array
-    own : (n, t) array
-        Orthonormal columns of what was taken out.
+    `fit`: of these rows.
+    `gap`: (n,) array.
+    `own`: (n, t) array; orthonormal columns of what was taken out.
     """
 
     fit: Baseline

@@ -1,7 +1,5 @@
 """Courses that drifts follow: of the time in the campaign, and of the temperature."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

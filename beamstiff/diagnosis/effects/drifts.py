@@ -1,7 +1,5 @@
 """What drifts along a course (N,): the point, the machine about its base, its tool, its target, its parts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 

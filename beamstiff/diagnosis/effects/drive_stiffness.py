@@ -1,7 +1,5 @@
 """Stiffness of a drive that follows the angle: shared by `actuator-lever` and `gravity-compensator`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

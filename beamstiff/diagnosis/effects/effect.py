@@ -1,9 +1,8 @@
 """What an effect is: its meaning, where it can sit, and its shapes, first order in their parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -18,19 +17,13 @@ LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
 class Quantity:
     """A parameter of a shape: name, unit, and its realistic size.
 
-    Attributes
-    ----------
-    name, unit : str
-    size : float
-        A middling realistic magnitude, in `unit`.
-    positive : bool
-        Whether it cannot be negative: nothing moves against its load.
-    posture_specific : bool
-        Whether it is of the postures at hand alone: it says nothing of others, and is not told.
-    within : pair of str, optional
-        Of a compliance that couples two directions, the names of theirs: their product bounds its square.
-    least : float
-        What it cannot be less than, in `unit`: no payload weighs less than nothing.
+    `size`: a middling realistic magnitude, in `unit`.
+    `positive`: whether it cannot be negative: nothing moves against its load.
+    `posture_specific`: whether it is of the postures at hand alone: it says nothing of others, and is not
+        told.
+    `within`: of a compliance that couples two directions, the names of theirs: their product bounds its
+        square.
+    `least`: what it cannot be less than, in `unit`: no payload weighs less than nothing.
     """
 
     name: str
@@ -57,29 +50,19 @@ def named(
 class Shape:
     """A way in which an effect shows: displacement of every row, linear in its parameters.
 
-    Attributes
-    ----------
-    name : str
-    columns : (N, 6, c) array, m and rad per unit
-        What each parameter adds to the prediction.
-    parameters : tuple of Quantity (c)
-    prior_factor : float
-        Magnitudes lie between the sizes divided and multiplied by this.
-    weight : float
-        Prior weight among the shapes of its effect.
-    realistic : float or None
-        The same of those that are realistic, where machines differ from the usual; None is `prior_factor`.
-    against : tuple of str, optional
-        The scales of the effect that its columns count against; by default all of them.
-    data_selected : bool
-        Whether its columns were chosen by the gap itself: campaigns without an effect, that were simulated,
-        cannot be compared under it.
-    turns : bool, optional
-        Of a bearing: whether its axes turn with the joint, or stay with the part that carries it; None is of
-        one that is alike all round its axis.
-    wrench : (N, 6, c) array, N and N m, optional
-        Of an error of loads: what each parameter adds to the wrench that acts, at the TCP where the effect's
-        place is ``payload``, else where the load acts.
+    `columns`: (N, 6, c) array, m and rad per unit; what each parameter adds to the prediction.
+    `parameters`: tuple of Quantity (c).
+    `prior_factor`: magnitudes lie between the sizes divided and multiplied by this.
+    `weight`: prior weight among the shapes of its effect.
+    `realistic`: the same of those that are realistic, where machines differ from the usual; None is
+        `prior_factor`.
+    `against`: the scales of the effect that its columns count against; by default all of them.
+    `data_selected`: whether its columns were chosen by the gap itself: campaigns without an effect, that were
+        simulated, cannot be compared under it.
+    `turns`: of a bearing: whether its axes turn with the joint, or stay with the part that carries it; None
+        is of one that is alike all round its axis.
+    `wrench`: (N, 6, c) array, N and N m; of an error of loads, what each parameter adds to the wrench,
+        at the TCP where the place of the effect is ``payload``, else where the load acts.
     """
 
     name: str
@@ -93,7 +76,7 @@ class Shape:
     turns: bool | None = None
     wrench: Array | None = None
 
-    def displacing(self, response: Array) -> Shape:
+    def displacing(self, response: Array) -> Self:
         """Return the shape of columns that are wrenches, displacing the rows by a response (N, 6, 6)."""
         return replace(self, columns=response @ self.columns, wrench=self.columns)
 
@@ -106,7 +89,7 @@ class Shape:
         weight: float = 1.0,
         against: tuple[str, ...] | None = None,
         data_selected: bool = False,
-    ) -> Shape:
+    ) -> Self:
         """Return the shape of several terms side by side."""
         return cls(
             name,
@@ -142,27 +125,15 @@ def itself(component: str) -> tuple[str, ...]:
 class Effect:
     """Something that a model can lack.
 
-    Attributes
-    ----------
-    name, family : str
-    meaning : str
-        One sentence.
-    components : callable
-        Components that a baseline's robot has: names, or None for the machine as a whole.
-    shapes : callable
-        Shapes at a component, under the baseline's rows.
-    separation : str
-        The measurement that distinguishes it from its look-alikes, as an instruction.
-    look_alikes : tuple of str
-    scales : callable
-        What its shapes take from the rows that were fitted, SI, by name: written beside an effect that is
-        added to a robot, and found in `Baseline.stated` where such a robot is used.
-    sources : str
-        Where the realistic sizes come from.
-    place : str
-        Where it sits when it has no component: ``base``, ``tool``, or outside the machine.
-    places_of : callable
-        The places that a component is: a joint pair is two, a frame's parameter is the frame.
+    `meaning`: one sentence.
+    `components`: components that a baseline's robot has: names, or None for the machine as a whole.
+    `shapes`: shapes at a component, under the baseline's rows.
+    `separation`: the measurement that distinguishes it from its look-alikes, as an instruction.
+    `scales`: what its shapes take from the rows that were fitted, SI, by name: written beside an effect that
+        is added to a robot, and found in `Baseline.stated` where such a robot is used.
+    `sources`: where the realistic sizes come from.
+    `place`: where it sits when it has no component: ``base``, ``tool``, or outside the machine.
+    `places_of`: the places that a component is: a joint pair is two, a frame's parameter is the frame.
     """
 
     name: str

@@ -1,7 +1,5 @@
 """What effects outside the machine share: the axes of the tool, the clock of the campaign."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise

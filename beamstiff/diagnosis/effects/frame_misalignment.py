@@ -1,7 +1,5 @@
 """`frame-misalignment`: the measuring frame is turned, shifted or scaled against the base frame."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 

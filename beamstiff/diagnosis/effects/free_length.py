@@ -5,8 +5,6 @@ A ball screw that a bearing holds at one end is a rod up to its nut: ``c(L) = c0
 response already: ``c(L) / l^2`` about that axis. Its component is the prismatic variable that drives it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,15 +28,9 @@ ALONE = 1e-6  # change of a strut's length per change of a variable, below which
 class Screw:
     """The struts that one prismatic variable drives.
 
-    Attributes
-    ----------
-    struts : tuple of str
-    grows : float
-        Change of their length per change of the variable, the same in all postures.
-    length : float, m
-        Their length, a mean.
-    compliance : float, m/N
-        As the robot was given, a mean.
+    `grows`: change of their length per change of the variable, the same in all postures.
+    `length`: m; their length, a mean.
+    `compliance`: m/N; as the robot was given, a mean.
     """
 
     struts: tuple[str, ...]

@@ -5,8 +5,6 @@ geometry: of them only encoders' zeros are tried, by central differences of the 
 the axis of its joint, a disc or a bearing, errs once a turn as well; an encoder's disc that is oval twice.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

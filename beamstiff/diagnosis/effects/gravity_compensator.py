@@ -6,8 +6,6 @@ A spring k_s of free length l_0 between points at a (base side) and r (link) fro
 balancer, its stiffness is how its torque changes with the angle. Displacements show the stiffness alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque

@@ -1,7 +1,5 @@
 """`hand-eye`: the camera (or the tag that a fixed camera reads) sits elsewhere on the tool than described."""
 
-from __future__ import annotations
-
 from beamstiff.diagnosis.effects.effect import Effect, Shape, named
 from beamstiff.diagnosis.effects.external import read_by_camera, shift_alone, tool_axes, turn_alone
 from beamstiff.diagnosis.residual.baseline import Baseline

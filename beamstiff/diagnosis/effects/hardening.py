@@ -1,7 +1,5 @@
 """`hardening`: the drive's stiffness grows with its torque, as in harmonic drives and preloaded gears."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

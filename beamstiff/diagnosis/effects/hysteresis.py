@@ -6,8 +6,6 @@ Teeth and screws rub the more the more they carry: r is then ``r_0 + mu |torque|
 be let go with the time, ``S' = -S / tau``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
@@ -65,32 +63,21 @@ def held_torque(
 ) -> Array:
     """Return S_r (N, ...): the torque that friction holds, stepping through the rows in their order.
 
-    Parameters
-    ----------
-    torque : (N,) array
-    start : (N,) array
-        Torque of the unloaded machine, from which a pose begins.
-    fresh : (N,) bool array
-        Whether a row is the first of its history.
-    order : (N,) int array
-    limit : float or array
-        Friction r, that without torque if it grows; of several at once, as `grows` and `arrived`, broadcast.
-    grows : float or array
-        By which share of the torque it grows.
-    wound : bool
-        Whether the dead weight winds the drive up against its friction when a history begins.
-    arrived : float or array
-        Share of the friction, -1 to 1, that is left from the way to the pose.
-    whole : bool
-        Whether what is held when a history begins counts too, as where positions are absolute; displacements
-        are counted from there.
-    kept : (N,) array, optional
-        Share of what is held that is still held when a row is read, since the row before; all by default.
-    came : (N,) array, optional
-        Direction in which the joint came to the pose, which `arrived` is multiplied by.
+    `torque`: (N,) array.
+    `start`: (N,) array; torque of the unloaded machine, from which a pose begins.
+    `fresh`: (N,) bool array; whether a row is the first of its history.
+    `order`: (N,) int array.
+    `limit`: float or array; friction r, that without torque if it grows; of several at once, as `grows` and
+        `arrived`, broadcast.
+    `grows`: float or array; by which share of the torque it grows.
+    `wound`: whether the dead weight winds the drive up against its friction when a history begins.
+    `arrived`: float or array; share of the friction, -1 to 1, that is left from the way to the pose.
+    `whole`: whether what is held when a history begins counts too, as where positions are absolute;
+        displacements are counted from there.
+    `kept`: (N,) array; share of what is held that is still held when a row is read, since the row before; all
+        by default.
+    `came`: (N,) array; direction in which the joint came to the pose, which `arrived` is multiplied by.
 
-    Examples
-    --------
     >>> cycle = np.array([1.0, 2.0, 1.0, 0.0])
     >>> held_torque(cycle, np.zeros(4), np.array([True, False, False, False]), np.arange(4), 0.5)
     array([ 0.5,  0.5, -0.5, -0.5])
@@ -158,11 +145,7 @@ def history(
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Return the order in which the rows were loaded, and which of them (N,) begin a history.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    some : (N,) bool array, optional
-        Rows that have a history of their own; else all.
+    `some`: (N,) bool array; rows that have a history of their own; else all.
     """
     rows = baseline.rows
     order = history_order(rows)

@@ -4,8 +4,6 @@ Without a component: all such joints at once, each with a compliance of its own,
 links. That is one cause and not several, where positions show the sum of them better than each.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 What couples them, a rod or a hose beside both, may do so by a lever that follows their angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations

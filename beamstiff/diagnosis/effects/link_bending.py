@@ -6,8 +6,6 @@ unit-load method): under end force F and moment M, at s from the root, the secti
 ``M + (L - s) F``, and the end turns by the integral of its flexibility times that.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -40,11 +38,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 def flexibility(bending: Array, plane: str) -> Array:
     """Return the flexibility (6, 6) at the end of a link of length 1 for ``1/EI`` times a weight along it.
 
-    Parameters
-    ----------
-    bending : (6,) array
-        Weight at the Gauss points of the link.
-    plane : "xy", "xz" or "twist"
+    `bending`: (6,) array; weight at the Gauss points of the link.
     """
     w = 0.5 * WEIGHTS * bending
     arm = 1.0 - 0.5 * (GAUSS + 1)

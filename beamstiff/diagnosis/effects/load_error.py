@@ -7,8 +7,6 @@ as moments, is not linear, has a tare, and the friction of a pulley adds to a ri
 falling one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

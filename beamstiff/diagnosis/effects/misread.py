@@ -5,8 +5,6 @@ errors are those of each place, or, where a displacement is the difference of tw
 space that is bent. What reads rotations beside it is turned by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
 from math import comb
@@ -29,14 +27,9 @@ DEGREES = (3, 4)
 def misread(baseline: Baseline, turn: Array, turns: tuple[Quantity, ...]) -> Iterator[Shape]:
     """Yield shapes of displacements that are misread by where they are.
 
-    Parameters
-    ----------
-    baseline : Baseline
-        Of displacements.
-    turn : (N, 6, 3) array
-        What another frame reads, turned about its axes; of it the rotations.
-    turns : tuple of Quantity
-        Its angles.
+    `baseline`: of displacements.
+    `turn`: (N, 6, 3) array; what another frame reads, turned about its axes; of it the rotations.
+    `turns`: its angles.
     """
     moved, place = baseline.predicted[:, :3], baseline.described[0]
     turned = np.concatenate([0.0 * turn[:, :3], turn[:, 3:]], 1)

@@ -1,7 +1,5 @@
 """`outliers`: a few rows are wrong, no physical effect. `residual/screening.py` finds them."""
 
-from __future__ import annotations
-
 from beamstiff.diagnosis.effects.effect import Effect
 
 EFFECT = Effect(

@@ -1,7 +1,5 @@
 """`payload-error`: mass or centre of gravity of the tool or payload is wrong; seen in absolute positions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

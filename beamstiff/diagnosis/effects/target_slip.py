@@ -4,8 +4,6 @@ From that row on the point is off by p, constant in the tool's frame. Every row 
 moment, and a slip says nothing of other campaigns: the target is glued on anew.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
@@ -22,8 +20,6 @@ FEWEST = 3  # rows before a slip and after it: fewer are gross errors
 def slip_row(shape: str) -> int:
     """Return the row (from 0) at which a shape's target slips.
 
-    Examples
-    --------
     >>> slip_row("from row 54 on")
     54
     """

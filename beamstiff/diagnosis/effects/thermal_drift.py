@@ -1,7 +1,5 @@
 """`thermal-drift`: measured positions drift with time or temperature, loaded or not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 

@@ -7,8 +7,6 @@ others, and softer to one side of each: no compliance, and no law by axis, does 
 not known beforehand: they are taken where they explain most of the gap, and the choice is paid for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -34,15 +32,10 @@ NAMES = ("by_side", *(f"{side}_{knee:g}" for knee in KNEES for side in ("pressed
 class Seats:
     """Where three seats stand.
 
-    Attributes
-    ----------
-    distance : float, m
-        Along z behind the TCP.
-    radius : float, m
-    angle : float, rad
-        Of the first one's direction of tilt from x about z.
-    force : float, N
-        Largest one on a seat, against which its laws count.
+    `distance`: m; along z behind the TCP.
+    `radius`: m.
+    `angle`: rad; of the first one's direction of tilt from x about z.
+    `force`: N; largest one on a seat, against which its laws count.
     """
 
     distance: float

@@ -1,7 +1,5 @@
 """`tool-compliance`: flange, force sensor or gripper between the last joint and the TCP are compliant."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@ A wrong lever may load a drive that nothing else turns, as that of the last axis
 How soft that is no row tells then: what the lever does there is free.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

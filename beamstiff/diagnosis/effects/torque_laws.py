@@ -1,7 +1,5 @@
 """What the effects share: the torque about a joint's axis, slips that follow a law of it, axes of places."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -34,19 +32,14 @@ CONTACT, SEAM = 2.0 / 3.0, 3.0  # powers of the load by which places give that s
 class Axis:
     """A joint's own direction under the rows.
 
-    Attributes
-    ----------
-    joint : Joint
-    load, dead : (N,) arrays, N m or N
-        Torque (force) about it from the row's load and from the dead weight.
-    shift : (N, 6) array
-        Displacement of the row's point per slip about it.
-    stiffness, usual : float
-        As the robot was given, and as realistic sizes count it (`usual_stiffness`); inf is rigid.
-    turns : bool
-        About the axis; else along it.
-    typical : float
-        Largest torque of the rows that were fitted, from loads and dead weight, or 1 where there is none.
+    `load`, `dead`: (N,) arrays, N m or N; torque (force) about it from the row's load and from the dead
+        weight.
+    `shift`: (N, 6) array; displacement of the row's point per slip about it.
+    `stiffness`, `usual`: as the robot was given, and as realistic sizes count it (`usual_stiffness`); inf is
+        rigid.
+    `turns`: about the axis; else along it.
+    `typical`: largest torque of the rows that were fitted, from loads and dead weight, or 1 where there is
+        none.
     """
 
     joint: Joint

@@ -1,7 +1,5 @@
 """What each cause explains of the gap, at the places where it sits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from beamstiff.diagnosis.decision.attribution import Explanation
@@ -16,14 +14,8 @@ def explanations(
 ) -> list[Explanation]:
     """Return what each candidate that was tried on held-out postures explains, with its probability.
 
-    Parameters
-    ----------
-    baseline : Baseline
-        The one that the effects are linear about.
-    candidates : iterable of Candidate
-    verdict : Candidate
-    pair : sequence of Fitted
-        The fit of the verdict and a second cause together, empty where one alone is named.
+    `baseline`: the one that the effects are linear about.
+    `pair`: the fit of the verdict and a second cause together, empty where one alone is named.
     """
     found = []
     for one in candidates:

@@ -3,8 +3,6 @@
 Every fold is fitted anew; all folds from one fit are in `diagnosis.decomposition.folds`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -39,16 +37,9 @@ class Weighted:
 class Fitted:
     """One way to take the shapes, fitted.
 
-    Attributes
-    ----------
-    weight : float
-    shapes : tuple of Weighted
-    compliance : (t,) array
-        Change of the model's own compliances.
-    theta : (c,) array
-        Parameters of all shapes, in realistic sizes.
-    covariance : (t + c, t + c) array
-        Of both.
+    `compliance`: (t,) array; change of the model's own compliances.
+    `theta`: (c,) array; parameters of all shapes, in realistic sizes.
+    `covariance`: (t + c, t + c) array; of both.
     """
 
     weight: float
@@ -62,23 +53,13 @@ class Fitted:
 class HeldOutError:
     """Position gap on held-out postures, RMS of the norm, m.
 
-    Attributes
-    ----------
-    before, after : float, m
-        Without and with the effects.
-    shrink : float
-        Share of the explainable gap that closes.
-    interval : (float, float)
-        90 %, over the postures.
-    postures : int
-    noise : float, m
-        Noise floor.
-    misfit : float
-        What is left with the effects, RMS over all values, rotations too, each over its noise.
-    open : float
-        The same without the effects.
-    surely : float
-        The share that closes of all values, each counted by how surely the effects, fitted without its
+    `before`, `after`: m; without and with the effects.
+    `shrink`: share of the explainable gap that closes.
+    `interval`: 90 %, over the postures.
+    `noise`: m; noise floor.
+    `misfit`: what is left with the effects, RMS over all values, rotations too, each over its noise.
+    `open`: the same without the effects.
+    `surely`: the share that closes of all values, each counted by how surely the effects, fitted without its
         posture, predict it: at the end of a joint's range little is known of what follows the angle.
     """
 
@@ -149,14 +130,9 @@ def fitted(
 ) -> list[Fitted]:
     """Return effects fitted together with the model's own values, a fit for each way to take their shapes.
 
-    Parameters
-    ----------
-    used : (N, 6) bool array
-        Values that count.
-    models : sequence of sequences
-        The shapes of each effect; all effects act at once.
-    scale : float
-        Of the noise, against the sigma the baseline counts with.
+    `used`: (N, 6) bool array; values that count.
+    `models`: the shapes of each effect; all effects act at once.
+    `scale`: of the noise, against the sigma the baseline counts with.
     """
     return stated(baseline, used, models, scale).solved()
 

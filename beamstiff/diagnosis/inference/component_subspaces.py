@@ -6,8 +6,6 @@ its history and the time. `where` looks for the gap among these laws; a cause wi
 better than they do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -56,7 +54,6 @@ SOFTENING = "softens the more it carries"
 GIVING = (0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.45)  # of the largest torque, beyond which it may
 UNSTEADY = "has another compliance in every posture"
 ASTRAY = "stands off otherwise in every posture"
-OF_POSTURES = (UNSTEADY, ASTRAY)
 SLIPPING = "slips against friction, so that what it does depends on the load history"
 STICKING = "stick or drag behind what moves, as gauges do"
 READINGS = "readings"
@@ -67,19 +64,15 @@ INSIDE = ("structure", "drive")  # families of effects whose places have laws of
 class ComponentSubspace:
     """Everything that a place could do.
 
-    Attributes
-    ----------
-    place : str
-        A joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the like.
-    modes : (n, m) array
-        Its main modes, whitened, less what the fit absorbs; all together have mean square 1.
-    inside : bool
-        Whether it is a compliant place of the machine.
-    unmodelled : dict of str to (n, k) array
-        Main modes of what no effect of the library is, by what the place would do: play of the structure,
-        friction at base and tool, a tether or a stop; of a drive what softens, stays softer to one side,
-        changes with the time or from posture to posture, or creeps; of readings that they stick. Few enough
-        each to be seen where all that the place could do is too much.
+    `place`: a joint's component, a link, ``base`` or ``tool``; outside the machine a frame, ``load`` and the
+        like.
+    `modes`: (n, m) array; its main modes, whitened, less what the fit absorbs; all together have mean square
+        1.
+    `inside`: whether it is a compliant place of the machine.
+    `unmodelled`: dict of str to (n, k) array; main modes of what no effect of the library is, by what the
+        place would do: play of the structure, friction at base and tool, a tether or a stop; of a drive what
+        softens, stays softer to one side, changes with the time or from posture to posture, or creeps; of
+        readings that they stick. Few enough each to be seen where all that the place could do is too much.
     """
 
     place: str

@@ -8,8 +8,6 @@ weighs the density by twice the probability that they are not. It is averaged ov
 averaging; MacKay, Neural Comp. 4 (1992) 415), and tempered in `diagnosis.decision.tempering`.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -43,16 +41,11 @@ class NoisePrior:
 class Evidence:
     """Log evidence of everything.
 
-    Attributes
-    ----------
-    hypotheses : (H,) array
-    exact : (H,) array
-        With each shape taken as exactly right.
-    magnitude : (H,) array
-        Size u that fits best, in realistic sizes.
-    residual_fraction : (H,) array
-        Share of the gap's size that a shape leaves to the unknown, whatever was expected of it.
-    none, unknown : float
+    `hypotheses`: (H,) array.
+    `exact`: (H,) array; with each shape taken as exactly right.
+    `magnitude`: (H,) array; size u that fits best, in realistic sizes.
+    `residual_fraction`: (H,) array; share of the gap's size that a shape leaves to the unknown, whatever was
+        expected of it.
     """
 
     hypotheses: Array
@@ -67,18 +60,12 @@ class Evidence:
 class Stack:
     """Hypotheses with one number of columns, side by side.
 
-    Attributes
-    ----------
-    index : (h,) int array
-        Their places among all.
-    count : int
-        Columns of each, c.
-    columns : (n, h c) array
-    positive : (h, c) bool array
-        Parameters that cannot be negative.
-    grams : dict of float to (h, c, c) array
-        ``A^T W A`` by the share of the unknown that the weights W belong to, kept: the same hypotheses are
-        weighed again and again, beside other causes.
+    `index`: (h,) int array; their places among all.
+    `count`: columns of each, c.
+    `columns`: (n, h c) array.
+    `positive`: (h, c) bool array; parameters that cannot be negative.
+    `grams`: dict of float to (h, c, c) array; ``A^T W A`` by the share of the unknown that the weights W
+        belong to, kept: the same hypotheses are weighed again and again, beside other causes.
     """
 
     index: NDArray[np.intp]
@@ -122,15 +109,8 @@ def evidence(
 ) -> Evidence:
     """Return the log evidence of no effect, the unknown, and each hypothesis.
 
-    Parameters
-    ----------
-    white : Whitened
-    hypotheses : sequence of Hypothesis
-    scales : NoisePrior
-    shares : (R,) array
-        Of the unknown, in sigma.
-    stacks : sequence of Stack, optional
-        The hypotheses side by side, where they are weighed several times in the same axes.
+    `shares`: (R,) array; of the unknown, in sigma.
+    `stacks`: the hypotheses side by side, where they are weighed several times in the same axes.
     """
     stacks = stacks_of(hypotheses) if stacks is None else stacks
     spread = np.array([one.shape.prior_factor for one in hypotheses])
@@ -176,19 +156,11 @@ def _share_weights(size: Array, shares: Array) -> Array:
 class Conditioned:
     """What the gaps say beside a share of the unknown, the fitted parameters integrated out.
 
-    Attributes
-    ----------
-    share : float
-    weight : (n,) array
-        W, of the values.
-    half : (t + m, n) array
-        ``M = W - half^T half``.
-    total : (d,) array
-        ``y^T M y`` of gaps.
-    toward : (n, d) array
-        ``M y``.
-    constant : (S,) array
-        Log density of a gap of nothing, by noise scale.
+    `weight`: (n,) array; W, of the values.
+    `half`: (t + m, n) array; ``M = W - half^T half``.
+    `total`: (d,) array; ``y^T M y`` of gaps.
+    `toward`: (n, d) array; ``M y``.
+    `constant`: (S,) array; log density of a gap of nothing, by noise scale.
     """
 
     share: float

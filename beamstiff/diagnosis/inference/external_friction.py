@@ -4,8 +4,6 @@ Stop operators of vectors (Visintin, Differential Models of Hysteresis, 1994, ch
 with what is followed, and stays within a ball. No effect of the library has a name for them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,24 +27,16 @@ def held_back(
 ) -> Array:
     """Return what is held of vectors that are followed, (N, m, 3), since the start of each row's history.
 
-    Parameters
-    ----------
-    followed, start : (N, m, 3) arrays
-        In each row, and where its history starts: m vectors side by side.
-    order : (N,) int array
-    fresh : (N,) bool array
-        Whether a row is the first of its history.
-    limit : (m,) array
-        Length that is held at most.
-    carried : bool or (m,) bool array
-        Whether what is held when a history ends is still held when the next one starts.
-    released : bool or (m,) bool array
-        Whether all is let go where the limit is passed, as what sticks does; else the limit stays held.
-    whole : bool
-        Whether what is held when a history starts counts too, as where positions are absolute.
+    `followed`, `start`: (N, m, 3) arrays; in each row, and where its history starts: m vectors side by side.
+    `order`: (N,) int array.
+    `fresh`: (N,) bool array; whether a row is the first of its history.
+    `limit`: (m,) array; length that is held at most.
+    `carried`: bool or (m,) bool array; whether what is held when a history ends is still held when the next
+        one starts.
+    `released`: bool or (m,) bool array; whether all is let go where the limit is passed, as what sticks does;
+        else the limit stays held.
+    `whole`: whether what is held when a history starts counts too, as where positions are absolute.
 
-    Examples
-    --------
     >>> way = np.zeros((4, 1, 3))
     >>> way[:, 0, 0] = 1.0, 2.0, 1.0, 0.0
     >>> first = np.array([True, False, False, False])

@@ -1,7 +1,5 @@
 """Every effect at every component of a robot in all its shapes, as columns; and what the data cannot show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,17 +27,9 @@ ALL_DRIVES, ALL_REVERSED = "joint-compliance:null", f"{REVERSED}:null"
 class Hypothesis:
     """One shape of an effect at a component.
 
-    Attributes
-    ----------
-    effect : str
-    component : str or None
-    shape : Shape
-    prior : float
-        Its share of all effects' prior probability.
-    columns : (n, c) array
-        Whitened, in realistic sizes.
-    places : tuple of str
-        Where the machine is compliant if this is true; none for what is outside it.
+    `prior`: its share of all effects' prior probability.
+    `columns`: (n, c) array; whitened, in realistic sizes.
+    `places`: where the machine is compliant if this is true; none for what is outside it.
     """
 
     effect: str
@@ -80,16 +70,7 @@ class Library:
 def build_library(baseline: Baseline, white: Whitened, prior: Prior = DEFAULT) -> Library:
     """Return what the data could be explained by.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    white : Whitened
-    prior : Prior
-
-    Raises
-    ------
-    BeamstiffError
-        When `prior` names no effect, or a component that it cannot have on this robot.
+    Raises BeamstiffError when `prior` names no effect, or a component that it cannot have on this robot.
     """
     check_names(baseline, prior)
     without = prior.without

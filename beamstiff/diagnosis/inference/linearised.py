@@ -6,8 +6,6 @@ where the gap is large. Effects are therefore weighed once more about the stiffn
 or pair, as Gauss and Newton do it, until that stays where it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,14 +32,8 @@ def beside_the_cause(
 ) -> Baseline | None:
     """Return a baseline linear about the stiffness beside the likeliest cause or pair; None if it is.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    white : Whitened
-        Of it: what counts of it.
-    found : Search
-    scales : NoisePrior
-        Of the noise.
+    `white`: of it: what counts of it.
+    `scales`: of the noise.
     """
     if not baseline.fitted or found.log_weight[NONE] > found.log_weight[found.named[0]]:
         return None

@@ -1,7 +1,5 @@
 """What scale of the noise the evidence may choose, and which one is left after a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

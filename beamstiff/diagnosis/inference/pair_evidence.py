@@ -6,8 +6,6 @@ hypothesis with the columns of both. What their places may do beside their shape
 a shape that is not quite right errs at its own place first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,16 +29,10 @@ KEPT = 0.02  # weight from which a shape of the first is kept
 class Pair:
     """Two candidates together.
 
-    Attributes
-    ----------
-    first, second : str
-    log_weight : float
-        Log of the priors of their shapes times the evidence of both; of a search, the log weight of the
-        likeliest single cause and the log odds of the pair against it.
-    residual_fraction : float
-        Share of the gap's size that both leave to the unknown.
-    shapes : (list of Weighted, list of Weighted)
-        Of the first, and of the second beside it.
+    `log_weight`: log of the priors of their shapes times the evidence of both; of a search, the log weight of
+        the likeliest single cause and the log odds of the pair against it.
+    `residual_fraction`: share of the gap's size that both leave to the unknown.
+    `shapes`: of the first, and of the second beside it.
     """
 
     first: str
@@ -60,15 +52,8 @@ def together(
 ) -> Pair:
     """Return what two causes are worth together.
 
-    Parameters
-    ----------
-    white : Whitened
-    first, second : sequence of Hypothesis
-        The shapes of each.
-    start : Hypothesis
-        The shape of the first that is the best alone.
-    scales : NoisePrior
-    laws : sequence of ComponentSubspace
+    `first`, `second`: the shapes of each.
+    `start`: the shape of the first that is the best alone.
     """
     nuisance = modes_of(laws, {*first[0].places, *second[0].places}, white.gap.size)
     best = start

@@ -5,8 +5,6 @@ weighed again on what they leave. The likeliest pairs that this finds are weighe
 together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -48,21 +46,13 @@ FREE_SIZE, FREE_SPREAD = 3.0, 30.0  # sigma a value that free laws make, and wit
 class Search:
     """What the evidence says.
 
-    Attributes
-    ----------
-    log_weight : dict of str to float
-        Of every candidate alone, of `NONE` and of `UNKNOWN`; log of prior times evidence.
-    pairs : tuple of Pair
-        The likeliest first.
-    shapes : dict of str to list of Weighted
-        Of every candidate alone.
-    residual_fraction : dict of str to float
-        Share of the gap's size that it leaves to the unknown.
-    free : dict of str to float
-        Log evidence of what each place could do at most.
-    unmodelled : dict of (str, str) to float
-        Of each place doing what is no effect of the library (`ComponentSubspace.unmodelled`): log of prior
-        times evidence.
+    `log_weight`: of every candidate alone, of `NONE` and of `UNKNOWN`; log of prior times evidence.
+    `pairs`: the likeliest first.
+    `shapes`: of every candidate alone.
+    `residual_fraction`: share of the gap's size that it leaves to the unknown.
+    `free`: log evidence of what each place could do at most.
+    `unmodelled`: of each place doing what is no effect of the library (`ComponentSubspace.unmodelled`): log
+        of prior times evidence.
     """
 
     log_weight: dict[str, float]

@@ -6,8 +6,6 @@ tool moves by ``(I + C K)^-1 C w`` instead of ``C w``: two springs side by side.
 gap suggests. No effect of the library has a name for them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,14 +30,9 @@ STOPS = (0.0, 0.3, 0.6)  # of the largest displacement along a direction, where 
 class Held:
     """What holds the tool, for N rows: where it sits, and what it moves.
 
-    Attributes
-    ----------
-    own : (N, 3, 3) array
-        Displacement of the TCP per force there, C.
-    seen : (N, 6, 3) array
-        Displacement of the row's point per force at the TCP.
-    moved : (N, 3) array
-        Displacement of the TCP, ``C w``.
+    `own`: (N, 3, 3) array; displacement of the TCP per force there, C.
+    `seen`: (N, 6, 3) array; displacement of the row's point per force at the TCP.
+    `moved`: (N, 3) array; displacement of the TCP, ``C w``.
     """
 
     own: Array
@@ -62,20 +55,11 @@ def held_tool(baseline: Baseline) -> Held:
 def tethered(baseline: Baseline, held: Held, white: Whitened) -> tuple[Array, Array]:
     """Return what a spring between tool and floor does to displacements.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    held : Held
-    white : Whitened
-        Its gap, which suggests how strong the spring is.
-
-    Returns
-    -------
-    alike : (N, 6, 7) array
-        Of a spring that is alike everywhere: what the suggested one does and, per N/m of each of its six
-        values, what it would do more.
-    placed : (N, 6, 18) array
-        What it would do more if it changed with the place, as it does where its direction does.
+    `white`: its gap, which suggests how strong the spring is.
+    Returns `alike`, (N, 6, 7) array; of a spring that is alike everywhere: what the suggested one does and,
+    per N/m of each of its six values, what it would do more.
+    Returns `placed`, (N, 6, 18) array; what it would do more if it changed with the place, as it does where
+    its direction does.
     """
     about = suggested_spring(held, white)
     more = _more(held, about)

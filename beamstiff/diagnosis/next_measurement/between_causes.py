@@ -7,8 +7,6 @@ parameters best: the expected information of a reading, ``log det(1 + M C M^T / 
 Ann. Math. Statist. 27 (1956) 986), each beside what the rows before it told.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,10 +42,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
 
     Each is read at the point that the table reads most often.
 
-    Raises
-    ------
-    BeamstiffError
-        When no posture can be reached.
+    Raises BeamstiffError when no posture can be reached.
     """
     causes = (*found.causes, *found.unclear)
     if not causes:
@@ -73,13 +68,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
 
 @dataclass(frozen=True, eq=False)
 class Ahead:
-    """New rows, as a decomposition sees them.
-
-    Attributes
-    ----------
-    found : Decomposition
-    rows : Measurements
-    """
+    """New rows, as a decomposition sees them."""
 
     found: Decomposition
     rows: Measurements
@@ -112,10 +101,7 @@ class Ahead:
     def foretold(self, forms: Sequence[Form]) -> Foretold:
         """Return what some forms, fitted with all that is open, foretell.
 
-        Raises
-        ------
-        BeamstiffError
-            When a form does not exist there.
+        Raises BeamstiffError when a form does not exist there.
         """
         matrix = np.concatenate([self.opened, *(self.columns(form) for form in forms)], axis=2)
         theta, covariance = solved(self.found.model, forms)

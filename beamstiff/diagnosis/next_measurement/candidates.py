@@ -1,7 +1,5 @@
 """States that could be measured next: load cycles at postures, and where else a reflector could sit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

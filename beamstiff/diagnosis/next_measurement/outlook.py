@@ -10,8 +10,6 @@ A cause of the library may fit what another, outside it, does in the rows that i
 was not found with check that, and so it is decided only where it led before the last batch, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,24 +37,14 @@ NONE_FOR = 4  # times the proposal's rows: so many must have named nothing
 class Outlook:
     """What a proposal is expected to settle.
 
-    Attributes
-    ----------
-    leading : str
-        The likeliest cause, `none` or `unknown`.
-    probability : float
-        Of it.
-    separates : tuple of str
-        Causes that the proposal tells apart; of none it bounds the parameters.
-    settles : float
-        Probability that after the proposal one cause has a probability of 0.9 at least.
-    turns : float
-        Probability that another one leads then.
-    ever : float
-        Probability that `MANY` such proposals settle it.
-    enough : bool
-        Whether rows enough were read to say that nothing shows, or nothing known.
-    stands : bool
-        Whether it led without the last batch, too.
+    `leading`: the likeliest cause, `none` or `unknown`.
+    `probability`: of it.
+    `separates`: causes that the proposal tells apart; of none it bounds the parameters.
+    `settles`: probability that after the proposal one cause has a probability of 0.9 at least.
+    `turns`: probability that another one leads then.
+    `ever`: probability that `MANY` such proposals settle it.
+    `enough`: whether rows enough were read to say that nothing shows, or nothing known.
+    `stands`: whether it led without the last batch, too.
     """
 
     leading: str

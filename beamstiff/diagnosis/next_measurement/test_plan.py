@@ -14,8 +14,6 @@ Rows are chosen one after another, so that the sum over pairs falls most. That h
 discrimination of a row is by how much it lowers the logarithm of the sum.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -58,15 +56,10 @@ ROUNDING = 1e-12  # of 1: what is left of a variance that the readings determine
 class Foretold:
     """What one explanation foretells of new rows.
 
-    Attributes
-    ----------
-    mean : (R, 3) array, m
-    matrix : (R, 3, p) array
-        Positions by parameters.
-    covariance : (p, p) array
-        Of the parameters.
-    amiss : (R,) array, m
-        What it may be off by, standard deviation of a coordinate, beside the parameters.
+    `mean`: (R, 3) array, m.
+    `matrix`: (R, 3, p) array; positions by parameters.
+    `covariance`: (p, p) array; of the parameters.
+    `amiss`: (R,) array, m; what it may be off by, standard deviation of a coordinate, beside the parameters.
     """
 
     mean: Array
@@ -82,13 +75,8 @@ Pair = tuple[float, Foretold, Foretold]  # two explanations to tell apart, with 
 class Programme:
     """States to measure, and which rivals they separate.
 
-    Attributes
-    ----------
-    rows : Measurements
-        Poses, loads and where to read; nothing measured.
-    separates : tuple of str
-    score : (R,) array
-        Expected discrimination of each row.
+    `rows`: poses, loads and where to read; nothing measured.
+    `score`: (R,) array; expected discrimination of each row.
     """
 
     rows: Measurements
@@ -118,14 +106,9 @@ def propose_tests(
     Each is of another posture. Where a reflector elsewhere on the robot would tell far more than the TCP does
     in these states, it is read as well.
 
-    Parameters
-    ----------
-    rivals : sequence of (key, probability, shapes)
-        Without shapes the rival is the model as it is.
-    scale : float
-        Of the noise.
-    hidden : sequence of (key, probability, shapes)
-        Causes to tell from no cause alone, the last of the rivals: whether there is any shows first.
+    `rivals`: without shapes the rival is the model as it is.
+    `scale`: of the noise.
+    `hidden`: causes to tell from no cause alone, the last of the rivals: whether there is any shows first.
     """
     if len(rivals) < 2:
         return None
@@ -173,17 +156,11 @@ def best_rows(
 ) -> tuple[NDArray[np.intp], Array]:
     """Return the rows that tell pairs apart best, (k,), and what each adds to those before it, (k,).
 
-    Parameters
-    ----------
-    pairs : sequence of (float, Foretold, Foretold)
-        With the product of their probabilities.
-    noise : (R, 3) array, m
-        Standard deviation of a reading.
-    group : (R,) array of int
-        Rows that are read together, equally many in each, from 0.
-    most : int
-        Groups to choose, each of another posture where there are enough.
-    posture : (R,) array of int
+    `pairs`: with the product of their probabilities.
+    `noise`: (R, 3) array, m; standard deviation of a reading.
+    `group`: (R,) array of int; rows that are read together, equally many in each, from 0.
+    `most`: groups to choose, each of another posture where there are enough.
+    `posture`: (R,) array of int.
     """
     of = np.argsort(group, kind="stable").reshape(int(group.max()) + 1, -1)  # (G, g)
     told = [_Told(weight, one, other, of, noise) for weight, one, other in pairs]
@@ -367,10 +344,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
 def proposed_csv(result: Diagnosis) -> str:
     """Return the proposed states of a diagnosis as a table to fill in.
 
-    Raises
-    ------
-    BeamstiffError
-        When it proposes none.
+    Raises BeamstiffError when it proposes none.
     """
     if not result.next:
         raise BeamstiffError("--next: this diagnosis has no rivals to tell apart, so no states to propose")

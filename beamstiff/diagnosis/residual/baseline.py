@@ -41,36 +41,21 @@ KNOWN_FACTOR = 1e4  # a fitted stiffness stays near its start unless the data sa
 class Baseline:
     """The fitted model, its residual and its tangent; N rows, t fitted values.
 
-    Attributes
-    ----------
-    robot : Robot
-        With the fitted stiffness.
-    nominal : Robot
-        As it was given.
-    rows : Measurements
-    fitted : tuple of str (t)
-    measured : (N, 6) array, m and rad
-        Displacement, or for absolute rows the deviation from the nominal pose, ``[d, r]``, base frame; where
-        a row is read along axes of its own (`Measurements.along`), this and all beside it along these.
-    used : (N, 6) bool array
-    sigma : (N, 6) array
-        Standard deviations by which the components count.
-    claimed : bool
-        Whether the table states them.
-    sharing : (N,) int array
-        Rows with one unloaded reading; -1 none.
-    predicted : (N, 6) array
-    tangent : (N, 6, t) array
-        Derivatives by the compliances.
-    response : (N, 6, 6) array
-        Displacement of the row's point per unit wrench at its load point, linear.
-    places : Places
-    fit_rows : Baseline or None
-        The baseline that was fitted, where this one is its prediction for other rows.
-    given : Robot or None
-        As its file describes it, where `nominal` is calibrated already.
-    stated : mapping of str to float or tuple of float, or None
-        Normalisation of an effect that the robot has, in place of those of the rows that were fitted.
+    `robot`: with the fitted stiffness.
+    `nominal`: as it was given.
+    `measured`: (N, 6) array, m and rad; displacement, or for absolute rows the deviation from the nominal
+        pose, ``[d, r]``, base frame; where a row is read along axes of its own (`Measurements.along`), this
+        and all beside it along these.
+    `used`: (N, 6) bool array.
+    `sigma`: (N, 6) array; standard deviations by which the components count.
+    `claimed`: whether the table states them.
+    `sharing`: (N,) int array; rows with one unloaded reading; -1 none.
+    `predicted`: (N, 6) array.
+    `tangent`: (N, 6, t) array; derivatives by the compliances.
+    `response`: (N, 6, 6) array; displacement of the row's point per unit wrench at its load point, linear.
+    `fit_rows`: the baseline that was fitted, where this one is its prediction for other rows.
+    `given`: as its file describes it, where `nominal` is calibrated already.
+    `stated`: normalisation of an effect that the robot has, in place of those of the rows that were fitted.
     """
 
     robot: Robot
@@ -150,20 +135,10 @@ def fit_baseline(
 ) -> Baseline:
     """Fit the model to the data.
 
-    Parameters
-    ----------
-    robot : Robot
-    rows : Measurements
-        Displacements or absolute poses.
-    sigma : (N, 6) array, optional
-        Standard deviations instead of those stated.
-    keep : sequence of str, optional
-        Parameters to fit instead of `fitted_names`.
-
-    Raises
-    ------
-    BeamstiffError
-        When the rows cannot be predicted: loops that do not close, a mechanism.
+    `rows`: displacements or absolute poses.
+    `sigma`: (N, 6) array; standard deviations instead of those stated.
+    `keep`: parameters to fit instead of `fitted_names`.
+    Raises BeamstiffError when the rows cannot be predicted: loops that do not close, a mechanism.
     """
     names = fitted_names(robot) if keep is None else tuple(keep)
     measured, used = deviation(robot, rows), rows.measured_mask
@@ -230,22 +205,19 @@ def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
     else:
         tangent = np.zeros((len(rows), 6, 0))
     used = rows.measured_mask
-    return Baseline(
-        robot=fit.robot,
-        nominal=fit.nominal,
+    return replace(
+        fit,
         rows=rows,
-        fitted=fit.fitted,
         measured=np.where(used, deviation(fit.nominal, rows), 0.0),
         used=used,
         sigma=_sigma(rows),
-        claimed=fit.claimed,
         sharing=rows.sharing,
         predicted=predicted,
         tangent=tangent,
         response=tool_response(fit.robot, rows),
         places=find_places(fit.robot, rows),
         fit_rows=fit.fit,
-        given=fit.given,
+        stated=None,
     )
 
 

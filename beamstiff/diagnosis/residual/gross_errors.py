@@ -5,8 +5,6 @@ are off by the same, as after a reflector was bumped. What a shape misses is lar
 some loads, and next to large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,16 +32,8 @@ def by_chance(baseline: Baseline, outliers: Sequence[int]) -> bool:
 def mishaps(baseline: Baseline, outliers: Sequence[int]) -> list[list[int]]:
     """Return rows by mishap: one by one, but together where one follows another and all are off by the same.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    outliers : sequence of int
-
-    Returns
-    -------
-    list of list of int
-        Rows of one reflector, or of all of them, one after another, under loads that turn or come to nothing:
-        what yields and stays so is off by the same under all loads to one side.
+    Returns list of list of int; rows of one reflector, or of all of them, one after another, under loads that
+    turn or come to nothing: what yields and stays so is off by the same under all loads to one side.
     """
     wrong = set(outliers)
     order, point = history_order(baseline.rows), baseline.rows.point

@@ -14,11 +14,10 @@ independent stand for all (`self_stress`). What statics does not determine of q_
 and is named.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import networkx as nx
 import numpy as np
@@ -52,21 +51,14 @@ CUT = " cut"  # what is added to the name of a link's end to name its other side
 class Places:
     """All places of a machine under the rows of a table.
 
-    Attributes
-    ----------
-    joints : dict of str to Place
-        By name of the joint; first axis along the joint's axis.
-    links : dict of str to Place
-        By name of the beam or rigid, at its second end; first axis along the link.
-    base : Place
-        The whole machine against the floor, about the base frame's origin.
-    flange : Place
-        What the TCP carries against what holds it, axes of the TCP's frame.
-    held : dict of str to str
-        Joints and links that pass wrenches which are not determined, and which self-stress leaves them open.
-    standing : tuple of str
-        Links that stand on the ground and that all passes which passes the floor: what they give is the
-        base's by another name.
+    `joints`: by name of the joint; first axis along the joint's axis.
+    `links`: by name of the beam or rigid, at its second end; first axis along the link.
+    `base`: the whole machine against the floor, about the base frame's origin.
+    `flange`: what the TCP carries against what holds it, axes of the TCP's frame.
+    `held`: joints and links that pass wrenches which are not determined, and which self-stress leaves them
+        open.
+    `standing`: links that stand on the ground and that all passes which passes the floor: what they give is
+        the base's by another name.
     """
 
     joints: dict[str, Place]
@@ -76,7 +68,7 @@ class Places:
     held: dict[str, str]
     standing: tuple[str, ...] = ()
 
-    def beside(self, other: Places) -> Places:
+    def beside(self, other: Self) -> Self:
         """Return the places under their loads and those of others, of the same machine in the same rows."""
         joints = {name: there.beside(other.joints[name]) for name, there in self.joints.items()}
         links = {name: there.beside(other.links[name]) for name, there in self.links.items()}
@@ -87,17 +79,9 @@ class Places:
 def find_places(robot: Robot, rows: Measurements) -> Places:
     """Return every place of a robot under the rows of a table.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the stiffness that it has.
-    rows : Measurements
-        N rows: posture, wrench, point of the load and measured point.
-
-    Raises
-    ------
-    BeamstiffError
-        When a pose cannot close its loops or the structure is a mechanism.
+    `robot`: with the stiffness that it has.
+    `rows`: N rows: posture, wrench, point of the load and measured point.
+    Raises BeamstiffError when a pose cannot close its loops or the structure is a mechanism.
     """
     cut, links = _with_cuts(robot, rows.q[:1])
     index = {node.name: at for at, node in enumerate(cut.nodes)}
@@ -349,8 +333,6 @@ def across(direction: Array) -> Array:
 
     Not the axis farthest from it: of a direction along one axis, the least change would swap the two others.
 
-    Examples
-    --------
     >>> across(np.array([0.6, 0.8, 0.0])), across(np.array([0.8, 0.6, 0.0]))
     (array([1., 0., 0.]), array([0., 1., 0.]))
     """
@@ -375,16 +357,9 @@ def _flange(robot: Robot, rows: Measurements, turn: Array, weight: Array, offset
 
     Where nothing is read at the TCP, the reflectors of its body are on the tool: they move with it.
 
-    Parameters
-    ----------
-    robot : Robot
-    rows : Measurements
-    turn : (N, 3, 3) array
-        Axes of the TCP's frame.
-    weight : (N, 6) array
-        Of masses at the TCP: a beam that ends there carries its own by itself.
-    offset : (N, 3) array
-        From the TCP to the measured point.
+    `turn`: (N, 3, 3) array; axes of the TCP's frame.
+    `weight`: (N, 6) array; of masses at the TCP: a beam that ends there carries its own by itself.
+    `offset`: (N, 3) array; from the TCP to the measured point.
     """
     behind = [robot.tcp] if (rows.point == robot.tcp).any() else _body(robot)
     axes = displacement_transport(offset) @ rotate_screw(turn)

@@ -8,8 +8,6 @@ f the noise of positions and of rotations against the sigma counted with, K the 
 library, each of unit size. f, v and a maximise the likelihood and a prior of f.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,12 +27,8 @@ JITTER = 1e-9  # against columns that depend on one another
 class Variance:
     """Estimated scales.
 
-    Attributes
-    ----------
-    noise : (2,) array
-        Of positions and rotations, standard deviations over the sigma counted with.
-    unknown, library : float
-        Variances.
+    `noise`: (2,) array; of positions and rotations, standard deviations over the sigma counted with.
+    `unknown`, `library`: variances.
     """
 
     noise: Array
@@ -81,15 +75,9 @@ def precision(white: Whitened, columns: Array, variance: Variance) -> tuple[Prec
 def estimate(white: Whitened, columns: Array, width: float, sound: bool = False) -> Variance:
     """Return the scales of noise, unknown and library.
 
-    Parameters
-    ----------
-    white : Whitened
-    columns : (n, c) array
-        Of the library, each of unit size a value.
-    width : float
-        Standard deviation of the logarithm of the noise scales, before the data.
-    sound : bool
-        Whether wrong rows have been taken out already.
+    `columns`: (n, c) array; of the library, each of unit size a value.
+    `width`: standard deviation of the logarithm of the noise scales, before the data.
+    `sound`: whether wrong rows have been taken out already.
     """
     gap = white.gap
     if not sound:

@@ -1,8 +1,7 @@
 """A place of a machine: what passes through it, and what a slip there moves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +14,14 @@ from beamstiff.se3 import Array, rotate_screw
 class Place:
     """A place, for N rows, in its own axes.
 
-    Attributes
-    ----------
-    load : (N, 6) array, N and N m
-        Wrench ``[f, m]`` that the row's load passes through it.
-    dead : (N, 6) array
-        What the dead weight passes through it.
-    shift : (N, 6, 6) array
-        Displacement ``[d, r]`` of the row's point, base frame, per relative displacement of the place.
-    turn : (N, 3, 3) array
-        Its axes in the base frame, as columns.
-    length : (N,) array, m
-        Of a link: some grow with a slide; 0 for other places.
-    stressed : (N, 6, 6) array or None
-        Projector onto what self-stresses do there; None where statics and the springs determine all.
+    `load`: (N, 6) array, N and N m; wrench ``[f, m]`` that the row's load passes through it.
+    `dead`: (N, 6) array; what the dead weight passes through it.
+    `shift`: (N, 6, 6) array; displacement ``[d, r]`` of the row's point, base frame, per relative
+        displacement of the place.
+    `turn`: (N, 3, 3) array; its axes in the base frame, as columns.
+    `length`: (N,) array, m; of a link: some grow with a slide; 0 for other places.
+    `stressed`: (N, 6, 6) array or None; projector onto what self-stresses do there; None where statics and
+        the springs determine all.
     """
 
     load: Array
@@ -46,7 +39,7 @@ class Place:
         most = np.diagonal(self.stressed, axis1=1, axis2=2).max(axis=0, initial=0.0)
         return np.asarray(most > RANK_TOLERANCE)
 
-    def along(self, turn: Array) -> Place:
+    def along(self, turn: Array) -> Self:
         """Return the place in other axes, the columns of (N, 3, 3) in the base frame."""
         change = rotate_screw(turn.swapaxes(-1, -2) @ self.turn)  # components in new axes from those in old
         back = change.swapaxes(-1, -2)
@@ -59,11 +52,11 @@ class Place:
             stressed=None if self.stressed is None else change @ self.stressed @ back,
         )
 
-    def beside(self, other: Place) -> Place:
+    def beside(self, other: Self) -> Self:
         """Return the place under its load and that of another, in the same axes."""
         return replace(self, load=self.load + other.load)
 
-    def determined(self) -> Place:
+    def determined(self) -> Self:
         """Return the place with nothing in the directions that are not determined."""
         some = ~self.undetermined
         return replace(self, load=self.load * some, dead=self.dead * some, shift=self.shift * some)

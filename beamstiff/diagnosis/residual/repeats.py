@@ -4,8 +4,6 @@ Rows are repeats where posture, load, its point, the reflector and the way the l
 Nothing but noise, and what goes with time, can part them, whatever the model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,18 +21,12 @@ DIGITS = 9  # of loads and joint values, to which states are the same
 class Repeats:
     """Noise and drift of repeated states; positions, then rotations.
 
-    Attributes
-    ----------
-    noise : (2,) array
-        Standard deviation over the sigma that the baseline counts with; NaN where nothing was repeated.
-    freedom : (2,) int array
-        Differences it rests on.
-    likely : (2,) array
-        Probability of a scatter at least as far from that sigma, to its side.
-    drift : (2,) array
-        Slope of the readings over time, largest component, m/s and rad/s; NaN without times.
-    steady : (2,) array
-        Probability of slopes at least as steep without drift.
+    `noise`: (2,) array; standard deviation over the sigma that the baseline counts with; NaN where nothing
+        was repeated.
+    `freedom`: (2,) int array; differences it rests on.
+    `likely`: (2,) array; probability of a scatter at least as far from that sigma, to its side.
+    `drift`: (2,) array; slope of the readings over time, largest component, m/s and rad/s; NaN without times.
+    `steady`: (2,) array; probability of slopes at least as steep without drift.
     """
 
     noise: Array

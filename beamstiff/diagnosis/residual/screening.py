@@ -5,8 +5,6 @@ outlier when the others, through that covariance, leave it too unlikely (leave-o
 processes: Rasmussen & Williams 2006, eqs 5.10 to 5.12).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -35,23 +33,16 @@ CLAIM, NO_CLAIM = 0.6, 2.0  # standard deviation of the log noise scale: claims 
 class Screened:
     """What is left to explain.
 
-    Attributes
-    ----------
-    baseline : Baseline
-        With sigma as the rows show it.
-    used : (N, 6) bool array
-        Without outliers.
-    outliers : (k,) int array
-        The worst first.
-    noise : (2,) array
-        Scale of the noise of positions and rotations, against the sigma claimed.
-    strength : float
-        How many times farther the outliers are than the farthest sound row would be, squared; their median.
-    isolated : bool
-        Whether they stand apart as mishaps do (`mishaps`), and all other rows are as near as sound ones are.
-    below_claim : bool
-        Whether the rows scatter so much less than the noise claimed, as simulated ones do, that the claim is
-        kept.
+    `baseline`: with sigma as the rows show it.
+    `used`: (N, 6) bool array; without outliers.
+    `outliers`: (k,) int array; the worst first.
+    `noise`: (2,) array; scale of the noise of positions and rotations, against the sigma claimed.
+    `strength`: how many times farther the outliers are than the farthest sound row would be, squared; their
+        median.
+    `isolated`: whether they stand apart as mishaps do (`mishaps`), and all other rows are as near as sound
+        ones are.
+    `below_claim`: whether the rows scatter so much less than the noise claimed, as simulated ones do, that
+        the claim is kept.
     """
 
     baseline: Baseline

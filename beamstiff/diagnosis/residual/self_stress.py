@@ -9,8 +9,6 @@ The springs of a place are determined always: their force follows from how far t
 some of them move only together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -44,17 +42,12 @@ PART = RANK_TOLERANCE**0.5  # what has less of a unit self-stress has no part in
 class Reach:
     """How the p directions of a place can move where all other rigid parts hold, at P poses.
 
-    Attributes
-    ----------
-    held, loose : int arrays
-        Rigid directions, and springs, that move independently of one another.
-    share : (P, p, r) array
-        What each direction moves per unit of those: first `held`, then `loose`.
-    reactions : (P, R, h) array
-        Least wrench of all rigid directions per unit force on `held` that it balances.
-    stressed : (P, p, p) array or None
-        Projector onto the self-stresses' part in the place, forces in N and moments over the machine's size;
-        None where all is determined.
+    `held`, `loose`: int arrays; rigid directions, and springs, that move independently of one another.
+    `share`: (P, p, r) array; what each direction moves per unit of those: first `held`, then `loose`.
+    `reactions`: (P, R, h) array; least wrench of all rigid directions per unit force on `held` that it
+        balances.
+    `stressed`: (P, p, p) array or None; projector onto the self-stresses' part in the place, forces in N and
+        moments over the machine's size; None where all is determined.
     """
 
     held: Index
@@ -75,20 +68,10 @@ def reach_of(
 ) -> Reach:
     """Return how the directions of a place can move.
 
-    Parameters
-    ----------
-    structure : Structure
-        With all of these directions opened.
-    geometry : Geometry
-    ports : sequence of Port
-        The p directions.
-    rigid : (p,) bool array
-        Those that the machine holds rigid.
-
-    Raises
-    ------
-    BeamstiffError
-        At a pose where the directions move in other ways than at the first.
+    `structure`: with all of these directions opened.
+    `ports`: the p directions.
+    `rigid`: (p,) bool array; those that the machine holds rigid.
+    Raises BeamstiffError at a pose where the directions move in other ways than at the first.
     """
     moved, size = _moved(structure, geometry, ports), _sizes(structure, ports)
     held = _independent(moved[0], np.flatnonzero(rigid), np.zeros((0, moved.shape[2])))
@@ -157,17 +140,9 @@ def self_stresses(
 ) -> dict[str, list[str]]:
     """Return which rigid directions of the machine the self-stresses of its places need, at the first pose.
 
-    Parameters
-    ----------
-    robot : Robot
-    where : Posture
-    places : mapping of str to sequence of (str, int)
-        By name of the place: joints and their directions 0..5.
-
-    Returns
-    -------
-    needed : dict of str to list of str
-        By name of the place: stiffness parameters, such as ``J12.axial``.
+    `places`: by name of the place: joints and their directions 0..5.
+    Returns `needed`, dict of str to list of str; by name of the place: stiffness parameters, such as
+    ``J12.axial``.
     """
     rigid = [name for name, value in stiffness_parameters(robot).items() if value == RIGID]
     ports, _ = find_ports(robot, rigid)

@@ -5,10 +5,9 @@ each growing with the load and its square. In the eigenvectors of that covarianc
 noise ``s^2`` and the unknown ``v^2 K`` are diagonal, so that every sum below is a weighted one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,21 +28,15 @@ CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or w
 class Whitened:
     """A baseline's gap and tangent in whitened axes; n values, t fitted parameters.
 
-    Attributes
-    ----------
-    axes : tuple of ((B, m) int array, (B, m, m) array)
-        Blocks of one size: which values each turns, and into what; whitened ones stand block after block.
-    unknown : (n,) array
-        Variance of the unknown there; its mean is 1.
-    component : (n,) int array
-        Which of the six it is a mixture of values of.
-    gap : (n,) array
-    tangent : (n, t) array
-        Orthonormal.
-    used : (N, 6) bool array
-    nuisance : (n, m) array
-        What a cause that is fitted as well may do beside its shape: the unknown has it in addition to K.
-    rows : Measurements
+    `axes`: tuple of ((B, m) int array, (B, m, m) array); blocks of one size: which values each turns, and
+        into what; whitened ones stand block after block.
+    `unknown`: (n,) array; variance of the unknown there; its mean is 1.
+    `component`: (n,) int array; which of the six it is a mixture of values of.
+    `gap`: (n,) array.
+    `tangent`: (n, t) array; orthonormal.
+    `used`: (N, 6) bool array.
+    `nuisance`: (n, m) array; what a cause that is fitted as well may do beside its shape: the unknown has it
+        in addition to K.
     """
 
     axes: tuple[tuple[NDArray[np.intp], Array], ...]
@@ -109,7 +102,7 @@ class Whitened:
             yield at, block, columns[start : start + at.size].reshape(*at.shape, -1)
             start += at.size
 
-    def with_fitted(self, cause: Array, nuisance: Array | None = None) -> Whitened:
+    def with_fitted(self, cause: Array, nuisance: Array | None = None) -> Self:
         """Return the same where the whitened columns (n, c) of a cause are fitted as well.
 
         Beside them `nuisance` (n, m), of mean square 1 together, is what its place may do else.
@@ -125,11 +118,7 @@ class Whitened:
 def whiten(baseline: Baseline, used: NDArray[np.bool_] | None = None) -> Whitened:
     """Return a baseline's gap whitened.
 
-    Parameters
-    ----------
-    baseline : Baseline
-    used : (N, 6) bool array, optional
-        Values that count, of those measured.
+    `used`: (N, 6) bool array; values that count, of those measured.
     """
     chosen = baseline.used if used is None else used & baseline.used
     axes, unknown, component = _axes(baseline, chosen)

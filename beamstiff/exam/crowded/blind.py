@@ -60,8 +60,6 @@ def _answer(ask: Callable[[], Diagnosis], drawn: CrowdedCase) -> tuple[Reply, Re
 def reply_of(report: Report) -> Reply:
     """Return what a report says, format ``beamstiff-diagnosis/1`` with ``causes``.
 
-    Examples
-    --------
     >>> verdict = {"effect": "unknown", "component": None}
     >>> cause = {"effect": "backlash", "component": "q3", "closes": 0.4, "indistinguishable": []}
     >>> reply = reply_of({"verdict": verdict, "causes": [cause], "remainder": {"rms_mm": 0.2}})

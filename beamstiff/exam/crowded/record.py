@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from pydantic import TypeAdapter
-
 from beamstiff.exam.names import effect_of
 from beamstiff.exam.record import sha256
 
@@ -138,11 +136,3 @@ class CrowdedRecord:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for one line of JSON."""
         return asdict(self)
-
-
-_RECORD = TypeAdapter(CrowdedRecord)
-
-
-def crowded_record_from(data: Mapping[str, Any]) -> CrowdedRecord:
-    """Return the record that `CrowdedRecord.to_dict` made plain data of."""
-    return _RECORD.validate_python(data)

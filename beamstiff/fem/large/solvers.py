@@ -32,10 +32,7 @@ class Solution:
 def solve_frame(frame: Frame, loads: Array) -> Solution:
     """Solve for the displacement of all nodes under several loads, with one factorisation.
 
-    Parameters
-    ----------
-    loads : (N, 6, c) array
-        Wrenches ``[f, m]`` on the nodes, N and N m.
+    `loads`: (N, 6, c) array; wrenches ``[f, m]`` on the nodes, N and N m.
     """
     if loads.shape[:2] != (len(frame.points), 6) or not np.isfinite(loads).all():
         raise BeamstiffError(

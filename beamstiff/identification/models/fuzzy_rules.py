@@ -5,10 +5,8 @@ T_k the displacement by each term under the row's load (seed 003, eqs 36 and 38)
 Rules that readings hardly reach follow their neighbours: differences between conclusions count a little.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +36,7 @@ class Readings:
     count: NDArray[np.int64]  # (N,): measured components of each row
     scale: Array  # (6, 6): unit of each term: with it compliances of forces and moments compare
 
-    def rows(self, chosen: NDArray[np.bool_]) -> Readings:
+    def rows(self, chosen: NDArray[np.bool_]) -> Self:
         """Return the readings of some rows."""
         return replace(
             self,
@@ -48,7 +46,7 @@ class Readings:
             count=self.count[chosen],
         )
 
-    def term(self, at: int) -> Readings:
+    def term(self, at: int) -> Self:
         """Return the readings of one term, where no row's displacement is the sum of several.
 
         That is so where the load of every row lies along one axis.

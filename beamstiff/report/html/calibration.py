@@ -1,7 +1,5 @@
 """The report of a geometric calibration: errors before and after, parameters found, and look-alikes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where the robot is seen from in three dimensions, and how large it is drawn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Charts: bars and intervals of named values, curves of errors, matrices as coloured squares."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import ceil, floor, log10
 from typing import Any
@@ -114,8 +112,6 @@ def log_axis(title: str, traces: Sequence[Mapping[str, Any]], way: str = "y") ->
 def log_ticks(low: float, high: float) -> list[float]:
     """Return a few round numbers about two ends, for an axis that is logarithmic.
 
-    Examples
-    --------
     >>> log_ticks(3e5, 4e6), log_ticks(5.2e5, 5.9e5), log_ticks(1.0, 1e7)
     ([500000.0, 1000000.0, 2000000.0], [520000.0, 590000.0], [1.0, 100.0, 10000.0, 1000000.0])
     """

@@ -1,7 +1,5 @@
 """The report of models side by side: the error of each on held-out rows, where, and under which load."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np

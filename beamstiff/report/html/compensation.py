@@ -1,7 +1,5 @@
 """The report of a corrected path: where the tool would go, where it will, and what was changed for it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The report of a prediction: how far every load moves the tool, and the deformed robot."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

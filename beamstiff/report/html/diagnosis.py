@@ -1,7 +1,5 @@
 """The report of a diagnosis: the verdict in words, the robot, and the evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

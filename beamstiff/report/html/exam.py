@@ -1,7 +1,5 @@
 """The report of an exam: targets and results, how far probabilities hold, the worst class."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The report of an identification: what is known of each stiffness, what is not, and the residual."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

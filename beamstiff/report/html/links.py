@@ -1,7 +1,5 @@
 """The parts of a robot as lines that move: links, bent as beams bend, and the axes of the joints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """One self-contained HTML page from its parts: no other file, no network."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

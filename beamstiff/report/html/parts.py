@@ -5,8 +5,6 @@ Figures are those of plotly, as plain data with two additions that the page reso
 figures draw, which the page holds once.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -75,8 +73,6 @@ def shared(name: str) -> dict[str, str]:
 def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
     """Return numbers as figures hold them: few digits, None where there is none.
 
-    Examples
-    --------
     >>> numbers(np.array([1 / 3, np.nan, -0.0]))
     [0.33333, None, 0.0]
     """

@@ -1,7 +1,5 @@
 """Sizes of rows, such as their gap, over the workspace and over the joints; and all numbers as a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

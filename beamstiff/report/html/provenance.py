@@ -1,7 +1,5 @@
 """Where a report comes from: versions, the files it was made of and their SHA-256, seed, command."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import shlex

@@ -1,7 +1,5 @@
 """The robot in three dimensions: its parts, its load, its deformed shape, the ellipsoid of its compliance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -367,8 +365,6 @@ def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -
 def shortened(name: str) -> str:
     """Return a name as a label has room for; the part under the pointer tells it whole.
 
-    Examples
-    --------
     >>> shortened("link2"), shortened("the column that carries the arm")
     ('link2', 'the column that…')
     """

@@ -1,7 +1,5 @@
 """Figures of the rows: residuals over load and posture, and the gap wherever it is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

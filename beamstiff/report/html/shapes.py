@@ -1,7 +1,5 @@
 """What is drawn about a robot in space: beams as solids, each as its section, and a load as arrows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

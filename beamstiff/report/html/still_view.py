@@ -1,7 +1,5 @@
 """The robot as it stands, with deviations of places in space: readings, a tool path."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

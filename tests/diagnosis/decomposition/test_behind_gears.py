@@ -9,7 +9,7 @@ from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.behind_gears import OWN
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.effects.approach_direction import last_direction
-from beamstiff.measure import Measurements
+from beamstiff.measure.table import Measurements
 from tests.diagnosis.decomposition.test_decompose import GEAR, NOISE, STOPS_SHORT, UR10, read
 
 ENCODER = 2e-5  # rad, noise of the second encoders

@@ -14,7 +14,7 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array, rotation_from_vector
 

@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure import Measurements
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
 from tests.diagnosis.decomposition.test_decompose import NOISE, POSES, UR10, found, machine, read

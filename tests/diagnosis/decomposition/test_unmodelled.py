@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.measure import Measurements, make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.diagnosis_text import remainder_text
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array

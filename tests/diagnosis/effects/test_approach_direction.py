@@ -3,7 +3,7 @@
 import numpy as np
 
 from beamstiff.diagnosis.effects.approach_direction import last_direction
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 
 
 def rows(q: list[float], **more: object):

@@ -15,7 +15,7 @@ from beamstiff.identification.models.gaussian_process import (
     fit_gaussian_process,
     most_evident,
 )
-from beamstiff.measure import make_measurements
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.gaussian_process import COMMON, Covariance, matern
 from beamstiff.model.linear import predict_displacements
 from tests.identification.varying_machines import compliances, kr500, lever, loads, nothing, postures, table

@@ -6,7 +6,6 @@ its finite elements, is in `fem.geometric_stiffness`.
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
 from beamstiff.fem.structure import Structure
 from beamstiff.robot.forward import chain_to, screws_of
 from beamstiff.robot.frames import MOTIONS
@@ -15,26 +14,11 @@ from beamstiff.se3 import Array, skew
 
 
 def complementary_stiffness(structure: Structure, posture: Posture, wrench: Array) -> Array:
-    """Return K_C of a serial robot under a wrench at its TCP, columns ``dJ^T/dtheta_i w`` (seed 000, eq. 9).
+    """Return K_C of a serial robot under wrenches (6,) or (P, 6) at its TCP, (P, A, A).
 
-    Parameters
-    ----------
-    posture : Posture
-        P poses.
-    wrench : (6,) or (P, 6) array, N and N m
-        ``[f, m]`` at the TCP, base frame; it keeps its direction.
-
-    Returns
-    -------
-    (P, A, A) array, N m/rad
-        In the order of ``robot.actuated``. Not symmetric when a moment acts.
+    Columns ``dJ^T/dtheta_i w``: not symmetric when a moment acts.
     """
     kinematics = structure.kinematics
-    if kinematics.loops:
-        raise BeamstiffError(
-            f"robot {structure.robot.name!r} has closed loops: K_C in joint space is for serial robots, use "
-            "the compliance of the loaded machine instead"
-        )
     poses = len(posture.values)
     wrench = np.broadcast_to(np.asarray(wrench, dtype=np.float64), (poses, 6))
     tcp = kinematics.node_index[structure.robot.tcp]
