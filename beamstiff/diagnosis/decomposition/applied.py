@@ -116,9 +116,8 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     if model.problem is None:
         return linear
     rows = without_motion(model.baseline.rows, _moved(found, causes))
-    # errors of loads hold on these drives, unless what the robot will lack stands in them as well
     held = None
-    if has_loads(model, [form for cause in causes for form in cause.forms]) and not found.unmodelled:
+    if has_loads(model, [form for cause in causes for form in cause.forms]):  # found on these drives
         held = {name: linear.parameter(name) for name in model.given.identify}
     try:
         again = open_geometry(model.given, rows, parameters=model.parameters, settled=True, drives=held)

@@ -221,7 +221,9 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     found = told(folds, step, settings.seed)
     beside = {folds.choice.forms[number].key for number in step.chosen}
     for _ in range(ROUNDS):
-        forms, settled = _fitted_forms(found), not _unsettled(found)
+        # laws outside the library come in again where they are needed: they may have made up for the drives
+        forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
+        settled = not _unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
         if settled and (not follow or {form.key for form in forms} == beside):
             break
@@ -257,9 +259,10 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
     try:
         for turn in range(SETTLING):
             change, thetas = _solution(model, chosen)
-            now = moved_by(model, chosen, thetas, change)
-            moved = now if moved is None else 0.5 * (moved + now)  # loads and drives may overshoot in turn
-            model = settings.calibrated(model, chosen, moved, held=turn >= SETTLING // 2)
+            now, held = moved_by(model, chosen, thetas, change), turn >= SETTLING // 2
+            # fitted in turn, loads and drives may overshoot
+            moved = now if moved is None or held else 0.5 * (moved + now)
+            model = settings.calibrated(model, chosen, moved, held)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
