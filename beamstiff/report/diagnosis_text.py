@@ -75,9 +75,13 @@ def verdict(result: Diagnosis) -> Verdict:
     """Return the headline with the gap and its cause, the data, and the one thing to do next."""
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = several(result), result.verdict.shrink, level_of(ratio)
-    gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
+    gap, each, doubt = (
+        f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}",
+        "",
+        "",
+    )
     if result.recalibration is not None and result.recalibration.placed > result.rms:
-        gap += f" with calibrated geometry ({rounded(1e3 * result.recalibration.placed)} mm before)"
+        gap += ", geometry calibrated"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
@@ -88,10 +92,13 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            # of several causes, look-alikes in short: the table names them
-            most = NAMED if len(found) == 1 else 1
-            each = [_or_alike(in_words([one.key]), one.indistinguishable, most) for one in found]
-            said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
+            by = in_words([found[0].key])
+            if len(found) == 1:
+                by = _or_alike(by, found[0].indistinguishable)
+            else:
+                by = f"{by} and {counted(len(found) - 1, 'other cause')}"
+                each = f"Causes, with the share that each closes: {_each(found)}."
+            said = f"{gap}, {_explained(result, closed(found), by)}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
@@ -103,11 +110,28 @@ def verdict(result: Diagnosis) -> Verdict:
         else:
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
-        if far := [named(one) for one, _ in unrealistic(result)]:
-            said += f"; unrealistic size: {_shortly(far)}"
+        doubt = " ".join(_doubt(*one) for one in unrealistic(result)[:NAMED])
+        doubt += " Another effect may look like it." if doubt else ""
     drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
     action = f"{_action(result, head)} {drives}".strip()
-    return Verdict(said, level, data_of(result.baseline.rows), action)
+    return Verdict(said, level, data_of(result.baseline.rows) + _warmth(result), action, each, doubt)
+
+
+def _warmth(result: Diagnosis) -> str:
+    """Return, in words, that nothing follows the measured temperature; empty where something does."""
+    warmth, found = result.baseline.rows.temperature, result.decomposition
+    undecided = () if found is None else found.unclear
+    drifts = any("thermal-drift" in one.key for one in (*told(result), *undecided))
+    if drifts or not (np.isfinite(warmth).all() and np.ptp(warmth) > 0.0):
+        return ""
+    return f"; nothing follows the temperature, {warmth.min():.3g} to {warmth.max():.3g} degC"
+
+
+def _each(found: Sequence[Cause]) -> str:
+    """Return, in words, several causes with their look-alikes, and what each closes."""
+    return ", ".join(
+        f"{_or_alike(in_words([one.key]), one.indistinguishable, 1)} {percent(one.closes)}" for one in found
+    )
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -158,10 +182,7 @@ def _action(result: Diagnosis, head: str) -> str:
         return _also(result, "Measure").strip() or _by_remainder(result)
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
-    said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
-    if far:
-        said = f"{_doubt(*far[0])} {said}"
-    return f"{said}{_also(result, 'Also measure')}"
+    return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
 
 
 def _drives(result: Diagnosis) -> str:
@@ -204,7 +225,7 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
     """Return, in words, that a size is unrealistic."""
     negative = size.positive and size.value < 0
     is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
-    return f"Doubt {named(cause)}: its {size.name} is {is_it}. Another effect may look like it."
+    return f"Doubt {named(cause)}: its {size.name} is {is_it}."
 
 
 def _also(result: Diagnosis, measure: str) -> str:
@@ -233,10 +254,10 @@ def remainder_text(found: Decomposition) -> str:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
     if found.unclear:
         share, names = closed(found.unclear), in_words([one.key for one in found.unclear])
-        said += f"\nMinor or undecided causes close another {share} on held-out data: {names}."
+        said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
     if found.unmodelled:
         each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unmodelled]
-        said += f"\nOutside the library: {', '.join(each)}."
+        said += f"\nOutside the library, the readings look as if {', '.join(each)}."
     return said
 
 
@@ -364,12 +385,9 @@ def _of_several(found: Sequence[Cause]) -> str:
     """Return, in words, what several causes mean and what each closes."""
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
-    each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
     them = "all of them" if len(found) > 1 else "it"
-    return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}.\n"
-        f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left. {SQUARES}"
-    )
+    left = f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left on held-out data. {SQUARES}"
+    return f"{meaning}\n{left}"
 
 
 def _factor(result: Diagnosis) -> float:
