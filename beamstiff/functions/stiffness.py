@@ -68,7 +68,6 @@ class TcpStiffness(Shown):
             "stiffness": None if self.stiffness is None else self.stiffness.tolist(),
             "compliance": self.compliance.tolist(),
             "tcp": self.tcp.tolist(),
-            "orientation": self.orientation.tolist(),
             "variables": self.variables,
         }
 
