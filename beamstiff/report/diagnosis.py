@@ -18,9 +18,7 @@ from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report.calibrated_text import drives_table, recalibration_text
 from beamstiff.report.diagnosis_text import (
-    proposed,
     remainder_text,
-    separations,
     summary,
     verdict,
 )
@@ -36,6 +34,7 @@ from beamstiff.report.diagnosis_words import (
     told,
 )
 from beamstiff.report.drift import drift_tables
+from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Column, Table, add_rows, below, scale_of, table, worth
 

@@ -25,7 +25,6 @@ from beamstiff.report.diagnosis import (
 from beamstiff.report.diagnosis_text import (
     headline,
     remainder_text,
-    separations,
     summary,
     undecided_text,
     verdict,
@@ -33,6 +32,7 @@ from beamstiff.report.diagnosis_text import (
 from beamstiff.report.diagnosis_words import hardly_checked, percent, sure, unrealistic
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
+from beamstiff.report.next_action import separations
 from beamstiff.report.tables import worth
 from beamstiff.report.verdict import rounded
 from tests.diagnosis.decomposition.test_decompose import SLIP, SLIPS_AT, found, machine_changes

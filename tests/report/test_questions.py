@@ -103,7 +103,7 @@ def test_fitted_drives_are_told_softest_first_with_what_the_rows_say_of_them() -
     rows = drives_table(result, "").rows
     assert {row[0].split()[0] for row in rows} == {*result.fitted_stiffness}
     values = [float(row[2]) for row in rows if row[3].endswith("%")]
-    assert 3 <= len(values)
+    assert len(values) >= 3
     assert values == sorted(values)
     vague = replace(result)
     vague.__dict__["compliance_std"] = dict.fromkeys(result.fitted_stiffness, 1.0)

@@ -31,7 +31,7 @@ from beamstiff.report.diagnosis import (
     steps,
     untestable_table,
 )
-from beamstiff.report.diagnosis_text import proposed, remainder_text, separations, summary, verdict
+from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.diagnosis_words import (
     causes,
     closed,
@@ -51,6 +51,7 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
+from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
