@@ -200,8 +200,10 @@ def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
 
 def _if_turned(kinematics: Kinematics, pose: Array) -> str:
     """Return, in words, that a pose (4, 4) out of reach is one by its orientation; empty where it is not."""
+    if not six_freedoms(kinematics):
+        return ""
     near = inverse_geometry(kinematics, pose[:3, 3], tolerance=TOLERANCE, restarts=FREELY)
-    by_turn = six_freedoms(kinematics) and near.position_error[0] <= NEARLY
+    by_turn = near.position_error[0] <= NEARLY
     return "; with another orientation the TCP reaches this place" if by_turn else ""
 
 

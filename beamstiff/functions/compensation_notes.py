@@ -110,9 +110,12 @@ def _true_loads(machine: Machine) -> str:
     parts = [part for one in machine.set_aside if one.effect == "load-error" for part in one.each]
     if not parts:
         return ""
-    gain = parts[0].parameters.get("gain")
-    acts = "" if gain is None else f": 1 N in the measured table acts as {1.0 + in_unit(gain, '1'):.2g} N"
-    return f"; state the load that really acts{acts}"
+    gain, std = parts[0].parameters.get("gain"), parts[0].std.get("gain")
+    if gain is None:
+        return "; state the load that really acts"
+    spread = "" if std is None else f" ± {in_unit(std, '1'):.2g}"
+    acts = f"{1.0 + in_unit(gain, '1'):.2g}{spread}"
+    return f"; state the load that really acts: {acts} N for each N in the measured table"
 
 
 def _unproven(result: Compensated, machine: Machine) -> list[str]:
