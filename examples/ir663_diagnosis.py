@@ -37,10 +37,11 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
-from beamstiff.report.diagnosis_text import separations, summary, verdict
+from beamstiff.report.diagnosis_text import summary, verdict
 from beamstiff.report.diagnosis_words import named
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.identification import identification_table, identification_text
+from beamstiff.report.next_action import separations
 from beamstiff.report.tables import Column, Table, table
 from beamstiff.se3 import Array
 

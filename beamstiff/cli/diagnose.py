@@ -116,7 +116,12 @@ def diagnose(
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.untouched)
             kept_value = f"; kept, as no load touches it: {guessed}" if guessed else ""
-            holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}"
+            open_ones = [
+                f"{name} {larger.parameter(name):.2g}"
+                for name in sorted(result.undetermined.difference(result.untouched))
+            ]
+            guesses = f"; not determined by these rows: {listed(open_ones)}" if open_ones else ""
+            holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             if doubt:
                 note(f"{apply}: {doubt}")

@@ -99,8 +99,8 @@ def verify(
         action = f"Delete from the robot file what makes these rows worse: {in_words(worse)}."
     if found.other_frame is not None:
         head = (
-            f"These readings are not in the robot's base frame: {rounded(1e3 * found.after)} mm as they "
-            f"are, {rounded(1e3 * found.other_frame)} mm with the measuring frame fitted"
+            f"The measuring frame is not exactly the robot's base frame: position error "
+            f"{rounded(1e3 * found.after)} mm, {rounded(1e3 * found.other_frame)} mm with the frame fitted"
         )
         level, action = "differs", "Run it again with --refit-frame."
     verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)

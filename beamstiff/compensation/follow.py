@@ -25,6 +25,7 @@ JUMP = 0.6  # most that a joint may turn, rad, or travel, machine sizes, between
 LONGEST_RUN = 1024
 WALK = 12  # steps between targets far apart
 SEARCHED, RESTARTS = 256, 40  # targets at a time, starts each
+FREELY = 10  # starts for a place alone, which many postures reach
 TRIED = 48  # starts for the posture to begin with
 POOL = 1000  # to choose these from where the posture is stated
 TOLERANCE = 1e-9  # m, rad
@@ -128,7 +129,8 @@ def follow(
         found = solve(kinematics, poses[some], anchor, restarts=RESTARTS)
         lost = int(np.argmax(found.reached)) if found.reached.any() else len(found.reached)
         for at in range(lost):
-            q[row + at], reasons[row + at] = found.q[at], shortfall(kinematics, found, at)
+            q[row + at], said = found.q[at], shortfall(kinematics, found, at)
+            reasons[row + at] = said + _if_turned(kinematics, poses[row + at])
         row += lost
         if lost == 0:  # else the way there may be short again
             wanted = stated[row] if stated and arm is not None else None
@@ -194,6 +196,15 @@ def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
     ]
     limits = f", {' and '.join(held)} at the limit" if held else ""
     return f"out of reach by {' and '.join(parts) or 'nothing that shows'}{limits}"
+
+
+def _if_turned(kinematics: Kinematics, pose: Array) -> str:
+    """Return, in words, that a pose (4, 4) out of reach is one by its orientation; empty where it is not."""
+    if not six_freedoms(kinematics):
+        return ""
+    near = inverse_geometry(kinematics, pose[:3, 3], tolerance=TOLERANCE, restarts=FREELY)
+    by_turn = near.position_error[0] <= NEARLY
+    return "; with another orientation the TCP reaches this place" if by_turn else ""
 
 
 def _near(kinematics: Kinematics, q: Array) -> NDArray[np.bool_]:

@@ -194,11 +194,21 @@ class Diagnosis(Shown):
         return model.tangent, {name: at for at, name in enumerate(names) if name in fitted}
 
     @cached_property
+    def compliance_std(self) -> dict[str, float]:
+        """Standard deviation of the compliance of each fitted stiffness beside the causes, SI."""
+        columns, at = self.open_compliances
+        found, scatter = self.decomposition, 1.0
+        if found is not None:
+            forms = [form.columns for cause in (*found.causes, *found.unclear) for form in cause.forms]
+            columns, scatter = np.concatenate([columns, *forms], axis=1), max(found.scatter, 1.0)
+        std = scatter * np.linalg.norm(inverse_of(columns), axis=1)
+        return {name: float(std[column]) for name, column in at.items()}
+
+    @cached_property
     def undetermined(self) -> set[str]:
         """Fitted stiffness values whose compliance is known to no better than half of it."""
-        columns, at = self.open_compliances
-        std, fitted = np.linalg.norm(inverse_of(columns), axis=1), self.fitted_stiffness
-        return {name for name, column in at.items() if std[column] * fitted[name][1] > 0.5}
+        fitted = self.fitted_stiffness
+        return {name for name, std in self.compliance_std.items() if std * fitted[name][1] > 0.5}
 
     @cached_property
     def untouched(self) -> tuple[str, ...]:

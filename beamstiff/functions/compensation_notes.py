@@ -14,6 +14,7 @@ from beamstiff.functions.checks import effects_text, shown_value
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.stiffness import missing_stiffness
+from beamstiff.units import in_unit
 
 
 def compensation_notes(
@@ -91,7 +92,8 @@ def compensation_notes(
             f"twice its standard deviation: {listed(names, 5)}"
         )
     if machine.set_aside:
-        said.append(f"{effects_text(machine.set_aside)} is an error of measuring that moves no tool: ignored")
+        ignored = f"{effects_text(machine.set_aside)} is an error of measuring that moves no tool: ignored"
+        said.append(ignored + _true_loads(machine))
     if machine.real.model is not None:
         said.append(
             f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
@@ -101,6 +103,19 @@ def compensation_notes(
     if machine.real.effects:
         said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
     return said
+
+
+def _true_loads(machine: Machine) -> str:
+    """Return, in words, which loads to state where those of the measured rows were wrong."""
+    parts = [part for one in machine.set_aside if one.effect == "load-error" for part in one.each]
+    if not parts:
+        return ""
+    gain, std = parts[0].parameters.get("gain"), parts[0].std.get("gain")
+    if gain is None:
+        return "; state the load that really acts"
+    spread = "" if std is None else f" ± {in_unit(std, '1'):.2g}"
+    acts = f"{1.0 + in_unit(gain, '1'):.2g}{spread}"
+    return f"; state the load that really acts: {acts} N for each N in the measured table"
 
 
 def _unproven(result: Compensated, machine: Machine) -> list[str]:

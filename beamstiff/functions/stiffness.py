@@ -22,7 +22,7 @@ from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
 from beamstiff.robot.reference import reference_posture
 from beamstiff.robot.stiffness import check_stiffness
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
 Joints = Mapping[str, ArrayLike] | ArrayLike
@@ -38,7 +38,8 @@ class TcpStiffness(Shown):
     stiffness, compliance : (6, 6) array
         ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``. No
         stiffness (None) where the TCP is rigid in some direction.
-    tcp : (3,) array, m
+    tcp, orientation : (3,) array, m and rad
+        Place of the TCP, and the rotation vector of its frame.
     variables : dict of str to float, rad or m
         All joint variables, passive ones solved.
     preload : bool
@@ -54,6 +55,7 @@ class TcpStiffness(Shown):
     stiffness: Array | None
     compliance: Array
     tcp: Array
+    orientation: Array
     variables: dict[str, float]
     preload: bool = False
     rigid: Array = field(default_factory=lambda: np.zeros((0, 6)))
@@ -126,11 +128,13 @@ def stiffness(
         rigid, singular = condensation.rigid_wrenches(compliance[0]), str(error)
         if not len(rigid) or len(rigid) == len(compliance[0]):  # refused for another reason
             raise
+    pose = pose_of(structure.kinematics, where, machine.tcp)[0]
     return TcpStiffness(
         robot=machine,
         stiffness=inverse,
         compliance=compliance[0],
-        tcp=where.node_positions[0, structure.kinematics.node_index[machine.tcp]],
+        tcp=pose[:3, 3],
+        orientation=vector_from_rotation(pose[:3, :3]),
         variables=dict(zip(structure.kinematics.coupling.names, where.values[0].tolist(), strict=True)),
         preload=preload,
         rigid=rigid,

@@ -5,13 +5,15 @@ import numpy as np
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import stiffness_in_words
-from beamstiff.report.tables import scale_of, times_off, worth
+from beamstiff.report.tables import Column, Table, scale_of, table, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
 NAMED = 3  # changes that are told
+MOST_DRIVES = 12  # that a terminal lists
+ABOUT = {"alpha": "turn about x", "beta": "turn about y", "theta": "turn about z", "gamma": "turn about z"}
+ABOUT |= {"d": "shift along x", "r": "shift along z", "b": "shift along z"}
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 
 
@@ -31,9 +33,8 @@ def recalibration_text(changed: Recalibration) -> list[str]:
     if rounded(changed.placed) != rounded(changed.before):
         placed = f", {rounded(1e3 * changed.placed)} mm with the places of the reflectors fitted"
     gap = (
-        f"Geometry: with the robot file as it is, the gap is {rounded(1e3 * changed.before)} mm RMS "
-        f"(measuring frame fitted){placed}, {rounded(1e3 * changed.after)} mm with the geometry calibrated "
-        "(held-out data)."
+        f"Geometry: the robot file as it is leaves {rounded(1e3 * changed.before)} mm RMS (measuring frame "
+        f"fitted){placed}, {rounded(1e3 * changed.after)} mm with the geometry calibrated (held-out data)."
     )
     if not changed.changes:
         return [gap]
@@ -49,7 +50,9 @@ def _change(one: Change) -> str:
     sign = "+" if one.by > 0.0 else ""
     zero = "zero of " if one.parameter.group == "offset" else ""
     spread = f" ± {std}" if one.std else ""
-    return f"{zero}{one.parameter.name} {sign}{value}{spread} {unit}"
+    about = ABOUT.get(one.parameter.name.rpartition(".")[2], "") if one.parameter.group == "frame" else ""
+    what = f" ({about})" if about else ""
+    return f"{zero}{one.parameter.name}{what} {sign}{value}{spread} {unit}"
 
 
 def moved_load(result: Diagnosis) -> str:
@@ -71,32 +74,33 @@ def moved_load(result: Diagnosis) -> str:
     )
 
 
-def stiffness_text(result: Diagnosis) -> str:
-    """Return, in words, which fitted stiffness is farthest from the file's, and which no load touches."""
-    untouched = listed(result.untouched)
-    unknown = f"Not touched by these loads, and kept as in the robot file: {untouched}." if untouched else ""
-    return "\n".join(filter(None, [_largest_change(result), unknown]))
+def written_stiffness(result: Diagnosis) -> dict[str, tuple[float, float]]:
+    """Return the fitted stiffness values: as given, and as --apply writes them, SI."""
+    found = extended(result)
+    return {name: (given, found.parameter(name)) for name, (given, _) in result.fitted_stiffness.items()}
 
 
-def _largest_change(result: Diagnosis) -> str:
-    fitted = result.fitted_stiffness
-    if result.decomposition is None and result.fits:  # of the fit with the causes, as --apply writes it
-        found = extended(result)
-        fitted = {name: (given, found.parameter(name)) for name, (given, _) in fitted.items()}
-    finite = {
-        name: (given, value)
-        for name, (given, value) in fitted.items()
-        if 0.0 < given < np.inf and name not in result.undetermined
-    }
-    if not finite:
-        return ""
-    name, (given, value) = max(finite.items(), key=lambda item: abs(np.log(item[1][1] / item[1][0])))
+def drives_table(result: Diagnosis, title: str) -> Table:
+    """Return the fitted stiffness, what the rows determine first, the softest first."""
+    made = table(title, "parameter", Column("robot file", only="page"), "stiffness", "std", "unit")
     robot = result.baseline.nominal
-    unit, joint = parameter_unit(robot, name), name.rpartition(".")[0]
-    variable = next((one.variable for one in robot.joints if one.name == joint and one.variable), joint)
-    of = f"{name} (of {variable})" if variable != joint else name
-    off = "" if 0.5 < value / given < 2.0 else f", {times_off(value / given)}"
-    return (
-        f"Fitted stiffness: the largest change is that of {of}, from {stiffness_in_words(given)} in the "
-        f"robot file to {stiffness_in_words(value)} {unit}{off} (all values: --json and --apply)."
-    )
+    axes = {one.name: one.variable for one in robot.joints}
+    rows = []
+    for name, (given, value) in written_stiffness(result).items():
+        joint = name.rpartition(".")[0]
+        of = f" (of {axes[joint]})" if axes.get(joint) not in (None, joint) else ""
+        std = result.compliance_std.get(name, np.inf)
+        known, unit = name not in result.undetermined, parameter_unit(robot, name)
+        if name in result.untouched:
+            known, said = False, "kept: no load touches it"
+        elif known:
+            said = f"{100.0 * std * value:.2g} %"
+        else:
+            said = f"not determined: over {1.0 / (1.0 / value + 2.0 * std):.2g}"
+        digits = worth(value, std * value**2)[0] if known else f"{value:.2g}"
+        cells = name + of, stiffness_in_words(given), digits, said, unit
+        rows.append(((not known, unit, value), cells))
+    for _, cells in sorted(rows):
+        made.add_row(*cells)
+    made.most = MOST_DRIVES
+    return made

@@ -16,11 +16,9 @@ from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
-from beamstiff.report.calibrated_text import recalibration_text, stiffness_text
+from beamstiff.report.calibrated_text import drives_table, recalibration_text
 from beamstiff.report.diagnosis_text import (
-    proposed,
     remainder_text,
-    separations,
     summary,
     verdict,
 )
@@ -32,9 +30,11 @@ from beamstiff.report.diagnosis_words import (
     one_posture,
     percent,
     percents,
+    several,
     told,
 )
 from beamstiff.report.drift import drift_tables
+from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Column, Table, add_rows, below, scale_of, table, worth
 
@@ -66,14 +66,19 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
+    (r"mode_\d", "mode_n", "share of the n-th commonest curve over the angle, or over time"),
+    (r"\btare", "tare", "what the load cell reads without a load"),
     (
         r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b",
         "two axes, as x_ry",
         "what a load along the first moves along the second",
     ),
 )
-DOUBTFUL = "(!) Larger than realistic, or negative: another effect may look like this one."
-POWER = re.compile(r"[\d.]+e\+0[2-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
+DOUBTFUL = "(!) Larger than realistic, or wrongly negative: another effect may look like this one."
+OPEN = "(?) Smaller than its standard deviation: these data do not determine it."
+SUMMED = "Where: share of the gap that the causes close, summed by place"
+ACCOUNTS = "Where: share of the gap above noise that each place could account for"
+POWER = re.compile(r"[\d.]+e\+0[1-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
 
@@ -102,11 +107,12 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     if result.verdict.effect == "none":
         yield from (smallest_table(result), Text(f"{hidden_text(result)}\n"))
     if result.verdict.effect != "none" and (places := notable(result)[:SHOWN]):
-        title = "Where: share of the gap above noise that each place could account for"
+        title = SUMMED if by_causes(result) else ACCOUNTS
         yield from (places_table(places, title), "")
     yield from (gap_tables(result), "")
-    if moved := stiffness_text(result):
-        yield Text(f"{moved}\n")
+    drives = drives_table(result, "Fitted stiffness, as --apply writes it")
+    if drives.rows:
+        yield from (drives, "")
     hidden = untestable_table(result, "What these data cannot show")
     if hidden.rows:
         yield from (hidden, "")
@@ -134,30 +140,23 @@ def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
 
 def causes_table(found: Decomposition, title: str) -> Table:
     """Return the causes of a gap that has several."""
-    first = Column("cause", left=True, only="console"), Column("cause", left=True, only="page")
-    last = Column("indistinguishable from", left=True, only="page")
-    made = table(title, *first, "closes", INTERVAL, "gap after", "probability", last)
+    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
     for cause in found.causes:
-        name, alike = in_words([cause.key]), in_words(cause.indistinguishable)
         made.add_row(
-            "\n  or ".join([name, *(in_words([one]) for one in cause.indistinguishable)]),
-            name,
+            "\n  or ".join(in_words([one]) for one in (cause.key, *cause.indistinguishable)),
             percent(cause.closes),
             percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
             chance(cause.probability),
-            alike or "-",
         )
     return made
 
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = (
-        f"{CLOSES} Probability: that it is this cause. Causes that always act in the same way count as one."
-    )
+    said = f"{CLOSES} Probability: that it is this cause, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish a cause from those that stand with it."
+        said += " These data cannot distinguish the causes joined by or."
     return said
 
 
@@ -172,9 +171,12 @@ def next_best_text(result: Diagnosis) -> list[str]:
         names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
-        larger = f"{100.0 * (ratio - 1.0):.0f} % larger" if ratio >= 1.005 else "no larger"
-        gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else larger
-        lines.append(f"{without} the best explanation is {names}: {less}, held-out gap {gap}.")
+        gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else f"{100.0 * (ratio - 1.0):.0f} % larger"
+        said = f"{without} the best explanation is {names}: {less}"
+        if ratio >= 1.005:
+            lines.append(f"{said}, held-out gap {gap}.")
+        else:
+            lines.append(f"{said} by all rows, but as good on held-out data: treat it as a look-alike.")
     return lines
 
 
@@ -187,7 +189,7 @@ def steps(result: Diagnosis) -> dict[str, float]:
         for at, one in enumerate(found.causes):
             left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
         if found.unclear:
-            left["and the undecided"] = found.unclear[-1].rms_after
+            left["and uncertain causes"] = found.unclear[-1].rms_after
     elif result.verdict.shrink is not None:
         left[f"with {causes(result)}"] = result.verdict.shrink.after
     if result.decomposition is None:
@@ -214,19 +216,25 @@ def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -
 
 def sizes_table(result: Diagnosis, title: str) -> Table:
     """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
-    heads = [("effect, its parameters", "console"), ("effect", "page"), ("parameter", "page")]
-    more = ("value", "std", "realistic", Column("plausible", only="page"), "unit")
-    made = table(title, *(Column(name, left=True, only=only) for name, only in heads), *more)
-    for one in told(result):
+    made = table(title, "effect, its parameters", "value", "std", "realistic", "unit")
+    own = {result.verdict.key, *(one.key for one in (result.also, *several(result)) if one is not None)}
+    for one in sorted(told(result), key=lambda one: one.key not in own):
         fitted = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
         for at, item in enumerate(fitted or one.estimates):
-            name, value, std, usual, unit = sized(item)
-            negative = item.positive and item.value < 0
-            plausible = "yes" if item.plausible else "no, negative" if negative else "no, larger than that"
-            first = below("" if at else named(one), name + ("" if item.plausible else " (!)"))
-            made.add_row(first, named(one), name, value, std, usual, plausible, unit)
-    made.most, made.open, made.bottom = SIZES, len(made.rows) <= SIZES, True
+            name, *cells = sized(item)
+            name += " (?)" if _open(item) else "" if item.plausible else " (!)"
+            if not at:
+                made.add_row(named(one))
+            made.add_row(f"  {name}", *cells)
+        if one.key in own:  # look-alikes are cut
+            made.most = max(SIZES, len(made.rows))
+    made.open = made.most is None or len(made.rows) <= made.most
     return made
+
+
+def _open(item: Estimate) -> bool:
+    """Return whether a parameter says nothing: it is smaller than its standard deviation."""
+    return item.plausible and 0.0 < abs(item.value) < item.std
 
 
 def names_text(result: Diagnosis) -> list[str]:
@@ -234,8 +242,9 @@ def names_text(result: Diagnosis) -> list[str]:
     items = [item for one in told(result) for item in one.estimates]
     names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
-    doubtful = [] if all(item.plausible for item in items) else [DOUBTFUL]
-    return [*doubtful, *([f"Names: {'; '.join(said)}."] if said else []), *_slips_text(result)]
+    marks = [DOUBTFUL] if any(not item.plausible for item in items) else []
+    marks += [OPEN] if any(map(_open, items)) else []
+    return [*marks, *([f"Names: {'; '.join(said)}."] if said else []), *_slips_text(result)]
 
 
 def _slips_text(result: Diagnosis) -> Iterator[str]:
@@ -269,7 +278,7 @@ def gap_tables(result: Diagnosis) -> Table:
     """Return the position gap, RMS in mm, by direction, load, loading and time in one table."""
     found = result.decomposition
     without = " without the causes" if found is not None and (found.causes or found.unclear) else ""
-    title = f"Position gap of the fitted model{without}, all rows, RMS"
+    title = f"Residual of the fitted rows{without}, RMS (the gap above is that of held-out rows)"
     made = table(title, "by", "part", "mm", left=2)
     for key, name in PARTS_OF_GAP.items():
         by = name.removeprefix("By ").removeprefix("Over ").lower()
@@ -303,7 +312,7 @@ def sized(item: Estimate) -> tuple[str, str, str, str, str]:
     size = 0.0 if abs(item.value) < DUST * item.std else item.value
     factor, unit = scale_of([size, *item.realistic], item.unit)
     low, high = (POWER.sub(_spelled, f"{factor * one:.2g}") for one in item.realistic)
-    value, std = worth(factor * size, factor * item.std)
+    value, std = (POWER.sub(_spelled, text) for text in worth(factor * size, factor * item.std))
     held = size == 0.0 and item.positive  # at its bound: it has no standard deviation
     return item.name, value, "-" if held else std, f"{low} to {high}", unit
 

@@ -10,20 +10,15 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
-from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
-from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
-from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.notes import FEW_VALUES, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.errors import listed
-from beamstiff.measure.doubts import LARGE_DISPLACEMENT
-from beamstiff.report.calibrated_text import calibrated_away, moved_load
+from beamstiff.report.calibrated_text import calibrated_away
 from beamstiff.report.diagnosis_words import (
     causes,
     chance,
     closed,
     hardly_checked,
     in_words,
-    load_lever,
     named,
     one_posture,
     oversized,
@@ -38,15 +33,13 @@ from beamstiff.report.diagnosis_words import (
     told,
     unrealistic,
 )
+from beamstiff.report.next_action import NOTHING, TOO_FEW, action
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import (
     Verdict,
     data_of,
     level_of,
-    rigid_drives,
-    rigid_text,
     rounded,
-    undetermined_text,
 )
 
 if TYPE_CHECKING:
@@ -54,20 +47,8 @@ if TYPE_CHECKING:
 
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
-UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
-OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
-LIKE_SAG = ("angle-curve", "geometry-error")  # effects that a weight unknown to the robot file looks like
-WEIGHT = "no weight is known by which the machine sags, and such a sag follows the joint angles as well"
-# what a remainder follows, and how it is varied by itself
-VARIED = {
-    "angle": "move {} alone through its range in small steps, unloaded",
-    "direction of approach": "move {} alone to the same values from both sides",
-    "time": "return to one posture now and then, unloaded",
-    "load": "load some postures step by step, up and down again",
-    "reflector": "read all reflectors in the same postures",
-}
+UNDECIDED = "Undecided"
 SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
-NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -76,8 +57,9 @@ def verdict(result: Diagnosis) -> Verdict:
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
+    each = doubt = ""
     if result.recalibration is not None and result.recalibration.placed > result.rms:
-        gap += f" with calibrated geometry ({rounded(1e3 * result.recalibration.placed)} mm before)"
+        gap += ", geometry calibrated"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
@@ -88,10 +70,13 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            # of several causes, look-alikes in short: the table names them
-            most = NAMED if len(found) == 1 else 1
-            each = [_or_alike(in_words([one.key]), one.indistinguishable, most) for one in found]
-            said = f"{gap}, {_explained(result, closed(found), _shortly(each))}"
+            by = in_words([found[0].key])
+            if len(found) == 1:
+                by = _or_alike(by, found[0].indistinguishable)
+            else:
+                by = f"{by} and {counted(len(found) - 1, 'other cause')}"
+                each = f"Causes, with the share that each closes: {_each(found)}."
+            said = f"{gap}, {_explained(result, closed(found), by)}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
@@ -103,11 +88,29 @@ def verdict(result: Diagnosis) -> Verdict:
         else:
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
-        if far := [named(one) for one, _ in unrealistic(result)]:
-            said += f"; unrealistic size: {_shortly(far)}"
-    drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
-    action = f"{_action(result, head)} {drives}".strip()
-    return Verdict(said, level, data_of(result.baseline.rows), action)
+        doubt = " ".join(_doubt(*one) for one in unrealistic(result)[:NAMED])
+        doubt += " Another effect may look like it." if doubt else ""
+    data = data_of(result.baseline.rows) + _warmth(result)
+    return Verdict(said, level, data, action(result, head), each, doubt)
+
+
+def _warmth(result: Diagnosis) -> str:
+    """Return, in words, that nothing follows the measured temperature; empty where something does."""
+    warmth, found = result.baseline.rows.temperature, result.decomposition
+    undecided = () if found is None else found.unclear
+    keys = [one.key for one in told(result)] + [one.key for one in undecided]
+    if any("thermal-drift" in key for key in keys) or not (
+        np.isfinite(warmth).all() and np.ptp(warmth) > 0.0
+    ):
+        return ""
+    return f"; nothing follows the temperature, {warmth.min():.3g} to {warmth.max():.3g} degC"
+
+
+def _each(found: Sequence[Cause]) -> str:
+    """Return, in words, several causes with their look-alikes, and what each closes."""
+    return ", ".join(
+        f"{_or_alike(in_words([one.key]), one.indistinguishable, 1)} {percent(one.closes)}" for one in found
+    )
 
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
@@ -131,98 +134,11 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     return f"{name} (or {_shortly([in_words([one]) for one in alike], most)})"
 
 
-def _action(result: Diagnosis, head: str) -> str:
-    """Return the one thing to do next, as a sentence."""
-    if head == TOO_FEW:
-        return "Measure more rows; beamstiff plan chooses postures and loads."
-    if head == NOTHING.capitalize():
-        write = (
-            "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
-            if calibrated_away(result)
-            else "Use the fitted model (--apply FILE writes it)"
-        )
-        return f"{write} within the postures and loads measured. {NO_CAUSES}"
-    if result.rms > LARGE_DISPLACEMENT:
-        gap = rounded(1e3 * result.rms)
-        return f"Check joint readings, units and robot file: {gap} mm are too much for an effect."
-    to_check = [one for one in told(result) if one.effect in EFFECTS]
-    of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
-    if of_the_load and (moved := moved_load(result)):
-        return moved
-    if moved := next((said for one in to_check if (said := _elsewhere(one))), ""):
-        return moved
-    like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
-    if like_sag and weightless(result.baseline):
-        return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
-    if not to_check:
-        return _also(result, "Measure").strip() or _by_remainder(result)
-    far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
-    first = far[0][0] if far else to_check[0]
-    said = f"To check {named(first)}: {EFFECTS[first.effect].separation}."
-    if far:
-        said = f"{_doubt(*far[0])} {said}"
-    return f"{said}{_also(result, 'Also measure')}"
-
-
-def _drives(result: Diagnosis) -> str:
-    """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
-    base = result.baseline
-    felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
-    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
-    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
-    fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
-    # nothing is fitted where no row loads a drive
-    unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
-    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
-
-
-def _by_remainder(result: Diagnosis) -> str:
-    """Return what to measure next of a gap without a cause: what its remainder follows, varied by itself."""
-    found = result.decomposition
-    if found is None or not found.remainder.follows:
-        return "Measure other postures and load directions; beamstiff plan chooses them."
-    what = found.remainder.follows[0][0]
-    how, joint, name = what.rpartition(" of ")
-    vary = VARIED[how or what].format(name if joint else "")
-    return f"The gap follows the {what}: {vary}. Diagnose the old and the new rows together."
-
-
-def _elsewhere(cause: Candidate) -> str:
-    """Return, in words, where a load acts whose error is that of a wrong place; empty for another error."""
-    lever = load_lever(cause)
-    if lever is None:
-        return ""
-    place = ", ".join(f"{1e3 * one:+.0f}" for one in lever)
-    return (
-        f"Check where the load acts. The error looks like a load that acts about ({place}) mm, along the "
-        "tool's axes, from where the robot file says. Correct the link in --tcp or the column "
-        "load_point, and diagnose again."
-    )
-
-
 def _doubt(cause: Candidate, size: Estimate) -> str:
     """Return, in words, that a size is unrealistic."""
     negative = size.positive and size.value < 0
     is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
-    return f"Doubt {named(cause)}: its {size.name} is {is_it}. Another effect may look like it."
-
-
-def _also(result: Diagnosis, measure: str) -> str:
-    """Return the states to measure as a sentence after others, `measure` its verb; empty without."""
-    if not result.next:
-        return ""
-    each = [item["discrimination"] for item in result.next if item["separates"]]
-    if each and sum(each) < DECIDES:
-        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
-    return f" {measure} {proposed(result)}{_written(result)}"
-
-
-def _written(result: Diagnosis) -> str:
-    """Return what loads the proposed states have, and which option writes them."""
-    force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
-    loaded = bool(np.any(result.baseline.rows.wrench))
-    loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
-    return f"{loads} (--next FILE writes them)."
+    return f"Doubt {named(cause)}: its {size.name} is {is_it}."
 
 
 def remainder_text(found: Decomposition) -> str:
@@ -233,10 +149,10 @@ def remainder_text(found: Decomposition) -> str:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
     if found.unclear:
         share, names = closed(found.unclear), in_words([one.key for one in found.unclear])
-        said += f"\nMinor or undecided causes close another {share} on held-out data: {names}."
+        said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
     if found.unmodelled:
         each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unmodelled]
-        said += f"\nOutside the library: {', '.join(each)}."
+        said += f"\nOutside the library, the readings look as if {', '.join(each)}."
     return said
 
 
@@ -364,12 +280,9 @@ def _of_several(found: Sequence[Cause]) -> str:
     """Return, in words, what several causes mean and what each closes."""
     effects = dict.fromkeys(one.forms[0].effect for one in found)
     meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
-    each = ", ".join(f"{in_words([one.key])} ({percent(one.closes)})" for one in found)
     them = "all of them" if len(found) > 1 else "it"
-    return (
-        f"{meaning}\nShare of the gap that each closes on held-out data, added in this order: {each}.\n"
-        f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left. {SQUARES}"
-    )
+    left = f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left on held-out data. {SQUARES}"
+    return f"{meaning}\n{left}"
 
 
 def _factor(result: Diagnosis) -> float:
@@ -393,36 +306,6 @@ def _by_line(rows: Sequence[str]) -> list[str]:
     places = [row.rpartition(":") for row in rows]
     order = sorted(places, key=lambda place: (place[0], int(place[2]) if place[2].isdigit() else 0))
     return ["".join(place) for place in order]
-
-
-def proposed(result: Diagnosis) -> str:
-    """Return, in words, how many states the test plan proposes, and where else to read them."""
-    told: dict[str, float] = {}
-    for item in result.next:
-        told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
-    rivals = any(item["separates"] for item in result.next)
-    count = len(result.next) // len(told)
-    verb = ("discriminate" if rivals else "determine") + ("" if count > 1 else "s")
-    what = f"{verb} best between the causes" if rivals else f"{verb} the sizes of the causes best"
-    if not rivals and result.indistinguishable and result.decomposition is not None:
-        what += " (no posture and load here distinguishes look-alikes)"
-    states = f"the {counted(count, 'state')} that {what}"
-    if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
-        states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"
-    tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
-    for node, there in told.items():
-        times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"
-        near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]
-        place = f"{node} ({', '.join(near)})" if near else node
-        states += f"; also read a reflector on {place}, which discriminates{times}"
-    return states
-
-
-def separations(result: Diagnosis) -> list[str]:
-    """Return, in words, the measurements that separate the verdict from its look-alikes."""
-    keys = [one.key for one in told(result)]
-    effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
-    return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
 
 
 def undecided_text(found: Decomposition) -> str:

@@ -22,6 +22,7 @@ from beamstiff.se3 import Array
 PER_SI = {"m": ("mm", 1e3), "rad": ("deg", 180 / np.pi)}  # as people read them
 MOST_TERMS = 4
 MOST_HELD = 8  # parameters that a terminal lists as held
+HELD = "Indistinguishable from others: held at their nominal values"
 SETUP = ("base", "target", "instrument")  # what was set up for the measurement: no errors of the robot
 WITHIN = 1.96  # standard deviations: 95 %
 
@@ -98,18 +99,14 @@ def dependent_table(found: Calibration) -> Table | None:
     seen = found.observability
     if not seen.dependent:
         return None
-    result = table(
-        "Indistinguishable from others: held at their nominal values", "parameter", "looks like", left=2
-    )
+    result = table(HELD, "parameter", "looks like", left=2)
     units = {item.name: item.parameter.unit for item in found.parameters}
     ranks = {item.name: item.parameter.rank for item in found.parameters}
     usual = [name for name in seen.dependent if ranks[name] != SPARE]
     for name in usual:
         result.add_row(name, combination_text(name, seen.dependent[name], units))
     if more := len(seen.dependent) - len(usual):
-        result.add_row(
-            "...", f"{more} more (b, gamma, theta, beta of frames): other parameters of frames do the same"
-        )
+        result.title += f" ({more} more, b, gamma, theta, beta of frames, do what other parameters do)"
     return result
 
 

@@ -19,7 +19,7 @@ ROUNDING = 1e-12
 def stiffness_tables(found: TcpStiffness) -> Iterator[Table | str]:
     """Yield tables: joint variables and place of the TCP, stiffness, compliance; then what is rigid."""
     what = "Tangent stiffness of the loaded machine" if found.preload else "Stiffness"
-    yield _posture_table(found.robot, found.variables, found.tcp)
+    yield _posture_table(found.robot, found.variables, found.tcp, found.orientation)
     if found.stiffness is not None:
         yield _matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, found.stiffness)
     name = "Compliance of the loaded machine" if found.preload else "Compliance"
@@ -42,12 +42,14 @@ def _wrenches(rigid: Array) -> list[str]:
     return told
 
 
-def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array) -> Table:
+def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array, turned: Array) -> Table:
     result = table(f"{robot.name}: posture", "", "value", "", left=3)
     for variable in robot.variables:
         how = "" if variable.actuated else "solved" if variable.passive else f"= {variable.equals}"
         result.add_row(variable.name, shown_value(robot, variable.name, variables[variable.name]), how)
     result.add_row("TCP x, y, z", ", ".join(millimetres(tcp)) + " mm", "")
+    angles = ", ".join(f"{angle + 0.0:.3f}" for angle in np.degrees(turned).round(3))
+    result.add_row("TCP a, b, c", f"{angles} deg (rotation vector)", "")
     return result
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 from rich import box
 from rich import table as rich_table
-from rich.align import VerticalAlignMethod
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
@@ -34,7 +33,6 @@ class Table:
     rows: list[list[str]] = field(default_factory=list)
     left: int = 1
     open: bool = True  # on a page: shown at once; else behind its title
-    bottom: bool = False  # on the console numbers stand beside the last line of their row
     most: int | None = None  # on the console so many rows; a last line says how many are left out
 
     @property
@@ -60,8 +58,7 @@ class Table:
         made = rich_table.Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
         made.show_header = any(column.head for column in columns)
         for column in columns:
-            vertical: VerticalAlignMethod = "bottom" if self.bottom and not column.left else "top"
-            made.add_column(column.head, justify="left" if column.left else "right", vertical=vertical)
+            made.add_column(column.head, justify="left" if column.left else "right")
         for row in rows[: self.most]:
             made.add_row(*row)
         if self.most is not None and len(rows) > self.most:

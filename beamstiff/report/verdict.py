@@ -38,6 +38,8 @@ class Verdict:
     level: Level = "plain"  # green, amber or red; plain where nothing is judged
     data: str = ""  # which files, how many rows
     action: str = ""  # the one thing to do next
+    causes: str = ""  # all causes, where there are several
+    doubt: str = ""  # why not to believe the headline
 
     @property
     def badge(self) -> str:
@@ -47,6 +49,10 @@ class Verdict:
     def lines(self) -> Iterator[Text]:
         """Yield what a terminal shows of it, an empty line last."""
         yield Text(self.headline, style=f"bold {COLOURS[self.level]}".strip())
+        if self.causes:
+            yield Text(self.causes)
+        if self.doubt:
+            yield Text(self.doubt, style="bold yellow")
         if self.data:
             yield Text(f"Data: {self.data}.")
         if self.action:

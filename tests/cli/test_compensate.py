@@ -236,6 +236,14 @@ def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, succeed: 
     (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
     result = succeed("compensate", "kr500", "path.csv", "--actual", "soft.yaml")
     assert "the robot's effects are included: base-compliance" in result.stderr
+    misread = tilting.replace(
+        "}}]",
+        "}}, {effect: load-error, shape: 'gain, and a share that does not grow', parameters: {gain: -0.3}, "
+        "std: {gain: 0.08}, scales: {force: 900}}]",
+    )
+    (cell / "misread.yaml").write_text(robot_to_yaml(load_robot("kr500")) + misread)
+    said = succeed("compensate", "kr500", "cell.src", "--actual", "misread.yaml").stderr
+    assert "state the load that really acts: 0.7 ± 0.08 N for each N in the measured table" in said
     assert "unloaded tool" not in result.stderr
 
 

@@ -63,6 +63,12 @@ def test_people_get_tables_that_say_units_and_frame(succeed: Run) -> None:
     assert "e-17" not in result.stdout  # rounding is shown as 0
 
 
+def test_the_tables_hold_place_and_rotation_vector_of_the_tcp(run: Run) -> None:
+    printed = run("stiffness", "kr240-2", "--q", "q2=60deg,q3=-160deg,q5=30deg").stdout
+    assert "2283.968, 0.000, 1699.348 mm" in printed
+    assert "0.000, 70.000, 0.000 deg (rotation vector)" in printed  # pitch: -(60 - 160 + 30) deg
+
+
 def test_json_goes_to_a_file_beside_the_tables(run: Run, folder: Path) -> None:
     result = run("stiffness", "crane.yaml", "--json", "out.json")
     assert "Compliance" in result.stdout

@@ -58,7 +58,10 @@ def test_a_joint_that_is_in_the_way_is_named() -> None:
     beyond[1] = KINEMATICS.robot.actuated[1].limits[0] - 0.5
     found = follow(KINEMATICS, poses_at(beyond), START)
     assert not found.reached[0]
-    assert found.reasons[0].endswith("q3 at the limit")
+    assert found.reasons[0].endswith("q3 at the limit; with another orientation the TCP reaches this place")
+    far = poses_at(START)
+    far[:, :3, 3] *= 9.0
+    assert "another orientation" not in follow(KINEMATICS, far, START).reasons[0]
 
 
 def test_a_stretched_arm_is_no_reason_to_give_up() -> None:

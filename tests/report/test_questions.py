@@ -14,7 +14,7 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
-from beamstiff.report.calibrated_text import stiffness_text
+from beamstiff.report.calibrated_text import drives_table
 from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
 from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
@@ -68,8 +68,8 @@ def test_another_error_of_a_load_is_no_place_but_may_look_like_one() -> None:
 
 def test_a_size_that_may_have_either_sign_is_not_doubted_for_being_negative() -> None:
     cause = misread(np.diag([-0.3, 0.01, 0.01]))
-    action = verdict(of(cause)).action
-    assert "its moment_tool_x_by_x is 7.5 times the largest realistic size" in action
+    doubt = verdict(of(cause)).doubt
+    assert "its moment_tool_x_by_x is 7.5 times the largest realistic size" in doubt
 
 
 @cache
@@ -85,17 +85,33 @@ def test_a_stiffness_that_no_load_touches_is_not_shown_as_fitted() -> None:
     result = only_from_above()
     ends = kr240().identify[0], kr240().identify[-1]  # about the vertical, and through the TCP
     assert result.untouched == ends
-    told = stiffness_text(result)
-    assert f"Not touched by these loads, and kept as in the robot file: {', '.join(ends)}." in told
+    told = {row[0].split()[0]: row[3] for row in drives_table(result, "").rows}
+    assert [name for name, said in told.items() if said == "kept: no load touches it"] == [*ends][::-1]
     fitted = result.to_dict()["fitted"]
     assert [name for name, one in fitted.items() if not one["touched"]] == [*ends]
     for name in ends:
         assert fitted[name]["given"] == pytest.approx(fitted[name]["value"])
     page = diagnosis_html(result, provenance([], 0, []))
-    assert page.count("not touched by these loads") == 2
+    assert page.count("no load touches it") == 2
     assert extended(result).unmeasured == ends  # `compensate` says what comes of these
     assert diagnosed("backlash").untouched == ()
     assert extended(diagnosed("backlash")).unmeasured == ()
+
+
+def test_fitted_drives_are_told_softest_first_with_what_the_rows_say_of_them() -> None:
+    result = only_from_above()
+    rows = drives_table(result, "").rows
+    assert {row[0].split()[0] for row in rows} == {*result.fitted_stiffness}
+    values = [float(row[2]) for row in rows if row[3].endswith("%")]
+    assert len(values) >= 3
+    assert values == sorted(values)
+    vague = replace(result)
+    vague.__dict__["compliance_std"] = dict.fromkeys(result.fitted_stiffness, 1.0)
+    assert {row[3] for row in drives_table(vague, "").rows} == {
+        "not determined: over 0.5",  # two standard deviations of the compliance, rad/(N m)
+        "kept: no load touches it",
+    }
+    assert next(iter(result.fitted_stiffness)) in verdict(vague).action
 
 
 def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:

@@ -114,10 +114,13 @@ def test_a_calibration_says_error_before_and_after() -> None:
 def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None:
     result = diagnosed("backlash")
     unknown = Candidate("unknown", None, 0.9)
-    tilt = SimpleNamespace(key="bearing-tilt:q2", closes=0.77, indistinguishable=("bearing-tilt:q1",))
+    alike = ("bearing-tilt:q1",)
+    tilt = SimpleNamespace(key="bearing-tilt:q2", closes=0.77, indistinguishable=alike, forms=())
     model = open_stiffness(result.baseline)
     nothing = np.zeros(len(result.baseline.fitted))
-    found: Any = SimpleNamespace(causes=(), verdict=None, unclear=(tilt,), model=model, change=nothing)
+    found: Any = SimpleNamespace(
+        causes=(), verdict=None, unclear=(tilt,), model=model, change=nothing, scatter=1.0
+    )
     result = replace(result, verdict=unknown, candidates=(unknown,), decomposition=found)
     result.__dict__["recalibration"] = None  # such a decomposition has no calibration
     best = "bearing-tilt at q2 (or bearing-tilt at q1), which closes 77 %"

@@ -181,8 +181,9 @@ def nowhere(effect: str, baseline: Baseline) -> str:
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
         return (
-            "every joint has a drive stiffness already, and a softer drive changes its fitted value: list "
-            "the joints that may be softer under `identify` in the robot file"
+            "the stiffness of every drive is fitted (see Fitted stiffness) or known; to fit another joint, "
+            "list it under `identify` in the robot file, or of a URDF: beamstiff convert IN "
+            "--joint-stiffness NAME='1e6 N*m/rad' --out OUT"
         )
     if effect == "joint-coupling":
         return "fewer than two joints have a stiffness about their axes: add it to the robot file"

@@ -105,25 +105,31 @@ def intervals(
 def log_axis(title: str, traces: Sequence[Mapping[str, Any]], way: str = "y") -> dict[str, Any]:
     """Return the logarithmic axis of traces, with a few round numbers: plotly's own labels overlap."""
     known = [value for one in traces for value in one[way] if value and value > 0.0]
-    ticks = {"tickvals": log_ticks(min(known), max(known))} if known else {}
-    return axis(title, type="log", exponentformat="power", **ticks)
+    if not known:
+        return axis(title, type="log", exponentformat="power")
+    low, high, most = min(known), max(known), DECADES if way == "x" else 2 * DECADES
+    small = [
+        step * 10.0**power for power in range(floor(log10(low)), ceil(log10(high))) for step in range(2, 10)
+    ]
+    minor = {"ticks": "outside", "tickvals": small}
+    return axis(title, type="log", exponentformat="power", tickvals=log_ticks(low, high, most), minor=minor)
 
 
-def log_ticks(low: float, high: float) -> list[float]:
-    """Return a few round numbers about two ends, for an axis that is logarithmic.
+def log_ticks(low: float, high: float, most: int = DECADES) -> list[float]:
+    """Return a few round numbers about two ends, at most so many, for an axis that is logarithmic.
 
     >>> log_ticks(3e5, 4e6), log_ticks(5.2e5, 5.9e5), log_ticks(1.0, 1e7)
     ([500000.0, 1000000.0, 2000000.0], [520000.0, 590000.0], [1.0, 100.0, 10000.0, 1000000.0])
     """
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     if len(decades) > DECADES:
-        return [10.0**power for power in decades[:: ceil(len(decades) / DECADES)]]
+        return [10.0**power for power in decades[:: ceil(len(decades) / most)]]
     some = [
         step * 10.0**power for power in decades for step in (1, 2, 5) if low <= step * 10.0**power <= high
     ]
     if len(some) < 2:
         return [float(f"{low:.2g}"), float(f"{high:.2g}")] if high > 1.05 * low else [float(f"{low:.2g}")]
-    return some[:: ceil(len(some) / DECADES)]
+    return some[:: ceil(len(some) / most)]
 
 
 def named_rows(names: Sequence[str], title: str, **more: Any) -> dict[str, Any]:

@@ -7,11 +7,12 @@ import numpy as np
 
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.report.calibrated_text import recalibration_text
+from beamstiff.report.calibrated_text import drives_table, recalibration_text
 from beamstiff.report.diagnosis import (
+    ACCOUNTS,
     CAUSES,
-    DOUBTFUL,
     SHOWN,
+    SUMMED,
     by_causes,
     candidates_table,
     causes_table,
@@ -28,7 +29,7 @@ from beamstiff.report.diagnosis import (
     steps,
     untestable_table,
 )
-from beamstiff.report.diagnosis_text import proposed, remainder_text, separations, summary, verdict
+from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.diagnosis_words import (
     causes,
     closed,
@@ -36,7 +37,6 @@ from beamstiff.report.diagnosis_words import (
     one_posture,
     second,
     several,
-    stiffness_in_words,
     sure,
     tested,
     told,
@@ -49,6 +49,7 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
+from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
@@ -100,7 +101,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
     if result.recalibration is not None:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
-        yield Fact("Robot file", before, "gap with its own geometry, RMS; frame and reflectors fitted")
+        yield Fact("Uncalibrated", before, "RMS, frame and reflectors fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
@@ -136,7 +137,7 @@ def _view(result: Diagnosis) -> RobotView | None:
 
 def _which(result: Diagnosis) -> Section:
     large = sizes_table(result, f"How large: {'their' if len(told(result)) > 1 else 'its'} parameters")
-    legend = " ".join(one for one in names_text(result) if one != DOUBTFUL)
+    legend = " ".join(names_text(result))
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
         traces, layout = bars(
@@ -190,7 +191,7 @@ def _where(result: Diagnosis) -> Section:
             tickformat=".0%",
         )
         table = places_table(places, "The places")
-        caption = "Share of the gap above noise that each place could account for, with its 90 % interval."
+        caption = f"{(SUMMED if by_causes(result) else ACCOUNTS).partition(': ')[2].capitalize()}."
         figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
     parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
@@ -242,23 +243,9 @@ def _how_far(result: Diagnosis) -> Section:
 
 
 def _others(result: Diagnosis) -> Iterator[Section]:
-    known = dict.fromkeys(result.undetermined, "not determined: known to no better than half")
-    known |= dict.fromkeys(result.untouched, "not touched by these loads")
-    fitted = [
-        [
-            name,
-            stiffness_in_words(given),
-            "-" if name in result.untouched else stiffness_in_words(value),
-            known.get(name, "determined"),
-        ]
-        for name, (given, value) in result.fitted_stiffness.items()
-    ]
-    if fitted:
-        text = (
-            "Fitted to the same rows before or beside the causes; beamstiff identify gives their intervals."
-        )
-        table = Table("Stiffness values, SI", ("parameter", "as given", "fitted", "by these data"), fitted)
-        yield Section("parameters", "Parameters of the model", [text], tables=[table], open=False)
+    drives = drives_table(result, "Fitted stiffness")
+    if drives.rows:
+        yield Section("parameters", "Stiffness of the drives", tables=[drives], open=False)
     nothing = result.verdict.effect == "none"
     hidden = [smallest_table(result)] if nothing else []
     hidden += [made] if (made := untestable_table(result, "Not testable")).rows else []

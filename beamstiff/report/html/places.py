@@ -124,7 +124,8 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
         text = f"The position {what} of every row over each joint's reading."
         if what != "displacement":
             text += " A trend points at a joint; so does a step."
-        sections.append(Section("joints", "Over the joints", texts=[text], figures=_joints(sizes)))
+        joint_figures = _joints(sizes)
+        sections.append(Section("joints", "Over the joints", [text], figures=joint_figures, open=False))
     return RowFigures(sections, held)
 
 

@@ -319,7 +319,7 @@ def _styles(share: str, most: float, solid: bool) -> list[dict[str, Any]]:
             "type": "surface",
             "name": "compliance",
             "showscale": False,
-            "opacity": 0.35,
+            "opacity": 0.2,
             "colorscale": [[0, css("green")], [1, css("green")]],
             "hoverinfo": "name",
             "contours": {"x": {"highlight": False}, "y": {"highlight": False}, "z": {"highlight": False}},

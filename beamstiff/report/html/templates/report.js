@@ -45,12 +45,8 @@
       return shares ? { ...moved, [part]: { ...trace[part], color: shares } } : moved;
     });
     const layout = resolve(figure.layout, style);
-    // the highest label above its place, the lowest below it, by turns on either side: none overprints another
-    const rank = new Map([...view.labels].sort((a, b) => b.at[2] - a.at[2]).map((one, at) => [one, at]));
-    const last = Math.max(1, view.labels.length - 1);
     layout.scene.annotations = view.labels.map((one) => ({
-      text: one.text, showarrow: true, arrowhead: 0, arrowwidth: 1,
-      ax: rank.get(one) % 2 ? -70 : 70, ay: -40 + 80 * rank.get(one) / last,
+      text: one.text, showarrow: true, arrowhead: 6, arrowsize: 0.6, arrowwidth: 1.2,
       x: one.at[0] + factor * one.by[0], y: one.at[1] + factor * one.by[1], z: one.at[2] + factor * one.by[2],
       font: { color: layout.font.color, size: 13 }, arrowcolor: layout.font.color,
       bgcolor: style.getPropertyValue("--panel").trim(), borderpad: 2, opacity: 0.9,
@@ -67,6 +63,32 @@
     return [traces, layout];
   };
 
+  // Labels stand in a column on either side of the robot, each with a line to its place: none hides another.
+  const beside = (layout, width) => {
+    const { eye: from, center = { x: 0, y: 0, z: 0 } } = layout.scene.camera;
+    const eye = { x: from.x - center.x, y: from.y - center.y, z: from.z - center.z };
+    const far = Math.hypot(eye.x, eye.y, eye.z);
+    const round = Math.hypot(eye.x, eye.y) || 1;
+    const across = eye.x || eye.y ? [-eye.y / round, eye.x / round, 0] : [1, 0, 0];
+    const up = [-eye.x * eye.z / (round * far), -eye.y * eye.z / (round * far), round / far];
+    const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    const placed = layout.scene.annotations.map((one) => {
+      const at = ["x", "y", "z"].map((name) => {
+        const [low, high] = layout.scene[`${name}axis`].range;
+        return layout.scene.aspectratio[name] * ((one[name] - low) / (high - low) - 0.5) - center[name];
+      });
+      const pixels = layout.height / (2 * Math.tan(Math.PI / 8) * (far - dot(at, [eye.x, eye.y, eye.z]) / far));
+      return { one, x: pixels * dot(at, across), y: -pixels * dot(at, up) };
+    }).sort((a, b) => a.x - b.x);
+    placed.forEach((one, at) => { one.side = 2 * at + 1 < placed.length ? "left" : "right"; });
+    const last = { left: -Infinity, right: -Infinity };
+    const column = Math.min(0.32 * width, 190);
+    placed.sort((a, b) => a.y - b.y).forEach(({ one, side, x, y }) => {
+      last[side] = Math.max(y, last[side] + 28);
+      Object.assign(one, { ax: (side === "left" ? -column : column) - x, ay: last[side] - y - 8 });
+    });
+  };
+
   const draw = (plot) => {
     const key = plot.dataset.figure;
     const figure = held.figures[key];
@@ -77,20 +99,23 @@
     layout.legend = { ...layout.legend, bgcolor: "rgba(0,0,0,0)" };
     if (!figure.views) layout.dragmode = plot.layout ? plot.layout.dragmode : false;  // a finger scrolls the page
     const narrow = plot.clientWidth < 480;
-    if (layout.scene && plot.clientWidth < 700) {  // a phone, or paper: the camera steps back
-      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, 1.2 * value])) };
+    if (layout.scene) {  // the camera steps back, on a phone or paper further, so that no title of an axis is cut
+      const back = plot.clientWidth < 700 ? 1.3 : 1.15;
+      layout.scene.camera = { ...layout.scene.camera, eye: Object.fromEntries(Object.entries(layout.scene.camera.eye).map(([name, value]) => [name, back * value])) };
     }
     if (narrow && layout.scene) {
       layout.height = 440;
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
-      layout.scene.annotations = (layout.scene.annotations || []).map((one) => ({ ...one, ax: one.ax / 2, font: { ...one.font, size: 11 } }));  // inside its box
+      (layout.scene.annotations || []).forEach((one) => { one.font = { ...one.font, size: 11 }; });
       traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
     }
+    if (figure.views) beside(layout, plot.clientWidth);
     if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
     if (narrow && layout.yaxis && layout.yaxis.ticktext) {  // room for what is drawn; the tables hold the names
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => text.replace(" at ", "<br>at ").split("<br>").map(
-        (line) => (line.length > 18 ? `${line.slice(0, 16)}…` : line)).join("<br>"));
+        (line) => (line.length > 24 ? `${line.slice(0, 22)}…` : line)).join("<br>"));
+      layout.yaxis.tickfont = { size: 11 };
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
     if (narrow && !figure.views && layout.margin.t > 60) {  // a legend has no buttons above it then

@@ -1,0 +1,151 @@
+"""What to do next of a diagnosis, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
+from beamstiff.diagnosis.notes import weightless
+from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.errors import listed
+from beamstiff.measure.doubts import LARGE_DISPLACEMENT
+from beamstiff.report.calibrated_text import calibrated_away, moved_load
+from beamstiff.report.diagnosis_words import load_lever, named, told, unrealistic
+from beamstiff.report.tables import counted
+from beamstiff.report.verdict import rigid_drives, rigid_text, rounded, undetermined_text
+
+TOO_FEW, NOTHING = "Too few rows to say anything", "nothing beyond noise"  # headlines
+OF_THE_LOAD = ("load-error", "tool-offset", "payload-error")  # effects that a misplaced load looks like
+LIKE_SAG = ("angle-curve", "geometry-error")  # effects that a weight unknown to the robot file looks like
+WEIGHT = "no weight is known by which the machine sags, and such a sag follows the joint angles as well"
+# what a remainder follows, and how it is varied by itself
+VARIED = {
+    "angle": "move {} alone through its range in small steps, unloaded",
+    "direction of approach": "move {} alone to the same values from both sides",
+    "time": "return to one posture now and then, unloaded",
+    "load": "load some postures step by step, up and down again",
+    "reflector": "read all reflectors in the same postures",
+}
+NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
+
+
+def action(result: Diagnosis, head: str) -> str:
+    """Return what to do next of a diagnosis with a headline: the one thing, and what of the drives."""
+    drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
+    return f"{_one(result, head)} {drives}".strip()
+
+
+def _one(result: Diagnosis, head: str) -> str:
+    """Return the one thing to do next, as a sentence."""
+    if head == TOO_FEW:
+        return "Measure more rows; beamstiff plan chooses postures and loads."
+    if head == NOTHING.capitalize():
+        write = (
+            "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
+            if calibrated_away(result)
+            else "Use the fitted model (--apply FILE writes it)"
+        )
+        return f"{write} within the postures and loads measured. {NO_CAUSES}"
+    if result.rms > LARGE_DISPLACEMENT:
+        gap = rounded(1e3 * result.rms)
+        return f"Check joint readings, units and robot file: {gap} mm are too much for an effect."
+    to_check = [one for one in told(result) if one.effect in EFFECTS]
+    of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
+    if of_the_load and (moved := moved_load(result)):
+        return moved
+    if moved := next((said for one in to_check if (said := _elsewhere(one))), ""):
+        return moved
+    like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
+    if like_sag and weightless(result.baseline):
+        return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
+    if not to_check:
+        return _also(result, "Measure").strip() or _by_remainder(result)
+    far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
+    first = far[0][0] if far else to_check[0]
+    return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
+
+
+def _drives(result: Diagnosis) -> str:
+    """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
+    base = result.baseline
+    felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
+    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
+    fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
+    # nothing is fitted where no row loads a drive
+    unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
+    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
+
+
+def _by_remainder(result: Diagnosis) -> str:
+    """Return what to measure next of a gap without a cause: what its remainder follows, varied by itself."""
+    found = result.decomposition
+    if found is None or not found.remainder.follows:
+        return "Measure other postures and load directions; beamstiff plan chooses them."
+    what = found.remainder.follows[0][0]
+    how, joint, name = what.rpartition(" of ")
+    vary = VARIED[how or what].format(name if joint else "")
+    return f"The gap follows the {what}: {vary}. Diagnose the old and the new rows together."
+
+
+def _elsewhere(cause: Candidate) -> str:
+    """Return, in words, where a load acts whose error is that of a wrong place; empty for another error."""
+    lever = load_lever(cause)
+    if lever is None:
+        return ""
+    place = ", ".join(f"{1e3 * one:+.0f}" for one in lever)
+    return (
+        f"Check where the load acts. The error looks like a load that acts about ({place}) mm, along the "
+        "tool's axes, from where the robot file says. Correct the link in --tcp or the column "
+        "load_point, and diagnose again."
+    )
+
+
+def _also(result: Diagnosis, measure: str) -> str:
+    """Return the states to measure as a sentence after others, `measure` its verb; empty without."""
+    if not result.next:
+        return ""
+    each = [item["discrimination"] for item in result.next if item["separates"]]
+    if each and sum(each) < DECIDES:
+        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
+    return f" {measure} {proposed(result)}{_written(result)}"
+
+
+def _written(result: Diagnosis) -> str:
+    """Return what loads the proposed states have, and which option writes them."""
+    force = max(float(np.linalg.norm(item["wrench"][:3])) for item in result.next)
+    loaded = bool(np.any(result.baseline.rows.wrench))
+    loads = f", under loads as in the table, at most {float(f'{force:.3g}'):g} N" if force and loaded else ""
+    return f"{loads} (--next FILE writes them)."
+
+
+def proposed(result: Diagnosis) -> str:
+    """Return, in words, how many states the test plan proposes, and where else to read them."""
+    told: dict[str, float] = {}
+    for item in result.next:
+        told[item["point"]] = told.get(item["point"], 0.0) + item["discrimination"]
+    rivals = any(item["separates"] for item in result.next)
+    count = len(result.next) // len(told)
+    verb = ("discriminate" if rivals else "determine") + ("" if count > 1 else "s")
+    what = f"{verb} best between the causes" if rivals else f"{verb} the sizes of the causes best"
+    if not rivals and result.indistinguishable and result.decomposition is not None:
+        what += " (no posture and load here distinguishes look-alikes)"
+    states = f"the {counted(count, 'state')} that {what}"
+    if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
+        states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"
+    tcp = told.pop(next(iter(told)))  # one point, or the TCP and another
+    for node, there in told.items():
+        times = f" {there / tcp:.0f} times as well" if there < 1e3 * tcp else ", as the TCP does not"
+        near = [joint.name for joint in result.baseline.nominal.joints if node in joint.nodes]
+        place = f"{node} ({', '.join(near)})" if near else node
+        states += f"; also read a reflector on {place}, which discriminates{times}"
+    return states
+
+
+def separations(result: Diagnosis) -> list[str]:
+    """Return, in words, the measurements that separate the verdict from its look-alikes."""
+    keys = [one.key for one in told(result)]
+    effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
+    return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
