@@ -11,7 +11,8 @@ from beamstiff import BeamstiffError, diagnose
 from beamstiff.errors import UnusableError
 from beamstiff.measure import Measurements, make_measurements
 from beamstiff.measure.doubts import doubts
-from beamstiff.measure.position_doubts import require_joints, require_loads, require_scale, work_between
+from beamstiff.measure.load_doubts import require_loads, work_between
+from beamstiff.measure.position_doubts import require_joints, require_scale
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.reader import load_robot
