@@ -35,6 +35,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 NEARER = 1 / 2  # of what the columns as they are leave, RMS, that another reading leaves where it is meant
+SAME = 1.0 + 1e-6  # times as much: columns of zeros may be exchanged
 MOST = 100  # rows that are fitted: more say no more
 KILO = 1e3  # N in a kN
 GUESSED = 100.0  # times softer, or stiffer, than in the robot file: guesses are off by ten, units by 1000
@@ -82,7 +83,8 @@ def load_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
         for how, other in springs.readings(more)
         if not np.allclose(other, more)
     }
-    best = min(others, key=others.__getitem__, default="")
+    least = SAME * min(others.values(), default=0.0)
+    best = next((how for how, left in others.items() if left <= least), "")
     if best and others[best] < NEARER * min(stated, whole):
         yield (
             f"{table.source}: what the loads move fits springs with {best} ({1e3 * others[best]:.3g} mm RMS "
@@ -146,13 +148,14 @@ class _Springs:
 
     def readings(self, wrench: Array) -> Iterator[tuple[str, Array]]:
         """Yield other ways to read the forces, in words, and the wrenches (M, 6)."""
-        for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-            turn = np.eye(3)[list(order)] * np.array(signs)[:, None]
+        every = product(permutations(np.eye(3)), product((1.0, -1.0), repeat=3))
+        turns = [np.array(order) * np.array(signs)[:, None] for order, signs in every]
+        for turn in sorted(turns, key=np.trace, reverse=True):  # the fewest changes first
             yield axes_in_words(turn, FORCES), _with_forces(wrench, wrench[:, :3] @ turn.T)
-        for at, name in enumerate(FORCES):
-            for factor, unit in ((KILO, "kN"), (1.0 / KILO, "N, read in kN")):
-                scale = np.where(np.arange(3) == at, factor, 1.0)
-                yield f"{name} in {unit}", _with_forces(wrench, wrench[:, :3] * scale)
+        for some in (FORCES, *((name,) for name in FORCES)):
+            for factor, unit in ((KILO, "kN, and read in N"), (1.0 / KILO, "N, and read in kN")):
+                scale = np.where([name in some for name in FORCES], factor, 1.0)
+                yield f"{' '.join(some)} in {unit}", _with_forces(wrench, wrench[:, :3] * scale)
         turned = np.einsum("mij,mj->mi", self.tool, wrench[:, :3])
         yield f"{listed(FORCES)} along the axes of the tool", _with_forces(wrench, turned)
 
