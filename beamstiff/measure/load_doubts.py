@@ -89,7 +89,7 @@ def load_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
         yield (
             f"{table.source}: what the loads move fits springs with {best} ({1e3 * others[best]:.3g} mm RMS "
             f"left of {1e3 * whole:.3g} mm), not as the table has it ({1e3 * stated:.3g} mm): correct the "
-            "columns (loads act on the tool, in base axes)"
+            "columns (loads act on the tool, in base axes; displacements are loaded minus unloaded)"
         )
     elif stated < NEARER * whole:
         yield from _of_the_unit(table, robot, springs.as_described(more, robot), moved)

@@ -12,7 +12,9 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import FEW_VALUES, OFF, weightless
+from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
@@ -52,6 +54,7 @@ from beamstiff.report.verdict import (
 if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 
+SIMULATED = 1e-6  # m, RMS: no instrument reads as finely
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED, TOO_FEW, NOTHING = "Undecided", "Too few rows to say anything", "nothing beyond noise"
@@ -83,7 +86,12 @@ def verdict(result: Diagnosis) -> Verdict:
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
-        if wrong := calibrated_away(result):
+        if times := overstated(result):
+            said = (
+                f"Nothing can show: the stated noise is {times:.2g} times what the readings scatter ({noise})"
+            )
+            level = "doubtful"
+        elif wrong := calibrated_away(result):
             said, level = f"{wrong}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
@@ -135,6 +143,10 @@ def _action(result: Diagnosis, head: str) -> str:
     """Return the one thing to do next, as a sentence."""
     if head == TOO_FEW:
         return "Measure more rows; beamstiff plan chooses postures and loads."
+    if result.decomposition is not None and unlike(result.decomposition):
+        return "Check that robot file and table are of one robot, and each joint column of its joint."
+    if overstated(result):
+        return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
@@ -376,6 +388,17 @@ def _factor(result: Diagnosis) -> float:
     """Return the noise that is counted with over the one that the table states, 1 where it states none."""
     factor = result.features.get("noise_position", 1.0) * result.features.get("scale", 1.0)
     return factor if result.baseline.claimed else 1.0
+
+
+def overstated(result: Diagnosis) -> float:
+    """Return how many times the stated noise is what is left of the readings, where that is no chance; or 0.
+
+    What leaves no micrometre was written by a program, and not read.
+    """
+    if result.decomposition is None or not result.baseline.claimed or result.rms < SIMULATED:
+        return 0.0
+    left = result.decomposition.scatter
+    return 1.0 / left if 0.0 < left < SILENCE else 0.0
 
 
 def _scaled(result: Diagnosis) -> str:
