@@ -2,8 +2,8 @@
 
 What loads move is fitted by springs: compliances of the drives, and of the tool alike in all directions, none
 negative, linear in the force. Columns that are swapped, reversed or in another unit leave several times what
-the right ones do, whatever else is amiss: in 25 simulated campaigns with bearings, levers, play or drift that
-the springs lack no wrong reading of right columns came nearer.
+the right ones do, whatever else is amiss: in 50 simulated campaigns with bearings, levers, play or drift that
+the springs lack no wrong reading left less than 0.97 of what right columns leave.
 """
 
 from __future__ import annotations

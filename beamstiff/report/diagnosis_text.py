@@ -395,9 +395,9 @@ def overstated(result: Diagnosis) -> float:
 
     What leaves no micrometre was written by a program, and not read.
     """
-    if result.decomposition is None or not result.baseline.claimed or result.rms < SIMULATED:
+    left = result.features.get("scatter", 1.0)
+    if not result.baseline.claimed or result.rms < SIMULATED:
         return 0.0
-    left = result.decomposition.scatter
     return 1.0 / left if 0.0 < left < SILENCE else 0.0
 
 
