@@ -1,9 +1,9 @@
 """Whether forces can be those that moved the tool; else another reading of their columns is named.
 
-What loads move is fitted by springs: compliances of the drives, and of the tool alike in all directions, none
-negative, linear in the force. Columns that are swapped, reversed or in another unit leave several times what
-the right ones do, whatever else is amiss: in 50 simulated campaigns with bearings, levers, play or drift that
-the springs lack no wrong reading left less than 0.97 of what right columns leave.
+What loads move is fitted by springs: compliances of the drives, and of the tool along each axis of the base,
+none negative, linear in the force. Columns that are swapped, reversed or in another unit leave several times
+what the right ones do, whatever else is amiss: in 50 simulated campaigns with bearings, levers, play or drift
+that the springs lack no wrong reading left less than 0.92 of what right columns leave.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class _Springs:
 
     def left(self, wrench: Array, moved: Array) -> float:
         """Return what the best springs leave of `moved` (M, 3) under `wrench` (M, 6), RMS, m."""
-        columns = np.concatenate([self._drives(wrench), wrench[:, :3, None]], axis=2)
+        columns = np.concatenate([self._drives(wrench), wrench[:, :3, None] * np.eye(3)], axis=2)
         columns = columns.reshape(-1, columns.shape[2])
         size = np.linalg.norm(columns, axis=0)
         return float(nnls(columns / np.where(size > 0, size, 1.0), moved.ravel())[1] / np.sqrt(len(moved)))

@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 from beamstiff.errors import UnusableError
 from beamstiff.measure import Measurements
 from beamstiff.measure.doubts import doubts
-from beamstiff.measure.load_doubts import require_loads, work_between
+from beamstiff.measure.load_doubts import load_doubts, require_loads, work_between
 from beamstiff.measure.rows import subset
+from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import arm_at, at_random, kr240, rows_of
 
@@ -118,3 +120,16 @@ def test_of_right_columns_and_of_few_postures_nothing_is_said(kind: str, spread:
     few = np.isin(table.pose, np.unique(table.pose)[:5])
     swapped = subset(changed(table, lambda f: f[:, [1, 0, 2]]), few)
     assert not [one for one in said(swapped) if "fits springs" in one]
+
+
+@pytest.mark.parametrize("name", ["five-bar", "delta", "gantry", "ir663-screws"])
+def test_other_machines_that_move_as_their_model_says_are_not_doubted(name: str) -> None:
+    robot, rng = load_robot(name), np.random.default_rng(0)
+    low, high = np.array([variable.limits for variable in robot.actuated]).T
+    q = 0.5 * (low + high) + 0.1 * (high - low) * rng.uniform(-1, 1, (30, len(low)))
+    wrench = np.concatenate([500 * rng.standard_normal((30, 3)), np.zeros((30, 3))], axis=1)
+    table = rows_of(robot, q, wrench)
+    table = replace(table, displacement=predict_displacements(robot, table))
+    assert not list(load_doubts(table, robot))
+    swapped = changed(table, lambda f: f[:, [1, 0, 2]])
+    assert "fx and fy swapped" in next(load_doubts(swapped, robot))
