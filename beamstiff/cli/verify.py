@@ -88,8 +88,15 @@ def verify(
     if found.causes:
         action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
     if level in ("doubtful", "differs"):
-        again = diagnose_command([robot, *data])
-        action = f"Something is still missing: {again} finds what."
+        action = f"Something is still missing: {diagnose_command([robot, *data])} finds what."
+        if found.causes:  # beside effects that are known few rows tell little more
+            first = diagnose_command(["FIRST_ROBOT", "FIRST_ROWS", *data])
+            action = (
+                "Something is still missing, and these rows alone hardly tell what. Diagnose the robot file "
+                f"from before its effects were added on the rows from then and these together: {first}."
+            )
+        elif found.absolute:
+            action += " The place of a reflector is fitted there as well, if that is all."
     steps = pairwise([found.before, *(after for _, after, _ in found.causes)])
     worse = [
         name for (name, _, _), (before, after) in zip(found.causes, steps, strict=True) if after > before

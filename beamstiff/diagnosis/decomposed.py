@@ -16,8 +16,9 @@ from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.decomposition.remainder import remainder_of
 from beamstiff.diagnosis.decomposition.selection import select
-from beamstiff.diagnosis.decomposition.solution import gap_with
+from beamstiff.diagnosis.decomposition.solution import gap_with, solved
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.frame_misalignment import PLACED_SHIFT, PLACED_TURN
@@ -27,6 +28,7 @@ from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
 from beamstiff.diagnosis.notes import chosen_for, unloaded
 from beamstiff.diagnosis.prior import Prior
+from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, optional
@@ -115,7 +117,10 @@ def _simplest(
 
 
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
-    """Return the diagnosis that a decomposition says."""
+    """Return the diagnosis that a decomposition says; of another robot's readings, none."""
+    found = _told_alone(found)
+    if doubt := unlike(found):
+        found, notes = _undecided(found), (doubt, *notes)
     verdict = found.verdict
     baseline = found.model.baseline  # its geometry was fitted beside the causes; nobody has such a model
     calibrated = replace(baseline, measured=baseline.predicted + gap_with(found.model, ()))
@@ -141,6 +146,29 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
     )
+
+
+def _told_alone(found: Decomposition) -> Decomposition:
+    """Return a decomposition whose causes leave what those that are told leave, without laws between them.
+
+    The robot as it is written lacks laws that no effect has, and what a cause closes is beside these.
+    """
+    explainable, left = found.rms**2 - found.noise**2, found.rms**2
+    parts: list[tuple[Cause, ...]] = []
+    for part in (found.causes, found.unclear):
+        closes = np.cumsum([cause.closes for cause in part])
+        after = np.sqrt(np.maximum(left - max(explainable, 0.0) * closes, 0.0))
+        parts.append(tuple(replace(one, rms_after=float(rms)) for one, rms in zip(part, after, strict=True)))
+        left = float(after[-1]) ** 2 if len(part) else left
+    return replace(found, causes=parts[0], unclear=parts[1])
+
+
+def _undecided(found: Decomposition) -> Decomposition:
+    """Return a decomposition of which nothing is named."""
+    model, rows = found.model, int(found.model.used[:, :3].any(axis=1).sum())
+    squares = rows * found.noise**2, rows * found.rms**2
+    rest = remainder_of(model, [], solved(model, [])[0], *squares, rows)
+    return replace(found, causes=(), unclear=(*found.causes, *found.unclear), remainder=rest)
 
 
 def with_next(result: Diagnosis, seed: int) -> Diagnosis:

@@ -32,6 +32,9 @@ FORMAT = "beamstiff-diagnosis/1"
 UNTOUCHED = 0.01  # of the noise: a joint that moves less at twice its compliance no load touches
 
 
+BEYOND_ALL = 10.0  # times the largest realistic size: no size, however uncertain
+
+
 @dataclass(frozen=True)
 class Estimate:
     """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with.
@@ -48,10 +51,14 @@ class Estimate:
 
     @property
     def plausible(self) -> bool:
-        """Whether within two standard deviations it is not larger than realistic, nor negative wrongly."""
+        """Whether it is not larger than realistic, nor negative wrongly, by more than it is uncertain.
+
+        That is two standard deviations; but what is known so badly that it came out ten times too large is no
+        evidence of anything.
+        """
         if self.positive and self.value < -2 * self.std:
             return False
-        return abs(self.value) - 2 * self.std <= self.realistic[1]
+        return abs(self.value) <= min(self.realistic[1] + 2 * self.std, BEYOND_ALL * self.realistic[1])
 
 
 @dataclass(frozen=True)

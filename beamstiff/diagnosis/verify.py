@@ -32,6 +32,7 @@ class Verification:
     `notes`: what in the robot and the rows is hardly meant.
     `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
         readings hardly are in the robot's base frame.
+    `absolute`: whether the rows are absolute positions.
     """
 
     before: float
@@ -43,6 +44,7 @@ class Verification:
     causes: tuple[tuple[str, float, float], ...]
     notes: tuple[str, ...] = ()
     other_frame: float | None = None
+    absolute: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -118,6 +120,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
             for key, before, after in zip(causes, errors[:-1], errors[1:], strict=True)
         ),
         other_frame=other_frame,
+        absolute=absolute,
     )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, OptionError, UnusableError, shown
 from beamstiff.measure.doubts import copies_between, doubts
-from beamstiff.measure.position_doubts import require_joints, require_loads, require_scale
+from beamstiff.measure.load_doubts import require_loads
+from beamstiff.measure.position_doubts import require_joints, require_scale
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -55,8 +56,8 @@ def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
     Raises UnusableError where positions have another scale, or joint values or loads surely another sign.
     """
     for table in tables:
-        require_scale(table, robot)
         require_joints(table, robot)
+        require_scale(table, robot)
         require_loads(table, robot)
     own = (note for table in tables for note in doubts(table, robot))
     return [*robot_doubts(robot), *own, *copies_between(tables)]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from beamstiff.errors import UnusableError, listed
+from beamstiff.measure.load_doubts import load_doubts
 from beamstiff.measure.position_doubts import BEYOND_NOISE, SEVERAL, position_doubts
 from beamstiff.measure.rows import subset
 from beamstiff.measure.swapped_labels import label_doubts
@@ -34,14 +35,15 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
     These are no errors: a plain number is SI, and a strange machine may be measured. They are for people to
     read.
     """
+    misread = tuple(position_doubts(measurements, robot))
+    loads = () if misread else tuple(load_doubts(measurements, robot))
     return (
-        *_of_the_load(measurements),
+        *(misread or loads or _of_the_load(measurements)),
         *_of_the_noise(measurements),
         *_of_the_joints(measurements, robot),
         *_of_sizes(measurements),
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
-        *position_doubts(measurements, robot),
         *label_doubts(measurements, robot),
     )
 

@@ -1,25 +1,24 @@
-"""Whether joint values, assembly and loads can be those of the positions; else another reading is named.
+"""Whether joint values, assembly and axes can be those of the positions; else another reading is named.
 
-Measured positions are known but for where the tracker stands. Joint values read with a wrong sign, from
-another zero, by a turn too many or in another column, and loops put together in another way, put them off by
-the length of links; calibration seeks millimetres from where the robot is said to stand, and would not come
-there.
+Measured positions are known but for where the tracker stands, and where the reflector sits. Joint values read
+with a wrong sign, from another zero, by a turn too many, in another unit or column, axes of a left-handed
+frame, and loops put together in another way, put them off by the length of links; calibration seeks
+millimetres from where the robot is said to stand, and would not come there.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, compress, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError, UnusableError
-from beamstiff.measure.arrays import equal_rows
-from beamstiff.measure.registration import check_spread, fit_rigid_motion
+from beamstiff.errors import BeamstiffError, UnusableError, listed
+from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_motion
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
 
 BEYOND_NOISE = 3.0  # standard deviations of a row's work, beyond which its sign is sure
@@ -33,6 +32,11 @@ SURELY = 10.0  # times nearer: no geometry that a calibration finds is off by so
 NEAR = 1e-6  # m, of what is left: nearer is rounding
 SCALE = 5.0  # times as far apart, or as near, as they should be: wrong units make 10 or more
 POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's place alone takes two
+REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its reflectors
+REVERSIBLE = 6  # joints of which every selection may be reversed: 64 readings
+DISTINCT = 1e-6  # singular value, of the largest, below which a reflector's place cannot be told
+MIRROR = np.array([1.0, 1.0, -1.0])
+ALONG = 0.9  # cosine from which an axis of the tracker is along one of the base
 
 Index = NDArray[np.intp]
 
@@ -59,43 +63,9 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         )
 
 
-def require_loads(table: Measurements, robot: Robot) -> None:
-    """Refuse loads that all pull against what absolute positions of one posture did under them."""
-    done = work_between(table, robot)
-    if len(done) >= LOADED and (done < 0).all():
-        raise UnusableError(
-            f"{table.source}: between the loads of a posture the target moved against the load in all "
-            f"{len(done)} rows that tell, which no elastic machine does: reverse the sign of the loads (they "
-            "act on the tool, in base axes)"
-        )
-
-
-def work_between(table: Measurements, robot: Robot) -> Array:
-    """Return what forces beyond the least of a posture would do of its absolute positions, N m, where sure.
-
-    The measuring frame is turned as the robot lies over the positions; targets may sit beside the load.
-    """
-    some = _comparable(table)
-    if not len(some) or not table.wrench[:, :3].any():
-        return np.zeros(0)
-    try:
-        frame = fit_rigid_motion(_places(table, robot, some, table.q[some]), table.position[some]).rotation
-    except BeamstiffError:  # the loops do not close
-        return np.zeros(0)
-    rows = _read_rows(table)
-    force = table.wrench[rows, :3]
-    state = equal_rows(np.column_stack([table.q[rows], np.unique(table.point[rows], return_inverse=True)[1]]))
-    order = np.lexsort([np.linalg.norm(force, axis=1), state])
-    least = order[np.unique(state[order], return_index=True)[1]][state]
-    more, moved = force - force[least], (table.position[rows] - table.position[rows[least]]) @ frame
-    done = (more * moved).sum(axis=1)
-    std = np.linalg.norm(more * np.nan_to_num(table.sigma[rows, :3]), axis=1) * np.sqrt(2.0)
-    return np.asarray(done[np.abs(done) > BEYOND_NOISE * std])
-
-
 def position_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield why the joint values or the assembly may not be those of the positions; mostly nothing."""
-    rows = _comparable(table)
+    rows = comparable(table)
     if not len(rows):
         return
     if robot.loops:
@@ -103,7 +73,7 @@ def position_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     yield from (told for _, told in _misread(table, robot, rows))
 
 
-def _comparable(table: Measurements) -> Index:
+def comparable(table: Measurements) -> Index:
     """Return some rows whose absolute positions say how others lie over them; none where none do."""
     rows = _some_rows(table)
     unusable = table.kind != "absolute" or not len(rows) or _on_a_line(table.position[rows])
@@ -124,9 +94,7 @@ def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]
     if len(tables) < 2 or any(table.kind != "absolute" for table in tables):
         return
     every = concatenate(tables)
-    whole, *each = (
-        _left_by(table, robot, rows := _some_rows(table), table.q[rows]) for table in (every, *tables)
-    )
+    whole, *each = (_left_by(table, robot, _some_rows(table)) for table in (every, *tables))
     if AMISS * compile_kinematics(robot).size < whole < np.inf and max(each) < ANOTHER * whole:
         yield (
             f"the tables fit robot {robot.name!r} one by one (within {1e3 * max(each):.3g} mm), not all from "
@@ -135,14 +103,14 @@ def stands_doubts(tables: Sequence[Measurements], robot: Robot) -> Iterator[str]
         )
 
 
-def _read_rows(table: Measurements) -> Index:
+def read_rows(table: Measurements) -> Index:
     """Return all rows with a position."""
     return np.flatnonzero(~np.isnan(table.position).any(axis=1) & table.by_tracker)
 
 
 def _some_rows(table: Measurements) -> Index:
     """Return rows with a position, few enough to look at, from the whole table."""
-    rows = _read_rows(table)
+    rows = read_rows(table)
     return rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))] if len(rows) else rows
 
 
@@ -154,7 +122,7 @@ def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator
         taken = kinematics.closest[0].name
     for one in every_assembly(kinematics):
         named = robot.model_copy(update={"assembly": one.name})
-        left[one.name] = _left_by(table, named, rows, table.q[rows])
+        left[one.name] = _left_by(table, named, rows)
     best = min(left, key=left.__getitem__, default=taken)
     if best != taken and left[best] < ANOTHER * left.get(taken, np.inf):
         yield (
@@ -166,7 +134,7 @@ def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator
 
 def require_joints(table: Measurements, robot: Robot) -> None:
     """Refuse joint values that bring the points by far nearer to where they were if read in another way."""
-    rows = _comparable(table)
+    rows = comparable(table)
     if not len(rows):
         return
     for times, told in _misread(table, robot, rows):
@@ -175,16 +143,23 @@ def require_joints(table: Measurements, robot: Robot) -> None:
 
 
 def _misread(table: Measurements, robot: Robot, rows: Index) -> Iterator[tuple[float, str]]:
-    """Yield how many times nearer another reading of the joint values is, and a sentence; mostly nothing."""
-    q, kinematics = table.q[rows], compile_kinematics(robot)
+    """Yield how many times nearer another reading of joints or axes is, and a sentence; mostly nothing.
+
+    With the reflectors placed as each reading would have them; else, where the robot file has them.
+    """
+    q = table.q[rows]
     if len(np.unique(q, axis=0)) < POSTURES:
         return
-    stated = _left_by(table, robot, rows, q)
-    if not stated > AMISS * kinematics.size:
-        return
-    left = {how: _left_by(table, robot, rows, other) for how, other in _readings(robot, q)}
-    best = min(left.values(), default=np.inf)
-    if best < ANOTHER * stated:
+    apart = float(np.sqrt(table.position[rows].var(axis=0).sum()))
+    for placed in (True, False):
+        stated = _left_by(table, robot, rows, placed=placed)
+        if not stated > AMISS * compile_kinematics(robot).size:
+            continue
+        left = {how: _left_by(table, robot, rows, other, placed) for how, other in _readings(robot, q)}
+        left[_mirrored(table, robot, rows)] = _left_by(table, robot, rows, q, placed, MIRROR)
+        best = min(left.values())
+        if not best < ANOTHER * min(stated, apart):
+            continue
         # what fits as well: a joint beside the tool may be turned instead of the tool
         like = sorted((one for one in left if left[one] * ANOTHER <= best), key=left.__getitem__)
         found = f"{1e3 * stated:.3g} mm" if np.isfinite(stated) else "the loops do not close"
@@ -194,39 +169,106 @@ def _misread(table: Measurements, robot: Robot, rows: Index) -> Iterator[tuple[f
             f"({1e3 * best:.3g} mm), not as the table has it ({found}): correct the column, or the robot "
             "file",
         )
+        return
 
 
 def _readings(robot: Robot, q: Array) -> Iterator[tuple[str, Array]]:
     """Yield other ways to read joint values (P, A), in words and as values."""
     variables = robot.actuated
-    for at, variable in enumerate(variables):
-        others = {"reversed": -q[:, at]}
-        if variable.kind == "angle":
-            others |= {f"{turn:+d} deg": q[:, at] + np.radians(turn) for turn in (90, -90, 180, 360, -360)}
-            within = np.mod(q[:, at], 2 * np.pi)
-            others |= {
-                "counted from 0 to 360 deg": within,
-                "counted from -180 to 180 deg": np.where(within > np.pi, within - 2 * np.pi, within),
-            }
+    names = [variable.name for variable in variables]
+    angle = np.array([variable.kind == "angle" for variable in variables])
+    yield "all angles in degrees, read in radians", np.where(angle, np.radians(q), q)
+    yield "all angles in radians, read in degrees", np.where(angle, np.degrees(q), q)
+    for back in product((False, True), repeat=len(names)):
+        if sum(back) == 1 or (any(back) and len(names) <= REVERSIBLE):
+            yield f"{listed(list(compress(names, back)))} reversed", np.where(back, -q, q)
+    for at in np.flatnonzero(angle).tolist():
+        others = {f"{turn:+d} deg": q[:, at] + np.radians(turn) for turn in (90, -90, 180, 360, -360)}
+        within = np.mod(q[:, at], 2 * np.pi)
+        others |= {
+            "counted from 0 to 360 deg": within,
+            "counted from -180 to 180 deg": np.where(within > np.pi, within - 2 * np.pi, within),
+        }
         for how, values in others.items():
             other = q.copy()
             other[:, at] = values
-            yield f"{variable.name} {how}", other
+            yield f"{names[at]} {how}", other
     for one, two in combinations(range(len(variables)), 2):
         if variables[one].kind == variables[two].kind:
             other = q.copy()
             other[:, [one, two]] = q[:, [two, one]]
-            yield f"{variables[one].name} and {variables[two].name} swapped", other
+            yield f"{names[one]} and {names[two]} swapped", other
 
 
-def _left_by(table: Measurements, robot: Robot, rows: Index, q: Array) -> float:
-    """Return the RMS distance, m, of the positions from those at q (P, A), laid over; inf: it is open."""
+def _mirrored(table: Measurements, robot: Robot, rows: Index) -> str:
+    """Return how x y z would be mirrored if they are, in words: which axes, where these are the base's."""
     try:
-        at = _places(table, robot, rows, q)
-        check_spread(at, "points")
-        return float(fit_rigid_motion(at, table.position[rows]).rms)
+        found = laid_over(table, robot, rows, table.q[rows], MIRROR * table.position[rows])
+    except BeamstiffError:
+        return "x y z mirrored"
+    turn = (MIRROR[:, None] * found.rotation).T  # of what is read to base axes
+    along = np.where(np.abs(turn) > ALONG, np.sign(turn), 0.0)
+    which = f": {axes_in_words(along, tuple('xyz'))}" if np.abs(along).sum() == len(along) else ""
+    return f"x y z mirrored (a left-handed frame{which})"
+
+
+def axes_in_words(turn: Array, names: Sequence[str]) -> str:
+    """Return, in words, a signed permutation (3, 3) of what columns hold to what they should.
+
+    >>> axes_in_words(np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]), "xyz")
+    'x and y swapped and z reversed'
+    """
+    columns = [names[at] for at in np.abs(turn).argmax(axis=1)]
+    moved = [name for name, column in zip(names, columns, strict=True) if name != column]
+    back = [name for name, row in zip(names, turn, strict=True) if row.sum() < 0.0]
+    said = [f"{' and '.join(moved)} swapped"] if len(moved) == 2 else []
+    said += [f"{' '.join(names)} in the columns {' '.join(columns)}"] if len(moved) > 2 else []
+    said += [f"{listed(back)} reversed"] if back else []
+    return " and ".join(said)
+
+
+def _left_by(
+    table: Measurements,
+    robot: Robot,
+    rows: Index,
+    q: Array | None = None,
+    placed: bool = True,
+    signs: Array | float = 1.0,
+) -> float:
+    """Return the RMS distance, m, of the positions from those at q (P, A), laid over; inf: it is open.
+
+    `q`: default those of the table. `placed`: see `laid_over`. `signs`: of x y z.
+    """
+    position, q = signs * table.position[rows], table.q[rows] if q is None else q
+    try:
+        return float(laid_over(table, robot, rows, q, position, placed).rms)
     except BeamstiffError:
         return np.inf
+
+
+def laid_over(
+    table: Measurements, robot: Robot, rows: Index, q: Array, position: Array, placed: bool = True
+) -> RigidMotion:
+    """Return the motion that lays the robot at q (P, A) over positions (P, 3).
+
+    `placed`: with its reflectors where this fits best, motion and places in turn; those of few rows stay
+    where the robot file has them.
+    """
+    kinematics = compile_kinematics(robot)
+    where, point = posture(kinematics, q), table.point[rows]
+    poses = {name: pose_of(kinematics, where, name) for name in np.unique(point).tolist()}
+    pose = np.array([poses[name][row] for row, name in enumerate(point.tolist())])
+    at = described = pose[:, :3, 3]
+    check_spread(described, "points")
+    free = [point == name for name in poses if placed and (point == name).sum() >= POSTURES]
+    turned = [np.where(own[:, None, None], pose[:, :3, :3], 0.0) for own in free]
+    columns = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)), *turned], axis=2)
+    inverse = np.linalg.pinv(columns.reshape(-1, columns.shape[2]), rcond=DISTINCT)
+    for _ in range(REFLECTOR_ROUNDS if free else 0):
+        motion = fit_rigid_motion(at, position)
+        back = (position - motion.translation) @ motion.rotation - described
+        at = described + columns[:, :, 3:] @ (inverse @ back.ravel())[3:]
+    return fit_rigid_motion(at, position)
 
 
 def _places(table: Measurements, robot: Robot, rows: Index, q: Array) -> Array:

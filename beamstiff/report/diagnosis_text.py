@@ -33,7 +33,7 @@ from beamstiff.report.diagnosis_words import (
     told,
     unrealistic,
 )
-from beamstiff.report.next_action import NOTHING, TOO_FEW, action
+from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import (
     Verdict,
@@ -65,7 +65,12 @@ def verdict(result: Diagnosis) -> Verdict:
     elif head == NOTHING.capitalize():
         noise = f"gap {rounded(1e3 * result.rms)} mm, noise floor {rounded(1e3 * result.noise)} mm"
         said, level = f"Model and machine agree: {noise}", "agrees"
-        if wrong := calibrated_away(result):
+        if times := overstated(result):
+            said = (
+                f"Nothing can show: the stated noise is {times:.2g} times what the readings scatter ({noise})"
+            )
+            level = "doubtful"
+        elif wrong := calibrated_away(result):
             said, level = f"{wrong}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement

@@ -7,7 +7,9 @@ import numpy as np
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import weightless
+from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
@@ -28,6 +30,7 @@ VARIED = {
     "load": "load some postures step by step, up and down again",
     "reflector": "read all reflectors in the same postures",
 }
+SIMULATED = 1e-6  # m, RMS: no instrument reads as finely
 NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 
 
@@ -41,6 +44,10 @@ def _one(result: Diagnosis, head: str) -> str:
     """Return the one thing to do next, as a sentence."""
     if head == TOO_FEW:
         return "Measure more rows; beamstiff plan chooses postures and loads."
+    if result.decomposition is not None and unlike(result.decomposition):
+        return "Check that robot file and table are of one robot, and each joint column of its joint."
+    if overstated(result):
+        return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
@@ -65,6 +72,17 @@ def _one(result: Diagnosis, head: str) -> str:
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
+
+
+def overstated(result: Diagnosis) -> float:
+    """Return how many times the stated noise is what is left of the readings, where that is no chance; or 0.
+
+    What leaves no micrometre was written by a program, and not read.
+    """
+    left = result.features.get("scatter", 1.0)
+    if not result.baseline.claimed or result.rms < SIMULATED:
+        return 0.0
+    return 1.0 / left if 0.0 < left < SILENCE else 0.0
 
 
 def _drives(result: Diagnosis) -> str:

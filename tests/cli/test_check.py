@@ -80,6 +80,24 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
     assert "There is no before and after" not in said
 
 
+def test_verify_of_effects_that_help_but_leave_much_sends_to_all_rows_together(
+    run: Run, folder: Path
+) -> None:
+    effect = (
+        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
+        "parameters: {half_width: 0.1 mrad}, scales: {torque: 700}}]\n"
+    )
+    stiff = (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e8 N*m/rad")
+    (folder / "stiff.yaml").write_text(stiff + effect)
+    said = " ".join(run("verify", "stiff.yaml", "crane.csv").stdout.split())
+    assert (
+        "the rows from then and these together: beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv." in said
+    )
+    (folder / "bare.yaml").write_text(stiff)
+    said = " ".join(run("verify", "bare.yaml", "crane.csv").stdout.split())
+    assert "Something is still missing: beamstiff diagnose bare.yaml crane.csv finds what." in said
+
+
 def test_verify_of_a_robot_without_effects_says_that_there_is_no_before_and_after(run: Run) -> None:
     said = run("verify", "crane.yaml", "crane.csv").stdout
     assert "There is no before and after: the robot file holds no effects and no model" in said

@@ -69,7 +69,8 @@ def test_a_size_that_no_machine_has_is_flagged_not_hidden() -> None:
     usual = Estimate("half_width", 2e-4, 1e-5, "rad", (1e-5, 1e-3))
     assert usual.plausible
     assert not replace(usual, value=-0.1).plausible
-    assert replace(usual, value=-0.1, std=0.06).plausible  # it may be small
+    assert replace(usual, value=-0.009, std=0.005).plausible  # it may be small
+    assert not replace(usual, value=-0.1, std=0.06).plausible  # so badly known it is no evidence
 
 
 def test_the_size_of_the_effect_is_found() -> None:

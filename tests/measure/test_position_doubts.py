@@ -1,22 +1,22 @@
-"""Joint values, assemblies, units and loads that cannot be those of the positions."""
+"""Joint values, assemblies, units and axes that cannot be those of the positions."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError, diagnose
 from beamstiff.errors import UnusableError
 from beamstiff.measure.doubts import doubts
-from beamstiff.measure.position_doubts import require_joints, require_loads, require_scale, work_between
+from beamstiff.measure.position_doubts import require_joints, require_scale
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import every_assembly
-from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
-from tests.diagnosis.machines import arm_at, at_random, kr240, rows_of
 
 FRAME, PLACE = np.array([0.3, -0.2, 1.1]), np.array([2.0, -1.0, 0.4])  # rad, m: a tracker stands somewhere
 
@@ -131,8 +131,9 @@ def test_of_points_on_one_line_nothing_is_said() -> None:
         lambda q: q * [1, 1, -1, 1, 1, 1],
         lambda q: q + np.pi / 2 * np.eye(6)[1],
         lambda q: q[:, [0, 2, 1, 3, 4, 5]],
+        np.degrees,
     ],
-    ids=["sign", "zero", "swapped"],
+    ids=["sign", "zero", "swapped", "degrees"],
 )
 def test_joints_that_are_surely_read_wrongly_are_refused(wrong: Callable[[Array], Array]) -> None:
     table, robot = read("kr240-2"), load_robot("kr240-2")
@@ -141,41 +142,50 @@ def test_joints_that_are_surely_read_wrongly_are_refused(wrong: Callable[[Array]
         require_joints(replace(table, q=wrong(table.q)), robot)
 
 
+def aside(table: Measurements, robot: Robot, place: Array) -> Measurements:
+    """Return what a reflector at `place` beside the TCP, along the tool's axes, would have read; no noise."""
+    kinematics = compile_kinematics(robot)
+    at = pose_of(kinematics, posture(kinematics, table.q), robot.tcp)
+    seen = at[:, :3, 3] + at[:, :3, :3] @ place
+    return replace(table, position=seen @ rotation_from_vector(FRAME).T + PLACE)
+
+
+def test_columns_are_told_where_the_place_of_the_reflector_was_guessed() -> None:
+    robot = load_robot("kr240-2")
+    table = aside(read("kr240-2", poses=30), robot, np.array([0.05, -0.08, 0.1]))
+    require_joints(table, robot)
+    with pytest.raises(UnusableError, match="with q2 and q3 swapped"):
+        require_joints(replace(table, q=table.q[:, [0, 2, 1, 3, 4, 5]]), robot)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda at: at[:, [1, 0, 2]], "x y z mirrored (a left-handed frame: x and y swapped)"),
+        (lambda at: at * [1, 1, -1], "x y z mirrored (a left-handed frame: z reversed)"),
+    ],
+)
+def test_mirrored_positions_are_refused(wrong: Callable[[Array], Array], told: str) -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    base = (table.position - PLACE) @ rotation_from_vector(FRAME)
+    require_joints(replace(table, position=base[:, [1, 2, 0]]), robot)  # axes turned are no mirror
+    with pytest.raises(UnusableError, match=re.escape(told)):
+        require_joints(replace(table, position=wrong(base)), robot)
+    with pytest.raises(UnusableError, match=r"\(a left-handed frame\)"):  # in a tracker's frame, which?
+        require_joints(replace(table, position=wrong(table.position)), robot)
+
+
+def test_joints_that_all_turn_the_other_way_are_named() -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    with pytest.raises(UnusableError, match="q1, q4, q6 reversed"):
+        require_joints(replace(table, q=table.q * [-1, 1, 1, -1, 1, -1]), robot)
+
+
 def test_joints_of_a_robot_far_from_its_model_are_told_and_not_refused() -> None:
     rough, robot = read("kr240-2", noise=0.08), load_robot("kr240-2")
     turned = replace(rough, q=rough.q * [1, 1, -1, 1, 1, 1])
     assert said(turned)
     require_joints(turned, robot)
-
-
-def under_loads(turn: Array) -> Measurements:
-    """Return positions of the KR240 under its weight and two loads a posture, read in a turned frame."""
-    q = np.repeat(at_random(kr240(), 8, seed=5).q, 3, axis=0)
-    wrench = np.zeros((24, 6))
-    wrench[1::3, 2], wrench[2::3, :2] = -800.0, (500.0, -300.0)
-    soft = 2e-6  # m/N, as in every direction: what a load does is along it
-    position = (arm_at(q).tip + soft * wrench[:, :3]) @ turn.T + [1.0, -2.0, 0.5]
-    rows = rows_of(kr240(), q, wrench, position=position)
-    return replace(rows, sigma=np.full((24, 6), 3e-5))
-
-
-@pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (0.4, -0.9, 2.0)])
-def test_loads_of_the_wrong_sign_under_absolute_positions_are_refused(vector: tuple[float, ...]) -> None:
-    turn = Rotation.from_rotvec(vector).as_matrix()
-    table = under_loads(turn)
-    more = np.array([800.0**2, 500.0**2 + 300.0**2]) * 2e-6
-    np.testing.assert_allclose(np.sort(work_between(table, kr240())), np.sort(np.tile(more, 8)), rtol=1e-2)
-    require_loads(table, kr240())
-    with pytest.raises(UnusableError, match="all 16 rows that tell"):
-        require_loads(replace(table, wrench=-table.wrench), kr240())
-
-
-def test_some_loads_of_the_wrong_sign_and_what_noise_hides_are_not_refused() -> None:
-    table = under_loads(np.eye(3))
-    some = table.wrench.copy()
-    some[:18] *= -1.0
-    require_loads(replace(table, wrench=some), kr240())
-    require_loads(replace(table, wrench=-table.wrench, sigma=np.full((24, 6), 1e-3)), kr240())
 
 
 @pytest.mark.parametrize(("off", "asked"), [(2 * np.pi, True), (4.0, False)])

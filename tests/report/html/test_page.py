@@ -282,7 +282,7 @@ def test_loads_of_the_wrong_sign_stand_before_the_verdict(
     rows = diagnosed.baseline.rows
     turned = replace(diagnosed.baseline, rows=replace(rows, wrench=-rows.wrench))
     text = "".join(Outline(diagnosis_html(replace(diagnosed, baseline=turned), source)).text)
-    assert 0 < text.index("the tool moved against its load") < text.index(summary(diagnosed).splitlines()[0])
+    assert 0 < text.index("fx, fy reversed") < text.index(summary(diagnosed).splitlines()[0])
     assert FIRST not in "".join(Outline(diagnosis_page).text)
 
 
@@ -291,4 +291,4 @@ def test_and_before_what_was_identified(
 ) -> None:
     turned = replace(rows, wrench=-rows.wrench)
     text = "".join(Outline(identification_html(identified, robot, turned, source)).text)
-    assert text.index("the tool moved against its load") < text.index("Position residual")
+    assert text.index("fx, fy reversed") < text.index("Position residual")
