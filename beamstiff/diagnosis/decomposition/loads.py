@@ -2,8 +2,8 @@
 
 ``d = (F + L theta) c``, with compliances c, loads F as they are stated and their error ``L theta``. About
 ``(c_0, theta_0)`` the drives' columns are ``F + L theta_0``, not F: else a load that is too large makes the
-drives too stiff, these the load too large again, and other causes make up for what is left. What else gives
-way does so under ``F + L theta_0``.
+drives too stiff, these the load too large again, and other causes make up for what is left. What else is
+compliant is so under ``F + L theta_0``.
 """
 
 from __future__ import annotations

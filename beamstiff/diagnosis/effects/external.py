@@ -49,7 +49,7 @@ def tool_axes(baseline: Baseline) -> Array:
 def under_errors(baseline: Baseline, errors: Iterable[tuple[str, Array]]) -> Baseline:
     """Return what a baseline's effects look at where errors of its loads pass through the places as well.
 
-    What gives way under loads gives way under these too.
+    What is compliant deforms under these too.
 
     Parameters
     ----------
