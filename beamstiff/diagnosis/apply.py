@@ -72,9 +72,11 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
     bare = bare or bare_baseline(robot, rows)
     keys = [(one.effect, one.component) for one in robot.effects for _ in one.each]
     seen, errors = list[tuple[str, str | None, AddedShape]](), list[tuple[str, Array]]()
+    view = bare
     # errors of loads first: what is compliant deforms under these as well
     for at, effect in sorted(enumerate(robot.effects), key=lambda item: not _of_loads(item[1])):
-        view = bare if _of_loads(effect) or not errors else under_errors(bare, errors)
+        if view is bare and errors and not _of_loads(effect):
+            view = under_errors(bare, errors)
         try:
             for part in effect.each:
                 entry = (effect.effect, effect.component, part)

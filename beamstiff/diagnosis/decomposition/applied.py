@@ -124,8 +124,11 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     except BeamstiffError:  # drives may come out so soft that the machine buckles: the linear step stands
         return linear
     again = again.of_told_apart
-    change = np.append(inverse_of(again.geometry) @ again.residual, np.zeros(again.present.size))
-    robot = again.robot(change if held else solved(again, ())[0])
+    if held:
+        change = np.append(inverse_of(again.geometry) @ again.residual, np.zeros(again.present.size))
+    else:
+        change = solved(again, ())[0]
+    robot = again.robot(change)
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}

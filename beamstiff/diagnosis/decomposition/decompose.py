@@ -121,15 +121,20 @@ class _Settings:
     seed: int
 
     def calibrated(
-        self, model: OpenModel, chosen: Sequence[Form], beside: Array | None = None, held: bool = False
+        self,
+        model: OpenModel,
+        chosen: Sequence[Form],
+        solution: tuple[Array, list[Array]],
+        beside: Array | None = None,
+        held: bool = False,
     ) -> OpenModel:
         """Return the open model that is calibrated beside causes, and linear about these loads and drives.
 
-        Beside what they move, or (N, 6). Drives are those of the calibration, or `held` as they fit best with
-        errors of loads, not beside them: a step of Newton's method, which is sure to lead on near the end
-        alone.
+        Beside what they move by their `_solution`, or (N, 6). Drives are those of the calibration, or `held`
+        as they fit best with errors of loads, not beside them: a step of Newton's method, which is sure to
+        lead on near the end alone.
         """
-        change, thetas = _solution(model, chosen)
+        change, thetas = solution
         if model.problem is None:
             opened = open_stiffness(around(model.baseline, model.stiffness(change)))
         else:
@@ -198,7 +203,7 @@ def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[F
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = settings.calibrated(folds.model, chosen)
+            model = settings.calibrated(folds.model, chosen, _solution(folds.model, chosen))
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         folds, same = settings.folds(model, chosen)
@@ -257,12 +262,12 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
     model, share, moved = found.model, np.inf, None
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
+        change, thetas = _solution(model, chosen)
         for turn in range(SETTLING):
-            change, thetas = _solution(model, chosen)
             now, held = moved_by(model, chosen, thetas, change), turn >= SETTLING // 2
             # fitted in turn, loads and drives may overshoot
             moved = now if moved is None or held else 0.5 * (moved + now)
-            model = settings.calibrated(model, chosen, moved, held)
+            model = settings.calibrated(model, chosen, (change, thetas), moved, held)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]

@@ -59,7 +59,10 @@ def under_errors(baseline: Baseline, errors: Iterable[tuple[str, Array]]) -> Bas
     """
     rows, places = baseline.rows, baseline.places
     tcp = np.full(len(rows), baseline.robot.tcp)
+    total = dict[str, Array]()
     for place, wrench in errors:
+        total[place] = total.get(place, np.zeros_like(wrench)) + wrench
+    for place, wrench in total.items():
         at = tcp if place == "payload" else rows.load_point
         places = places.beside(find_places(baseline.robot, replace(rows, wrench=wrench, load_point=at)))
     return replace(baseline, places=places)
