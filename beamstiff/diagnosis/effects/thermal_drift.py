@@ -42,7 +42,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     fitted, stated = baseline.fit.rows, baseline.stated is not None
-    time = clock(baseline)
+    time = np.clip(clock(baseline), 0.0, 1.0)  # how a drift went on after the campaign nobody saw: it stays
     shared = not baseline.absolute and fitted.shared_unloaded
     courses = usual(time)
     modes, begun = any_course(time), steady(baseline)

@@ -35,6 +35,16 @@ def test_a_machine_warms_up_as_newton_says(name: str, decay: float) -> None:
     assert 1 - found == pytest.approx(np.exp(-TIME / (decay * 400)))
 
 
+@pytest.mark.parametrize("name", ["linear", "warming up within 0.3", "any course"])
+def test_outside_the_campaign_a_drift_stays_as_it_was_at_its_ends(name: str) -> None:
+    there = nominal(elbow(), at_random(elbow(), 6, seed=1, time=TIME))
+    within = shape_of(there, "thermal-drift", None, name).columns
+    other = at_random(elbow(), 6, seed=1, time=np.array([-900.0, -1.0, 0.0, 400.0, 401.0, 4000.0]))
+    found = shape_of(replace(nominal(elbow(), other), fit_rows=there), "thermal-drift", None, name).columns
+    assert found[:3] == pytest.approx(np.broadcast_to(within[:1], found[:3].shape))
+    assert found[3:] == pytest.approx(np.broadcast_to(within[-1:], found[3:].shape))
+
+
 def test_without_times_and_temperatures_nothing_is_said_to_drift() -> None:
     assert EFFECTS["thermal-drift"].components(nominal(elbow(), at_random(elbow(), 5, seed=1))) == []
     timed = at_random(elbow(), 6, seed=1, time=TIME)
