@@ -11,7 +11,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     axis_at,
     by_law,
     drive_compliance,
-    drives,
+    drives_and_rigid_ones,
     torque_scale,
     unit_of,
 )
@@ -131,7 +131,7 @@ EFFECT = Effect(
     name="backlash",
     family="drive",
     meaning="The drive has a dead zone that is crossed where its torque changes sign.",
-    components=drives,
+    components=drives_and_rigid_ones,
     shapes=_shapes,
     separation="change the load in fine steps until this joint's torque changes sign, in both directions",
     look_alikes=("hardening", "hysteresis"),

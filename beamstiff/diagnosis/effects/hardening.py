@@ -11,7 +11,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     by_law,
     by_power,
     drive_compliance,
-    drives,
+    drives_and_rigid_ones,
     torque_scale,
     unit_of,
 )
@@ -70,7 +70,7 @@ EFFECT = Effect(
     name="hardening",
     family="drive",
     meaning="The drive is soft at small torque and stiffens as it grows.",
-    components=drives,
+    components=drives_and_rigid_ones,
     shapes=_shapes,
     separation="apply four load levels in both directions of this joint's torque",
     look_alikes=("backlash",),

@@ -20,7 +20,7 @@ from beamstiff.diagnosis.effects.torque_laws import (
     axis_at,
     by_slips,
     drive_compliance,
-    drives,
+    drives_and_rigid_ones,
     torque_scale,
     unit_of,
 )
@@ -253,7 +253,7 @@ EFFECT = Effect(
     name="hysteresis",
     family="drive",
     meaning="Friction in the drive makes the displacement depend on the load history.",
-    components=drives,
+    components=drives_and_rigid_ones,
     shapes=_shapes,
     separation="load and unload step by step, and return to zero load",
     look_alikes=("load-error", "backlash"),

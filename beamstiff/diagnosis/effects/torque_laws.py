@@ -105,12 +105,20 @@ def torque_scale(baseline: Baseline, component: str | None) -> Normalisation:
 
 def drives(baseline: Baseline) -> list[str | None]:
     """Return the components whose own direction has a finite stiffness: drives, springs."""
-    found: list[str | None] = []
-    for joint in baseline.nominal.joints:
-        value = getattr(joint.stiffness, own_direction(baseline.nominal, joint.name))
-        if FREE < value < RIGID:
-            found.append(component_of(baseline.nominal, joint))
-    return found
+    return _along(baseline, lambda joint, value: FREE < value < RIGID)
+
+
+def drives_and_rigid_ones(baseline: Baseline) -> list[str | None]:
+    """Return `drives`, and those that are rigid in the file: their gears have play whatever it says."""
+    return _along(
+        baseline, lambda joint, value: value > FREE and (value < RIGID or joint.variable is not None)
+    )
+
+
+def _along(baseline: Baseline, wanted: Callable[[Joint, float], bool]) -> list[str | None]:
+    robot = baseline.nominal
+    own = ((joint, getattr(joint.stiffness, own_direction(robot, joint.name))) for joint in robot.joints)
+    return [component_of(robot, joint) for joint, value in own if wanted(joint, value)]
 
 
 def by_law(baseline: Baseline, axis: Axis, law: Callable[[Array], Array]) -> Array:

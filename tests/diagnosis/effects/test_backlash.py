@@ -24,6 +24,15 @@ def test_a_torque_beyond_the_flank_moves_the_joint_by_half_the_zone_to_its_side(
     close(found, np.array([1, -1, 1, -1])[:, None] * STEP, 1e-4)
 
 
+def test_a_drive_that_is_rigid_in_the_file_has_play_all_the_same() -> None:
+    machine = elbow(torsional="rigid")
+    rows = rows_of(machine, [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
+    there = nominal(machine, rows)
+    assert "q2" in EFFECTS["backlash"].components(there)
+    found = shape_of(there, "backlash", "q2", "flank within 0.03").columns[..., 0]
+    close(found, np.array([1, -1])[:, None] * STEP, 1e-4)
+
+
 def test_a_drive_that_rests_off_the_middle_of_its_play_goes_farther_to_one_flank() -> None:
     rows = rows_of(elbow(), [0, 0], np.array([1000, -1000])[:, None] * SIDEWAYS)
     found = shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03, asymmetric")
