@@ -95,9 +95,9 @@ def close_in_branch(
 ) -> Attempt:
     """Close the loops at every pose (P, A + Q) in the branch of the assembly; the passive part is not used.
 
-    First from the reference, or from `starts` (P, Q), at once. What did not close, or flipped, is reached from
-    the nearest good pose by continuation, and at last tried from starts all over the passive variables: not
-    every pose can be reached along straight lines.
+    First from the reference, or from `starts` (P, Q), at once. What did not close, or flipped, is reached
+    from the nearest good pose by continuation, and at last tried from starts all over the passive variables:
+    not every pose can be reached along straight lines.
     """
     first = system.actuated
     start = free.copy()
