@@ -122,7 +122,8 @@ class Geometry:
             q, kinematics = self.poses.copy(), self.changed(theta)
             for number, column in self.offset_columns:
                 q[:, column] += theta[number]
-            values, closed, reasons = close_loops(kinematics, q, strict=False)
+            near = next((before.values for before in self._last.values()), None)
+            values, closed, reasons = close_loops(kinematics, q, strict=False, near=near)
             if not closed.all():
                 self._refuse(closed, reasons)
             self._last.clear()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lstsq, qr
 
-from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.parameters import SETUP, Parameter
 from beamstiff.se3 import Array
 
 NOTICED = 1.0  # signal over noise of a realistic deviation, below which a parameter is held
@@ -71,6 +71,9 @@ def observability(
             base = np.linalg.qr(scaled[:, taken])[0]
             left = scaled - base @ (base.T @ scaled)
             left -= base @ (base.T @ left)
+    for at in _undetermined(scaled, parameters, taken, noticed):
+        taken.remove(at)
+        rest.insert(0, at)
     names = [item.name for item in parameters]
     silent = [names[at] for at in rest if not felt[at]]
     dependent: dict[str, dict[str, float]] = {}
@@ -95,3 +98,24 @@ def observability(
         silent=tuple(silent),
         condition=float(values.max() / values.min()),
     )
+
+
+def _undetermined(
+    scaled: Array, parameters: tuple[Parameter, ...], taken: list[int], noticed: float
+) -> list[int]:
+    """Return which of the parameters taken, of what was set up, those taken after them leave unknown.
+
+    Setting-up comes first, before what it may not be told from: how far from a tool that stays level its
+    reflector hangs shows by errors of angles alone, and by these it is a fraction of a metre either way.
+    """
+    out: list[int] = []
+    while True:
+        left = [at for at in taken if at not in out]
+        setup = [at for at in left if parameters[at].rank == SETUP]
+        if not setup:
+            return out
+        shows = 1.0 / np.linalg.norm(np.linalg.pinv(scaled[:, left]), axis=1)
+        worst = min(reversed(setup), key=lambda at: round(float(np.log(shows[left.index(at)])), 3))
+        if shows[left.index(worst)] >= noticed:
+            return out
+        out.append(worst)

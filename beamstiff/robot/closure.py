@@ -35,8 +35,11 @@ class Closure(NamedTuple):
     reasons: tuple[str, ...]  # why a pose does not close, empty where it does
 
 
-def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closure:
-    """Return all variables at actuated ones (P, A), loops closed; an error if `strict` where they cannot."""
+def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Array | None = None) -> Closure:
+    """Return all variables at actuated ones (P, A), loops closed; an error if `strict` where they cannot.
+
+    `near` (P, V): all variables where almost the same loops are closed at almost these poses, to start from.
+    """
     joined, poses = kinematics.coupling, len(q)
     passive = len(joined.free) - joined.actuated
     free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
@@ -45,10 +48,13 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True) -> Closur
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free) or _without_branches(system, free[0])
-    starts = None
+    starts = (
+        None if near is None else near[:, [joined.names.index(x) for x in joined.free[joined.actuated :]]]
+    )
     if poses >= GRID:
         system = recorded(system)
-        starts = grid_of_starts(system, assembly) if kinematics.assembly else None
+        if starts is None and kinematics.assembly:
+            starts = grid_of_starts(system, assembly).passive(q)
     free, gaps, closed, flipped = close_in_branch(system, assembly, free, starts)
     at_dead_centre = _at_dead_centre(system, free, closed)
     closed = closed & ~at_dead_centre

@@ -91,17 +91,17 @@ def grid_of_starts(system: LoopSystem, assembly: Assembly) -> Starts:
 
 
 def close_in_branch(
-    system: LoopSystem, assembly: Assembly, free: Array, starts: Starts | None = None
+    system: LoopSystem, assembly: Assembly, free: Array, starts: Array | None = None
 ) -> Attempt:
     """Close the loops at every pose (P, A + Q) in the branch of the assembly; the passive part is not used.
 
-    First from the reference, or from `starts`, at once. What did not close, or flipped, is reached from the
-    nearest good pose by continuation, and at last tried from starts all over the passive variables: not every
-    pose can be reached along straight lines.
+    First from the reference, or from `starts` (P, Q), at once. What did not close, or flipped, is reached
+    from the nearest good pose by continuation, and at last tried from starts all over the passive variables:
+    not every pose can be reached along straight lines.
     """
     first = system.actuated
     start = free.copy()
-    start[:, first:] = assembly.free[first:] if starts is None else starts.passive(free[:, :first])
+    start[:, first:] = assembly.free[first:] if starts is None else starts
     best, gaps = start, np.zeros((len(free), system.rows[-1].stop))
     good, flipped = np.zeros((2, len(free)), dtype=np.bool_)
     if starts is not None:

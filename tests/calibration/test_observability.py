@@ -111,3 +111,23 @@ def test_a_column_must_stand_out_of_the_noise_by_what_it_adds() -> None:
     assert found.adds == pytest.approx([5.0, 0.8])
     assert found.dependent == {"b": {"a": pytest.approx(0.8)}}
     assert observability(columns, parameters, noticed=0.7).identified == ("a", "b")
+
+
+def test_a_reflector_that_only_errors_of_angles_would_show_is_held() -> None:
+    # a level tool: base and reflector move the point alike, but for what two errors of angles do as well
+    base, first, second, own = np.linalg.qr(np.random.default_rng(3).standard_normal((60, 4)))[0].T
+    truly = 1e4 * base
+    columns = [truly, truly + 9 * first + 9 * second + 0.3 * own, 2e4 * first, 2e4 * second]
+    sizes, ranks, groups = (0.1, 0.1, 1e-3, 1e-3), (0, 0, 2, 2), ("base", "target", "frame", "frame")
+    parameters = tuple(
+        Parameter(name, group, "m", size, rank)
+        for name, group, size, rank in zip(
+            ("base.z", "r1.z", "f2.d", "f3.d"), groups, sizes, ranks, strict=True
+        )
+    )
+    found = observability(np.stack(columns, -1) / sizes, parameters)
+    assert len({"base.z", "r1.z"} & {*found.identified}) == 1
+    assert {"f2.d", "f3.d"} < {*found.identified}
+    # and with the reflector's place shown by itself, both are
+    columns[1] = columns[1] + 3 * own
+    assert len(observability(np.stack(columns, -1) / sizes, parameters).identified) == 4

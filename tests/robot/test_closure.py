@@ -119,6 +119,17 @@ def test_three_loops_at_once() -> None:
     assert (distance > D10 + D11).all()
 
 
+@pytest.mark.parametrize(("phi", "psi", "branch"), [(3.0, -2.7, 1), (-0.6, 2.7, -1)])
+def test_loops_that_were_nearly_closed_before_close_in_their_branch(
+    phi: float, psi: float, branch: int
+) -> None:
+    screw = np.linspace(L32 - L12 + 0.02, L12 + L32 - 0.02, 50)
+    kinematics = compile_kinematics(slider_crank(phi, psi))
+    before = close_loops(kinematics, screw[:, None] - 2e-3).values
+    theta2 = value(kinematics, close_loops(kinematics, screw[:, None], near=before).values, "theta2")
+    assert apart(theta2, slider_crank_theta2(screw, branch)).max() < 1e-12
+
+
 def test_a_loop_in_space_that_only_moves_by_its_proportions() -> None:
     """Bennett 1903: opposite angles are alike, and tan(q1/2) tan(t2/2) = sin((b+a)/2) / sin((b-a)/2)."""
     _, alpha, beta = BENNETT

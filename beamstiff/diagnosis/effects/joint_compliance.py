@@ -9,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, Term, named
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_law, component_of, torque_scale
+from beamstiff.diagnosis.effects.torque_laws import (
+    Axis,
+    axis_at,
+    by_law,
+    component_of,
+    softness,
+    torque_scale,
+)
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.robot.fields import RIGID
 
@@ -35,7 +42,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _linear(baseline: Baseline, axis: Axis, name: str) -> Term:
-    unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
+    unit, size = ("rad/(N*m)", 4e-7 * softness(baseline)) if axis.turns else ("m/N", 5e-9)
     return by_law(baseline, axis, lambda torque: torque), (Quantity(name, unit, size, positive=True),)
 
 

@@ -8,6 +8,7 @@ from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import at_rows
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.se3 import Array
 from tests.diagnosis.machines import (
     at_random,
     by_compliance_of,
@@ -127,3 +128,17 @@ def test_what_was_found_to_follow_the_angle_holds_for_a_single_posture() -> None
     linear = shape_of(nominal(robot, one), "joint-compliance", "q2", "linear").columns[..., 0]
     close(moved, 2e-6 * np.cos(one.q[0, 1]) * linear)
     assert shape_of(at_rows(fit, one), "joint-compliance", "q2", "by its angle")
+
+
+def test_a_small_arm_is_as_soft_for_its_size_as_a_large_one() -> None:
+    # similar machines under similar loads move alike: a joint of 1/50 the stiffness, 1/50 of the force
+    def usual(share: float) -> Array:
+        drives = {name: share * kr240().parameter(name) for name in kr240().identify}
+        robot = kr240().with_parameters(drives | {kr240().identify[3]: np.inf})
+        rows = at_random(robot, 5, seed=1)
+        there = nominal(robot, replace(rows, wrench=share * rows.wrench))
+        (component,) = EFFECTS["joint-compliance"].components(there)
+        shape = shape_of(there, "joint-compliance", component, "linear")
+        return shape.columns[..., 0] * shape.parameters[0].size
+
+    assert usual(0.02) == pytest.approx(usual(1.0), rel=1e-6, abs=1e-12)
