@@ -44,24 +44,21 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     fitted, stated = baseline.fit.rows, baseline.stated is not None
     time = np.clip(clock(baseline), 0.0, 1.0)  # how a drift went on after the campaign nobody saw: it stays
     shared = not baseline.absolute and fitted.shared_unloaded
-    held = time.clip(0, 1)  # what several courses add up to is not known beyond the rows that were fitted
-    courses, together = usual(time), usual(held)
-    modes, begun = any_course(held), steady(baseline)
+    courses = usual(time)
+    modes, begun = any_course(time), steady(baseline)
     result: list[Shape] = []
     parts = parts_of(baseline)
     # a zero, a length or a tool that was off before positions were measured is an error, not a drift
     ahead = {name: course for name, course in begun.items() if name != "before"}
     if stated or not shared:
-        common, any_own = (_from_the_start(law, held) for law in (usual, any_course))
+        common, any_own = (_from_the_start(law, time) for law in (usual, any_course))
         result += _in_time(baseline, courses, modes, "", begun)
         result += _of_parts(baseline, parts, common, any_own, "", ahead)
     if stated or shared:  # what drifted before the unloaded reading of a posture is in both readings
-        since, joined, moved = (
-            {name: since_pose(baseline, course) for name, course in one.items()}
-            for one in (courses, together, modes)
-        )
+        since = {name: since_pose(baseline, course) for name, course in courses.items()}
+        moved = {name: since_pose(baseline, mode) for name, mode in modes.items()}
         short = _in_time(baseline, since, moved, ", since the unloaded reading")
-        short += _of_parts(baseline, parts, joined, moved, ", since the unloaded reading")
+        short += _of_parts(baseline, parts, since, moved, ", since the unloaded reading")
         result += [replace(one, prior_factor=SHORT, realistic=one.prior_factor) for one in short]
     if stated or (np.isfinite(fitted.temperature).all() and np.ptp(fitted.temperature) > 0):
         warmth = {

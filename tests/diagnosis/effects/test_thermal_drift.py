@@ -9,7 +9,7 @@ from beamstiff.diagnosis.effects.cycles import cycle_of
 from beamstiff.diagnosis.effects.drift_basis import LAGS
 from beamstiff.diagnosis.effects.geometry_error import pose_change
 from beamstiff.diagnosis.effects.thermal_drift import WARM
-from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline
+from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.model.linear import predict_displacements
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import FORE, UPPER, at_random, close, elbow, kr240, nominal, rows_of, shape_of
@@ -305,19 +305,3 @@ def test_a_length_of_nothing_does_not_grow_whatever_unit_it_is_written_in() -> N
     names = {item.name for shape in shapes for item in shape.parameters}
     assert any(name.startswith("length_f2.d") for name in names)
     assert not any(name.startswith("length_f1.r") for name in names)
-
-
-@pytest.mark.parametrize("name", ["any course", "growing, any course", "tool, any course"])
-def test_what_several_courses_add_up_to_stays_beyond_the_rows_that_were_fitted(name: str) -> None:
-    # readings until 400 s say nothing of 800 s: there, modes that cancelled until then would run apart
-    fitted = at_random(elbow(), 6, seed=1, time=TIME)
-    here = nominal(elbow(), fitted)
-    later = at_rows(here, replace(fitted, time=np.full(6, 400.0)))
-    beyond = at_rows(here, replace(fitted, time=np.full(6, 800.0)))
-    close(
-        shape_of(beyond, "thermal-drift", None, name).columns,
-        shape_of(later, "thermal-drift", None, name).columns,
-    )
-    # one course by itself goes on
-    linear = [shape_of(there, "thermal-drift", None, "linear").columns[0, 0, 0] for there in (later, beyond)]
-    assert np.diff(linear) == pytest.approx(1.0)
