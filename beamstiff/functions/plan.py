@@ -171,8 +171,9 @@ def plan(
     seed : int
         Of these poses.
     speed : sequence of str, optional
-        Of the joints, such as ``"30 deg/s"`` for all that turn and ``"q1=60deg/s"`` for one. Of tests that
-        tell within 2 % as much as the best, those are chosen that take the least time for moving.
+        Of the joints, such as ``"30 deg/s"`` for all that turn and ``"q1=60deg/s"`` for one; default those of
+        the robot, where it has them for all. Of tests that tell within 2 % as much as the best, those are
+        chosen that take the least time for moving.
 
     Returns
     -------
@@ -209,9 +210,9 @@ def plan(
         tells = by_pose(possible, tells)
     kind = cast("Criterion", by)
     best = choose_tests(tells, count, found, kind)
-    campaign = plan_of(possible, best, noise, poses is not None, fastest)
+    campaign = plan_of(possible, best, noise, poses is not None, 1.0 if fastest is None else fastest)
     moving = None
-    if speed is not None:
+    if fastest is not None:
         states = possible.q[:: len(possible) // len(tells)]
         sooner = plan_of(
             possible, sooner_driven(best, tells, states, fastest), noise, poses is not None, fastest
@@ -233,9 +234,11 @@ def plan(
     )
 
 
-def _speed(robot: Robot, speed: Sequence[str] | None) -> Array:
-    """Return the speeds of the joints (A,), rad/s or m/s; ones where none is given."""
-    result = np.full(len(robot.actuated), 1.0 if speed is None else np.nan)
+def _speed(robot: Robot, speed: Sequence[str] | None) -> Array | None:
+    """Return the speeds of the joints (A,), rad/s or m/s, the robot's own if none is given; None: unknown."""
+    result = np.array([one.speed or np.nan for one in robot.actuated])
+    if speed is None and np.isnan(result).any():
+        return None
     names = [variable.name for variable in robot.actuated]
     for text in sorted(names_of("speed", speed) or (), key=lambda text: "=" in text):
         name, named, value = (part.strip() for part in text.rpartition("="))

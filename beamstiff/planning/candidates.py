@@ -11,6 +11,7 @@ from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.ports import reduce_to_ports
+from beamstiff.planning.obstacles import clear
 from beamstiff.planning.poses import closed_posture, random_poses
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -54,7 +55,7 @@ class Noise:
 def candidate_poses(
     kinematics: Kinematics, count: int, seed: int, region: Sequence[tuple[float, float]] | None = None
 ) -> Array:
-    """Return random poses within the joint limits whose loops close and whose TCP is in a region, (count, A).
+    """Return random poses in reach, (count, A): joint limits, loops closed, TCP in a region, no obstacle met.
 
     Parameters
     ----------
@@ -70,20 +71,24 @@ def candidate_poses(
         When hardly any pose gets there.
     """
     random = np.random.default_rng(seed)
-    if region is None:
+    robot = kinematics.robot
+    if region is None and not robot.obstacles:
         return random_poses(kinematics, count, random)
-    low, high = np.asarray(region, dtype=np.float64).reshape(3, 2).T
-    tcp = kinematics.node_index[kinematics.robot.tcp]
-    found = np.zeros((0, len(kinematics.robot.actuated)))
+    low, high = np.array(3 * [(-np.inf, np.inf)] if region is None else region).reshape(3, 2).T
+    tcp = kinematics.node_index[robot.tcp]
+    found = np.zeros((0, len(robot.actuated)))
     for _ in range(50):
         drawn = random_poses(kinematics, max(2 * count, 64), random)
-        position = closed_posture(kinematics, drawn)[0].node_positions[:, tcp]
-        found = np.concatenate([found, drawn[((position >= low) & (position <= high)).all(axis=1)]])
+        positions = closed_posture(kinematics, drawn)[0].node_positions
+        inside = ((positions[:, tcp] >= low) & (positions[:, tcp] <= high)).all(axis=1)
+        found = np.concatenate([found, drawn[inside & clear(kinematics, positions)]])
         if len(found) >= count:
             return found[:count]
+    wanted = [] if region is None else [f"have their TCP in the region {_shown(low, high)}"]
+    wanted += ["keep clear of its obstacles"] if robot.obstacles else []
     raise BeamstiffError(
-        f"robot {kinematics.robot.name!r}: only {len(found)} of {count} random poses have their TCP in the "
-        f"region {_shown(low, high)}; make it larger, or move it to where the robot reaches"
+        f"robot {robot.name!r}: only {len(found)} of {count} random poses {' and '.join(wanted)}; "
+        "expected more room where the robot reaches"
     )
 
 

@@ -16,9 +16,9 @@ PASSES = 20
 ROUNDING = 1e-9  # s
 
 
-def nearest_next(poses: Array) -> list[int]:
-    """Return a way through all poses: from the first always to the nearest, by the largest joint motion."""
-    route, left = [0], set(range(1, len(poses)))
+def nearest_next(poses: Array, first: int = 0) -> list[int]:
+    """Return a way through all poses: from one always to the nearest, by the largest joint motion."""
+    route, left = [first], set(range(len(poses))) - {first}
     while left:
         rest = sorted(left)
         away = np.abs(poses[rest] - poses[route[-1]]).max(axis=1, initial=0.0)

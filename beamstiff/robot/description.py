@@ -30,6 +30,7 @@ from beamstiff.robot.parts import (
     Mass,
     Material,
     Node,
+    Obstacle,
     Rigid,
     Strut,
     Variable,
@@ -59,6 +60,8 @@ class Robot(Shown, Described):
         `diagnose` write it; `compensate` says how much of the predicted error comes from these values.
     effects : list
         What the machine is known to have beyond beams and springs.
+    obstacles : list
+        Boxes that no part may touch in postures that `plan`, `diagnose` and `campaign` propose.
     calibrated : list
         What `calibrate` fitted; `diagnose` keeps it open.
     model : mapping
@@ -100,6 +103,7 @@ class Robot(Shown, Described):
     identify: tuple[Name, ...] = ()
     unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measured load touched
     effects: tuple[AddedEffect, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs
     calibrated: tuple[CalibratedParameter, ...] = ()  # what `calibrate` fitted: `diagnose` keeps it open
     urdf: str | None = None  # the text of the file it was read from, for `robot.urdf` to write back

@@ -72,6 +72,7 @@ class TreeJoint:
     # (3,): direction of the axis, in the child's frame
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     limits: tuple[float, float] | None = None
+    speed: float | None = None
     mimic: Mimic | None = None
     # as in a robot file: ``{"torsional": "1e6 N*m/rad"}``
     stiffness: Mapping[str, Any] = field(default_factory=dict)
@@ -404,6 +405,8 @@ def _variable(joint: TreeJoint, variables: Mapping[str, str], joints: Sequence[T
     data: dict[str, Any] = {"name": variables[joint.name], "type": joint.kind}
     if joint.limits is not None and joint.limits[0] < joint.limits[1]:
         data["limits"] = list(joint.limits)
+    if joint.speed is not None:
+        data["speed"] = joint.speed
     if joint.mimic is not None:
         followed = {other.name: other.kind for other in joints}
         source = joint.mimic.joint

@@ -71,6 +71,8 @@ class Variable(Described):
         Lower and upper.
     guess : float
         Of a passive variable: which way the loop is put together.
+    speed : float
+        The largest, by which plans judge the time for moving.
     """
 
     name: Identifier
@@ -79,6 +81,7 @@ class Variable(Described):
     equals: Annotated[str, BeforeValidator(lambda value: str(_linear(value)))] | None = None
     limits: tuple[float, float] | None = None
     guess: float = 0.0
+    speed: float | None = None
 
     @property
     def kind(self) -> str:
@@ -107,6 +110,16 @@ class Variable(Described):
     @classmethod
     def _guess(cls, value: Any, info: Any) -> Any:
         return described(value, "length" if info.data.get("type") == "prismatic" else "angle")
+
+    @field_validator("speed", mode="before")
+    @classmethod
+    def _speed(cls, value: Any, info: Any) -> Any:
+        if value is None:
+            return None
+        speed = described(value, "speed" if info.data.get("type") == "prismatic" else "angular speed")
+        if speed <= 0:
+            raise BeamstiffError(f"found {shown(value)}, expected a positive speed")
+        return speed
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -265,6 +278,26 @@ class Mass(Described):
     node: Name
     mass: PositiveMass
     at: Point = (0.0, 0.0, 0.0)
+
+
+class Obstacle(Described):
+    """A box, sides along the base frame's axes, that no part may touch in a posture that is proposed.
+
+    Parts are lines between nodes: enlarge the box by the radius of the arm.
+    """
+
+    name: Name
+    low: Point
+    high: Point
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for axis, low, high in zip("xyz", self.low, self.high, strict=True):
+            if low >= high:
+                raise DescriptionError(
+                    [(("high",), f"{axis}: found {high:g} m, expected more than {low:g} m of low")]
+                )
+        return self
 
 
 class AddedShape(Described):

@@ -128,7 +128,7 @@ class _Poses:
         moved = joint if apart else body
         between = f"{name} axis" if apart else child
         self.between.update([between] if apart else [])
-        axis, limits, mimic, k = np.array([0.0, 0.0, 1.0]), None, None, 0.0
+        axis, limits, speed, mimic, k = np.array([0.0, 0.0, 1.0]), None, None, None, 0.0
         if KINDS[kind] != "fixed":
             given = item.need("axis")
             direction = given.need("xyz")
@@ -139,7 +139,7 @@ class _Poses:
             turn = self.at(expressed, direction)[:3, :3] if expressed else joint[:3, :3]
             axis = moved[:3, :3].T @ turn @ (axis / np.linalg.norm(axis))
             axis = np.where(np.abs(axis) < 1e-15, 0.0, axis)
-            limits, mimic, k = _limits(given), _mimic(given), _spring(given)
+            limits, speed, mimic, k = _limits(given), _speed(given), _mimic(given), _spring(given)
         yield TreeJoint(
             name=name,
             parent=parent,
@@ -148,6 +148,7 @@ class _Poses:
             placed=np.linalg.inv(self.at(parent, item)) @ moved,
             axis=axis,
             limits=limits if kind != "continuous" else None,
+            speed=speed if mimic is None else None,
             mimic=mimic,
             stiffness=stiffness_of(item) if not k else {} if limits else {ALONG[KINDS[kind]]: k},
             spring=bool(k and not limits),
@@ -199,6 +200,13 @@ def _limits(axis: Element) -> tuple[float, float] | None:
         ends.append(item.numbers(text, 1, name)[0])
     check_limits(limit, *ends)
     return (ends[0], ends[1]) if max(map(abs, ends)) < UNLIMITED else None
+
+
+def _speed(axis: Element) -> float | None:
+    limit = axis.one("limit")
+    item = limit.one("velocity") if limit is not None else None
+    speed = item.numbers(item.text.strip(), 1, "velocity")[0] if item is not None else 0.0
+    return speed if 0.0 < speed < UNLIMITED else None
 
 
 def _spring(axis: Element) -> float:

@@ -133,9 +133,11 @@ def _joint(joint: TreeJoint, stiffness: JointStiffness) -> list[str]:
     ]
     if joint.kind != "fixed":
         lines += ["      <axis>", f"        <xyz>{numbers_text(joint.axis)}</xyz>"]
-        if joint.limits is not None:
-            low, high = map(short_number, joint.limits)
-            lines.append(f"        <limit><lower>{low}</lower><upper>{high}</upper></limit>")
+        ends = dict(zip(("lower", "upper"), joint.limits or (), strict=False))
+        told = ends | ({"velocity": joint.speed} if joint.speed else {})
+        if told:
+            inside = "".join(f"<{key}>{short_number(value)}</{key}>" for key, value in told.items())
+            lines.append(f"        <limit>{inside}</limit>")
         if joint.mimic is not None:
             factor, offset = map(short_number, (joint.mimic.multiplier, joint.mimic.offset))
             lines.append(

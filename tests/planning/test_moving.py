@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamstiff import plan
+from beamstiff import load_robot, plan
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning.moving import SLACK, driven
 
@@ -27,6 +27,16 @@ def test_the_same_is_told_in_less_time_for_moving() -> None:
     )
     assert min(shares) >= 0.0
     assert np.median(shares) > 0.1
+
+
+def test_speeds_that_the_robot_states_are_as_good_as_those_that_are_given() -> None:
+    asked = {"moment": 300.0, "candidates": 60, "tests": 8}
+    robot = load_robot("kr500")
+    stated = tuple(one.model_copy(update={"speed": 0.5 if one.actuated else None}) for one in robot.variables)
+    own = plan(robot.model_copy(update={"variables": stated}), **asked)  # type: ignore[arg-type]
+    given = plan(robot, speed=["0.5 rad/s"], **asked)  # type: ignore[arg-type]
+    assert own.moving == given.moving
+    assert own.to_csv() == given.to_csv()
 
 
 def test_a_slow_joint_moves_less() -> None:

@@ -141,6 +141,16 @@ def test_changed_geometry_limits_and_masses_are_put_where_they_stood() -> None:
     assert "<!-- made for tests" in text
 
 
+def test_velocities_are_speeds_of_joints_and_come_back() -> None:
+    robot = parse_urdf(EVERYTHING, tcp=TCP)
+    speeds = {one.name: one.speed for one in robot.variables}
+    assert speeds["base_yaw"] == 2.0
+    assert speeds["lift"] == 1.0
+    assert speeds["grip"] is None
+    again = parse_urdf(robot_to_urdf(robot.model_copy(update={"urdf": None})), tcp=TCP)
+    assert {one.name: one.speed for one in again.variables}["lift"] == 1.0
+
+
 def test_what_no_origin_can_say_as_it_is_stands_in_the_extension_too() -> None:
     robot = parse_urdf(EVERYTHING, tcp=TCP)
     data = robot.model_dump()

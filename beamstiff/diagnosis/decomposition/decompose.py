@@ -220,8 +220,8 @@ def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[F
 def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     """Return what the causes say, those that follow the drives on drives as these are fitted beside them.
 
-    As far as that settles, and does not make held-out postures worse; anew where some of the causes that the
-    drives were fitted beside are not told.
+    As far as that settles, tells the loads that they carry, and does not make held-out postures worse; anew
+    where some of the causes that the drives were fitted beside are not told.
     """
     found = told(folds, step, settings.seed)
     beside = {folds.choice.forms[number].key for number in step.chosen}
@@ -241,7 +241,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         other = told(folds, step, settings.seed)
-        if settled and _unsettled(other):
+        if _left_out(other, forms) or (settled and _unsettled(other)):
             break
         found = other
     forms = _fitted_forms(found)
@@ -253,7 +253,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
             step = select(folds.choice, folds.squared_errors)
             better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
             other = told(folds, step, settings.seed) if better else found
-            found = found if _unsettled(other) else other
+            found = found if _unsettled(other) or _left_out(other, loads) else other
     return found
 
 
@@ -286,6 +286,12 @@ def _unsettled(found: Decomposition, share: float = SETTLED) -> set[str]:
     least = (share, SHOWS * max(found.scatter, 1.0))
     unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in every]
     return {one.key for one, how in zip(every, unlike, strict=True) if (np.array(how) > least).all()}
+
+
+def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
+    """Return whether errors of loads are not told that drives and compliances were fitted beside."""
+    keys = {form.key for form in _fitted_forms(found)}
+    return has_loads(found.model, (form for form in beside if form.key not in keys))
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:

@@ -12,6 +12,8 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.planning.candidates import candidate_poses, force_loads
+from beamstiff.planning.moving import nearest_next
+from beamstiff.planning.obstacles import clear
 from beamstiff.planning.poses import closed_posture, joint_ranges, random_poses, rounded_postures
 from beamstiff.planning.seated import seated_rows
 from beamstiff.robot.description import Robot
@@ -148,12 +150,7 @@ def short_way(q: Array) -> NDArray[np.intp]:
     From the first on to the nearest posture that is left; states of one posture stay as they are.
     """
     postures, of = np.unique(q, axis=0, return_inverse=True)
-    at = int(of.ravel()[0])
-    rank, done = np.zeros(len(postures), dtype=np.intp), np.zeros(len(postures), dtype=np.bool_)
-    for step in range(len(postures)):
-        rank[at], done[at] = step, True
-        away = np.abs(postures - postures[at]).max(axis=1)
-        at = int(np.argmin(np.where(done, np.inf, away)))
+    rank = np.argsort(nearest_next(postures, int(of.ravel()[0])))
     return np.argsort(rank[of.ravel()], kind="stable")
 
 
@@ -231,7 +228,8 @@ def _postures(baseline: Baseline, rng: np.random.Generator, count: int) -> tuple
     others = _few_turns(robot, others, known) if len(known) else others
     others = rounded_postures(robot, others, rows.units)
     where, closed = closed_posture(kinematics, others)
-    others, at = others[closed], where.node_positions[:, tcp]
+    free = clear(kinematics, where.node_positions)
+    others, at = others[closed][free], where.node_positions[free, tcp]
     if rows.region is not None:
         others = others[inside(rows.region, at)]
     else:

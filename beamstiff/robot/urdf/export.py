@@ -168,7 +168,10 @@ def _joint_lines(robot: Robot, step: Step, own: dict[str, Step], names: set[str]
         name += "_"
     names.add(name)
     slides = step.kind in ("shift", "length")
-    limits = next((item.limits for item in robot.variables if item.name == step.variable), None)
+    limits, speed = next(
+        ((item.limits, item.speed or 0.0) for item in robot.variables if item.name == step.variable),
+        (None, 0.0),
+    )
     kind = "fixed" if not step.variable else "prismatic" if slides else "revolute" if limits else "continuous"
     if home is not step and kind == "revolute":
         kind = "continuous"
@@ -184,7 +187,7 @@ def _joint_lines(robot: Robot, step: Step, own: dict[str, Step], names: set[str]
         lines.append(f'    <axis xyz="{numbers_text(sign * np.eye(3)[step.axis])}"/>')
         low, high = limits if limits is not None and home is step else (-FARTHEST, FARTHEST)
         if kind != "continuous":
-            lines.append(f'    <limit lower="{low!r}" upper="{high!r}" effort="0" velocity="0"/>')
+            lines.append(f'    <limit lower="{low!r}" upper="{high!r}" effort="0" velocity="{speed!r}"/>')
         if home is not None and home is not step:
             # the own joint's axis carries its sign: its value is the variable's
             lines.append(

@@ -144,6 +144,7 @@ def _joint(item: Element) -> TreeJoint:
         placed=origin_of(item),
         axis=axis + 0.0,
         limits=_limits(item) if kind != "continuous" else None,
+        speed=_speed(item),
         mimic=_mimic(item),
         stiffness=stiffness_of(item),
         spring=spring,
@@ -169,6 +170,14 @@ def _limits(item: Element) -> tuple[float, float] | None:
     low, high = (limit.numbers(limit.attributes.get(name, "0"), 1, name)[0] for name in ("lower", "upper"))
     check_limits(limit, low, high)
     return low, high
+
+
+def _speed(item: Element) -> float | None:
+    limit = item.one("limit")
+    if limit is None or item.attributes["type"] == "fixed" or item.one("mimic") is not None:
+        return None
+    speed = limit.numbers(limit.attributes.get("velocity", "0"), 1, "velocity")[0]
+    return speed if speed > 0 else None  # 0 stands where the author knew none
 
 
 def _mimic(item: Element) -> Mimic | None:
