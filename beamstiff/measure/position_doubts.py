@@ -30,6 +30,7 @@ ROWS = 24  # looked at: loops that do not close take their time
 LOADED = 10  # rows: a target beside the load may in some postures move against it
 SURELY = 10.0  # times nearer: no geometry that a calibration finds is off by so much, and like that
 NEAR = 1e-6  # m, of what is left: nearer is rounding
+PLACED = 0.1  # of how far the positions scatter, that the robot may leave of them with its reflectors placed
 SCALE = 5.0  # times as far apart, or as near, as they should be: wrong units make 10 or more
 POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's place alone takes two
 REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its reflectors
@@ -54,7 +55,9 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         for one in (at, table.position[rows])
     )
     large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
-    if large and read and not moved / SCALE < read < moved * SCALE:  # one place in all rows is no reading yet
+    unlike = large and read and not moved / SCALE < read < moved * SCALE  # one place is no reading yet
+    # a reflector may sit far from where the robot file has it: its place makes up for no other unit
+    if unlike and _left_by(table, robot, rows) > PLACED * read:
         raise UnusableError(
             f"{table.source}: x y z: the positions are {read:.3g} m apart (RMS from their mean), those of "
             f"robot {robot.name!r} in the same postures {moved:.3g} m: check the units; a column without one "

@@ -10,8 +10,8 @@ from beamstiff.calibration.elastic import felt_names
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.se3 import Array
 
-ARM = 0.475  # m, from the first axis to the table
-TARGET = np.array([0.18, -0.64, 0.5])  # m: where the target is; the file has it at the table's centre
+ARM = -0.475  # m, from the first axis to the table
+TARGET = np.array([0.64, 0.18, 0.5])  # m: where the target is; the file has it at the table's centre
 GRID = np.array([[tilt, turn] for tilt in np.linspace(-0.5, 0.5, 6) for turn in np.linspace(0.0, 5.9, 8)])
 
 
@@ -56,8 +56,9 @@ def read(q: Array, turned: bool) -> Measurements:
     across = Rotation.from_euler("x", -90, degrees=True)
     body = tilt * across * turn
     position = body.apply(TARGET) + (tilt * across).apply([0, 0, ARM])
-    stand = Rotation.from_rotvec([0.4, -1.1, 0.7])
-    rotation = (stand * body * Rotation.from_rotvec([0.3, 0.9, -2.0])).as_rotvec()
+    stand = Rotation.from_euler("x", 90, degrees=True)
+    mounted = Rotation.from_matrix([[0.2, 0, -0.98], [-0.98, 0, -0.2], [0, 1, 0]])
+    rotation = (stand * body * mounted).as_rotvec()
     return make_measurements(
         ["q1", "q2"],
         q,
