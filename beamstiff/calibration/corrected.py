@@ -112,7 +112,9 @@ def _mass(item: Mass, changes: Mapping[str, float]) -> Mass:
 def _shifted(
     at: tuple[float, float, float], node: str, changes: Mapping[str, float], sign: float
 ) -> tuple[float, float, float]:
-    x, y, z = (place + sign * changes.get(f"{node}.{axis}", 0.0) for place, axis in zip(at, AXES, strict=True))
+    x, y, z = (
+        place + sign * changes.get(f"{node}.{axis}", 0.0) for place, axis in zip(at, AXES, strict=True)
+    )
     return x, y, z
 
 

@@ -34,7 +34,13 @@ def positioner(centre: tuple[float, float, float] = (0.1, 0.0, 0.05)) -> Robot:
             ],
             "rigids": [{"name": "arm", "nodes": ["tilting", "seat"]}],
             "joints": [
-                {"name": "J1", "nodes": ["foot", "tilting"], "frame": "f1", "variable": "q1", "stiffness": {}},
+                {
+                    "name": "J1",
+                    "nodes": ["foot", "tilting"],
+                    "frame": "f1",
+                    "variable": "q1",
+                    "stiffness": {},
+                },
                 {
                     "name": "J2",
                     "nodes": ["seat", "table"],
