@@ -193,9 +193,9 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
 def lay_over(described: Array, columns: Array, measured: Array, rounds: int) -> tuple[RigidMotion, Array]:
     """Return the motion that lays points (M, 3) over measured ones, and the c places that fit beside it.
 
-    Motion and places in turn, `rounds` times, from several starts: none moved, and all as far to every side as
-    the measured points scatter. Where reflectors sit is set up for the measurement, and may be described far
-    off; the motion that fits them there would then be any.
+    Motion and places in turn, `rounds` times, from several starts: none moved, and all as far to every side
+    as the measured points scatter. Where reflectors sit is set up for the measurement, and may be described
+    far off; the motion that fits them there would then be any.
 
     `columns` (M, 3, c): of each place, what a unit of it adds to the points, before the motion.
     """

@@ -25,13 +25,12 @@ def calibrated_away(result: Diagnosis) -> str:
     if level_of(changed.placed / result.noise) == "agrees":
         return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
     off = f"off by {rounded(1e3 * changed.placed)} mm"
-    if changed.stiff is None or level_of(changed.stiff / result.noise) == level_of(
-        changed.after / result.noise
-    ):
+    stiff = changed.after if changed.stiff is None else changed.stiff
+    if level_of(stiff / result.noise) == level_of(changed.after / result.noise):
         return f"Geometry in the robot file is {off}"
     return (
         f"Geometry and drive stiffness in the robot file are {off} (by the drives alone "
-        f"{rounded(1e3 * changed.stiff)} mm)"
+        f"{rounded(1e3 * stiff)} mm)"
     )
 
 

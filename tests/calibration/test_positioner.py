@@ -69,7 +69,7 @@ def read(q: Array, turned: bool) -> Measurements:
         ["q1", "q2"],
         q,
         tcp="table",
-        position=stand.apply(position) + [1.0, -2.0, 0.7],
+        position=stand.apply(position) + np.array([1.0, -2.0, 0.7]),
         rotation=rotation if turned else None,
     )
 
