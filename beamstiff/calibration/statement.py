@@ -28,6 +28,7 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROWS = 100  # that say where base and reflectors are, to begin with
 ROUNDS = 100  # of base and reflectors in turn
+FAR_OFF = 1 / 3  # of what reflectors leave where the file has them, that is left where they fit best
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,8 +237,10 @@ def registered(problem: Problem, theta: Array) -> Array:
         own_places = places if station == 0 and not rows.camera else []
         some = seen[np.unique(np.linspace(0, len(seen) - 1, ROWS).astype(np.intp))]
         columns = jacobian[some, :3][:, :, own_places]
-        _, moved = lay_over(placed.position[some], columns, rows.position[some], ROUNDS)
-        result[own_places] += moved
+        described = fit_rigid_motion(placed.position[some], rows.position[some]).rms
+        laid, moved = lay_over(placed.position[some], columns, rows.position[some], ROUNDS)
+        if laid.rms < FAR_OFF * described:  # else the geometry is off as well: the places tell nothing of it
+            result[own_places] += moved
         offset = (jacobian[:, :3][:, :, places] @ (result - theta)[places])[seen]
         motion = fit_rigid_motion(placed.position[seen] + offset, rows.position[seen])
         turn[own] = motion.rotation
