@@ -69,6 +69,8 @@ def calibrate(
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
+    if _beyond_noise(problem, found, statement):
+        statement, problem, found = _balanced(statement, problem, found, method)
     spread = None
     if shrink and _beyond_noise(problem, found, statement):
         problem, found, spread = _shrunk(statement, problem, found, method)
@@ -82,6 +84,43 @@ def _beyond_noise(problem: Problem, found: Estimate, statement: Statement) -> bo
     residual = problem.residuals(found.theta)
     freedom = max(residual.size - len(statement.identified), 1)
     return not problem.claimed or bool(stats.chi2.sf(float(residual @ residual), freedom) < CHANCE)
+
+
+def _balanced(
+    statement: Statement, problem: Problem, found: Estimate, method: str
+) -> tuple[Statement, Problem, Estimate]:
+    """Return the calibration in which rotations count for no more than positions, by what both scatter.
+
+    What a camera or a body of markers reads of a turn is known less well than where it stands, and its noise
+    is seldom stated as it is. Rotations that scatter more than stated, or usual, beyond what positions do,
+    would pull these away from where they were read.
+    """
+    known = np.isin([item.name for item in problem.parameters], statement.identified)
+    turned = np.tile(np.arange(6) >= 3, (len(problem.used), 1))[problem.used]
+    if turned.all() or not turned.any():
+        return statement, problem, found
+    stated = problem.sigma
+    for _ in range(ROUNDS):
+        residual, jacobian = problem.linearised(found.theta)
+        fitted = (np.linalg.qr(jacobian[:, known])[0] ** 2).sum(axis=1)[: problem.count]
+        squares, free = residual[: problem.count] ** 2, 1.0 - fitted
+        scatter = [squares[own].sum() / max(free[own].sum(), 1.0) for own in (~turned, turned)]
+        ratio = np.sqrt(scatter[1] / max(scatter[0], 1e-300))
+        sigma = problem.sigma * np.where(np.arange(6) < 3, 1.0, ratio)
+        sigma = np.maximum(sigma, stated)
+        if np.allclose(sigma, problem.sigma, rtol=0.05, atol=0.0):
+            break
+        problem = replace(problem, sigma=sigma)
+        statement = replace(statement, problem=replace(statement.problem, sigma=sigma), begin=found.theta)
+        problem, found = _settled(statement, method)
+    more = float((problem.sigma / stated)[problem.used].max())
+    if more > 1.0:
+        note = (
+            f"rotations scatter {more:.2g} times as much beside their noise as positions do: they count with "
+            "what they scatter"
+        )
+        statement = replace(statement, notes=(*statement.notes, note))
+    return statement, problem, found
 
 
 def _shrunk(
@@ -222,6 +261,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         residual=np.where(problem.used, gap, np.nan),
         nominal_residual=np.where(problem.used, laid_over, np.nan),
         held_out_residual=None if held is None else np.where(problem.used, held, np.nan),
+        sigma=problem.sigma,
         pose=problem.geometry.pose.astype(np.int64),
         noise=factor,
         claimed=problem.claimed,

@@ -14,7 +14,7 @@ from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.forward import screws_of
 from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
-from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
+from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Variable
 from beamstiff.se3 import Array
 
 JOINED = 1e-9  # m: nearer than this, the nodes of a joint are left where they are
@@ -24,7 +24,7 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
     """Return a robot with other geometry.
 
     Where frames move, the first node of each joint follows the second one, so that joints stay whole; if it
-    is another joint's too, it stays and bears a bracket.
+    is another joint's too, it stays and bears a bracket. Masses stay where points move.
 
     `changes`: deviations by parameter, SI: frames' parameters, encoders' zeros, places of measured points.
     Those of the measuring frame and of the target are no part of a robot and left out. `q` (P, A): joint
@@ -39,6 +39,7 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
             "variables": tuple(_variable(robot, item, zeros) for item in robot.variables),
             "frames": tuple(_frame(robot, item, zeros, changes) for item in robot.frames),
             "nodes": tuple(_node(item, changes) for item in robot.nodes),
+            "masses": tuple(_mass(item, changes) for item in robot.masses),
         }
     )
     return _joined(robot, result, q) if robot.joints else result
@@ -98,11 +99,23 @@ def _text(exact: Expression) -> float | str:
 
 
 def _node(item: Node, changes: Mapping[str, float]) -> Node:
-    by = [changes.get(f"{item.name}.{axis}", 0.0) for axis in AXES]
-    if not any(by):
-        return item
-    at = tuple(float(place + more) for place, more in zip(item.at, by, strict=True))
-    return item.model_copy(update={"at": at})
+    at = _shifted(item.at, item.name, changes, 1.0)
+    return item if at == item.at else item.model_copy(update={"at": at})
+
+
+def _mass(item: Mass, changes: Mapping[str, float]) -> Mass:
+    """Return a mass that stays where it is: what was found is the place of the reflector."""
+    at = _shifted(item.at, item.node, changes, -1.0)
+    return item if at == item.at else item.model_copy(update={"at": at})
+
+
+def _shifted(
+    at: tuple[float, float, float], node: str, changes: Mapping[str, float], sign: float
+) -> tuple[float, float, float]:
+    x, y, z = (
+        place + sign * changes.get(f"{node}.{axis}", 0.0) for place, axis in zip(at, AXES, strict=True)
+    )
+    return x, y, z
 
 
 def _joined(nominal: Robot, robot: Robot, q: Array) -> Robot:

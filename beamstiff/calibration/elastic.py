@@ -15,11 +15,12 @@ from beamstiff.model.linear import displaced_points
 from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
+from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
 from beamstiff.se3 import Array
 
 REALISTIC = 1e-3  # m, rad: displacement by which the size of a compliance is told
-UNFELT = 1e-9  # of the most compliant one's slope
+UNFELT = 1e-9  # of the most compliant one's slope, or of one that all weights load with the robot's size
 LEAST = 1e-9  # of that size: as good as rigid
 
 
@@ -89,7 +90,11 @@ def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[s
     """Return the stiffness values that gravity or a row's load acts on."""
     model = reduce_to_ports(robot, rows, names, gravity=True)
     slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
-    return [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * slopes.max()]
+    size = compile_kinematics(robot).size
+    weight = float(np.linalg.norm(robot.gravity)) * sum(mass.mass for mass in robot.masses)
+    force, moment = (np.linalg.norm(rows.wrench[:, at], axis=1).max() for at in (slice(3), slice(3, 6)))
+    most = max(float(slopes.max()), ((weight + force) * size + moment) * size)
+    return [name for name, slope in zip(names, slopes, strict=True) if slope > UNFELT * most]
 
 
 def is_rigid(parameter: Parameter, value: float) -> bool:

@@ -140,6 +140,7 @@ class Calibration(Shown):
     # (N, 6), m and rad: the same of the robot as described, laid over the readings as a rigid body (`before`)
     nominal_residual: Array
     held_out_residual: Array | None  # (N, 6)
+    sigma: Array  # (N, 6), m and rad: the noise that the readings counted with
     pose: Integers  # (N,): rows of one pose have one number
     noise: float  # factor by which the residual exceeds the noise as stated (or the usual one where none is)
     claimed: bool  # whether the table states its noise

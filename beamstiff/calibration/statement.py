@@ -14,7 +14,7 @@ from beamstiff.calibration.observability import NOTICED, Observability, observab
 from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
 from beamstiff.calibration.problem import Problem, build_problem, with_encoders
 from beamstiff.errors import BeamstiffError, listed, suggest
-from beamstiff.measure.registration import check_spread, fit_rigid_motion
+from beamstiff.measure.registration import check_spread, fit_rigid_motion, lay_over
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import HELD
@@ -25,6 +25,10 @@ from beamstiff.robot.newton import least_squares
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+
+ROWS = 100  # that say where base and reflectors are, to begin with
+ROUNDS = 100  # of base and reflectors in turn
+FAR_OFF = 1 / 3  # of what reflectors leave where the file has them, that is left where they fit best
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,31 +208,47 @@ def refuse_opening(opening: Mapping[str, str], names: Sequence[str]) -> None:
 
 
 def registered(problem: Problem, theta: Array) -> Array:
-    """Return parameters (t,) with the base, and the target's turn, where the readings have them.
+    """Return parameters (t,) with base, reflectors and the target's turn where the readings have them.
 
     Each only where all of it is sought; a start, not an estimate.
     """
     result = theta.copy()
     at = {item.name: number for number, item in enumerate(problem.parameters)}
-    placed = problem.placed(theta)
-    turn = np.tile(np.eye(3), (len(problem.rows), 1, 1))
+    rows = problem.rows
+    placed, jacobian = problem.geometry.jacobian(
+        problem.split(theta)[0], problem.elastic.displacement(problem.split(theta)[1])
+    )
+    places = [
+        number
+        for number, item in enumerate(problem.parameters)
+        if item.group == "target" and item.unit == "m" and np.isinf(problem.prior[number])
+    ]
+    turn = np.tile(np.eye(3), (len(rows), 1, 1))
     for station, base in enumerate(base_names(problem.geometry.stations)):
         sought = [at[f"{base}.{name}"] for name in (*AXES, *TURNS) if f"{base}.{name}" in at]
-        own = (problem.geometry.station == station) & problem.rows.by_tracker
-        seen = own & problem.used[:, :3].all(axis=1)
+        own = (problem.geometry.station == station) & rows.by_tracker
+        seen = np.flatnonzero(own & problem.used[:, :3].all(axis=1))
         if len(sought) < 6:
             continue
         try:
-            check_spread(placed.position[seen], problem.rows.source)
+            check_spread(placed.position[seen], rows.source)
         except BeamstiffError:
             continue  # too few points: the base stays, and observability will say so
-        motion = fit_rigid_motion(placed.position[seen], problem.rows.position[seen])
+        own_places = places if station == 0 and not rows.camera else []
+        some = seen[np.unique(np.linspace(0, len(seen) - 1, ROWS).astype(np.intp))]
+        columns = jacobian[some, :3][:, :, own_places]
+        described = fit_rigid_motion(placed.position[some], rows.position[some]).rms
+        laid, moved = lay_over(placed.position[some], columns, rows.position[some], ROUNDS)
+        if laid.rms < FAR_OFF * described:  # else the geometry is off as well: the places tell nothing of it
+            result[own_places] += moved
+        offset = (jacobian[:, :3][:, :, places] @ (result - theta)[places])[seen]
+        motion = fit_rigid_motion(placed.position[seen] + offset, rows.position[seen])
         turn[own] = motion.rotation
         result[sought] = [*motion.translation, *vector_from_rotation(motion.rotation)]
     target = [at[f"target.{name}"] for name in TURNS if f"target.{name}" in at]
     turned = problem.used[:, 3:].all(axis=1)
     if len(target) == 3 and turned.any():
-        measured = rotation_from_vector(problem.rows.rotation[turned])
+        measured = rotation_from_vector(rows.rotation[turned])
         relative = (turn[turned] @ placed.rotation[turned]).swapaxes(-1, -2) @ measured
         result[target] = Rotation.from_matrix(relative).mean().as_rotvec()
     return result

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, UnusableError, listed
-from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_motion
+from beamstiff.measure.registration import RigidMotion, check_spread, lay_over
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly
@@ -30,11 +30,11 @@ ROWS = 24  # looked at: loops that do not close take their time
 LOADED = 10  # rows: a target beside the load may in some postures move against it
 SURELY = 10.0  # times nearer: no geometry that a calibration finds is off by so much, and like that
 NEAR = 1e-6  # m, of what is left: nearer is rounding
+PLACED = 0.1  # of how far the positions scatter, that the robot may leave of them with its reflectors placed
 SCALE = 5.0  # times as far apart, or as near, as they should be: wrong units make 10 or more
 POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's place alone takes two
 REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its reflectors
 REVERSIBLE = 6  # joints of which every selection may be reversed: 64 readings
-DISTINCT = 1e-6  # singular value, of the largest, below which a reflector's place cannot be told
 MIRROR = np.array([1.0, 1.0, -1.0])
 ALONG = 0.9  # cosine from which an axis of the tracker is along one of the base
 
@@ -55,7 +55,9 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         for one in (at, table.position[rows])
     )
     large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
-    if large and read and not moved / SCALE < read < moved * SCALE:  # one place in all rows is no reading yet
+    unlike = large and read and not moved / SCALE < read < moved * SCALE  # one place is no reading yet
+    # a reflector may sit far from where the robot file has it: its place makes up for no other unit
+    if unlike and _left_by(table, robot, rows) > PLACED * read:
         raise UnusableError(
             f"{table.source}: x y z: the positions are {read:.3g} m apart (RMS from their mean), those of "
             f"robot {robot.name!r} in the same postures {moved:.3g} m: check the units; a column without one "
@@ -258,17 +260,12 @@ def laid_over(
     where, point = posture(kinematics, q), table.point[rows]
     poses = {name: pose_of(kinematics, where, name) for name in np.unique(point).tolist()}
     pose = np.array([poses[name][row] for row, name in enumerate(point.tolist())])
-    at = described = pose[:, :3, 3]
+    described = pose[:, :3, 3]
     check_spread(described, "points")
     free = [point == name for name in poses if placed and (point == name).sum() >= POSTURES]
     turned = [np.where(own[:, None, None], pose[:, :3, :3], 0.0) for own in free]
-    columns = np.concatenate([np.broadcast_to(np.eye(3), (len(rows), 3, 3)), *turned], axis=2)
-    inverse = np.linalg.pinv(columns.reshape(-1, columns.shape[2]), rcond=DISTINCT)
-    for _ in range(REFLECTOR_ROUNDS if free else 0):
-        motion = fit_rigid_motion(at, position)
-        back = (position - motion.translation) @ motion.rotation - described
-        at = described + columns[:, :, 3:] @ (inverse @ back.ravel())[3:]
-    return fit_rigid_motion(at, position)
+    columns = np.concatenate([np.zeros((len(rows), 3, 0)), *turned], axis=2)
+    return lay_over(described, columns, position, REFLECTOR_ROUNDS)[0]
 
 
 def _places(table: Measurements, robot: Robot, rows: Index, q: Array) -> Array:

@@ -11,6 +11,11 @@ from beamstiff.se3 import Array, rotate_screw, skew
 
 # a triangle this flat turns a micrometre of noise along its height into a rotation a thousand times larger
 FLATTEST = 1e-3
+DISTINCT = 1e-6  # singular value, of the largest, below which a reflector's place cannot be told
+# sides from which a reflector's place is sought: along the axes and the diagonals
+SIDES = np.array([one for one in np.ndindex(3, 3, 3) if one != (1, 1, 1)], dtype=np.float64) - 1.0
+SIDES = SIDES[np.abs(SIDES).sum(axis=1) != 2]
+NEARER = 0.5  # of what the places near where they are described leave, that others must leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +188,35 @@ def fit_rigid_motion(start: Array, end: Array, *, with_scale: bool = False) -> R
     proper, improper = left - fitted**2 / size, left - np.sum(values, axis=-1) ** 2 / size
     mirrored = (proper > 100 * np.maximum(improper, 0.0)) & (proper > 1e-6 * left)
     return RigidMotion(rotation, translation, residuals, best_scale, mirrored)
+
+
+def lay_over(described: Array, columns: Array, measured: Array, rounds: int) -> tuple[RigidMotion, Array]:
+    """Return the motion that lays points (M, 3) over measured ones, and the c places that fit beside it.
+
+    Motion and places in turn, `rounds` times, from several starts: none moved, and all as far to every side
+    as the measured points scatter. Where reflectors sit is set up for the measurement, and may be described
+    far off; the motion that fits them there would then be any.
+
+    `columns` (M, 3, c): of each place, what a unit of it adds to the points, before the motion.
+    """
+    count = columns.shape[2]
+    if not count:
+        return fit_rigid_motion(described, measured), np.zeros(0)
+    # places that move as the motion does cannot be told from it: they stay
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(measured), 3, 3)), columns], axis=2)
+    inverse = np.linalg.pinv(moved.reshape(-1, 3 + count), rcond=DISTINCT)[3:]
+    far = float(np.sqrt(measured.var(axis=0).sum())) * SIDES
+    start = np.concatenate([np.zeros((1, count)), np.tile(far, (1, count // 3 + 1))[:, :count]])
+    at = described + np.einsum("mkc,sc->smk", columns, start)
+    for _ in range(rounds):
+        motion = fit_rigid_motion(at, measured)
+        back = (measured - motion.translation[:, None]) @ motion.rotation - described
+        places = back.reshape(len(start), -1) @ inverse.T
+        at = described + np.einsum("mkc,sc->smk", columns, places)
+    left = fit_rigid_motion(at, measured).rms
+    left[0] *= NEARER  # of two that fit about as well, the one near where they are described
+    best = int(left.argmin())
+    return fit_rigid_motion(at[best], measured), places[best]
 
 
 def rotation_precision(centred: Array) -> Array:

@@ -24,7 +24,14 @@ def calibrated_away(result: Diagnosis) -> str:
         return ""
     if level_of(changed.placed / result.noise) == "agrees":
         return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
-    return f"Geometry in the robot file is off by {rounded(1e3 * changed.placed)} mm"
+    off = f"off by {rounded(1e3 * changed.placed)} mm"
+    stiff = changed.after if changed.stiff is None else changed.stiff
+    if level_of(stiff / result.noise) == level_of(changed.after / result.noise):
+        return f"Geometry in the robot file is {off}"
+    return (
+        f"Geometry and drive stiffness in the robot file are {off} (by the drives alone "
+        f"{rounded(1e3 * stiff)} mm)"
+    )
 
 
 def recalibration_text(changed: Recalibration) -> list[str]:
@@ -36,6 +43,11 @@ def recalibration_text(changed: Recalibration) -> list[str]:
         f"Geometry: the robot file as it is leaves {rounded(1e3 * changed.before)} mm RMS (measuring frame "
         f"fitted){placed}, {rounded(1e3 * changed.after)} mm with the geometry calibrated (held-out data)."
     )
+    if changed.stiff is not None and rounded(changed.stiff) != rounded(changed.after):
+        gap += (
+            f" The drives were fitted with it: with their stiffness as in the robot file "
+            f"{rounded(1e3 * changed.stiff)} mm are left."
+        )
     if not changed.changes:
         return [gap]
     each = ", ".join(_change(one) for one in changed.changes[:NAMED])

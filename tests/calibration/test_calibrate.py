@@ -10,7 +10,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.validation import errors_on, gap_of, in_base_frame
 from beamstiff.measure.rows import concatenate, subset
 from beamstiff.measure.table import make_measurements
-from beamstiff.se3 import rotation_from_vector, transform
+from beamstiff.se3 import rotation_from_vector, transform, vector_from_rotation
 from tests.calibration.machines import (
     JOINTS,
     SIGMA,
@@ -322,3 +322,19 @@ def test_what_cannot_be_calibrated_is_refused_in_one_line() -> None:
     weightless = serial().model_copy(update={"masses": ()})
     with pytest.raises(BeamstiffError, match=r"nothing loads J1.torsional, J2.torsional"):
         calibrate(weightless, rows, compliances=JOINTS[:2])
+
+
+def test_rotations_read_worse_than_stated_do_not_pull_positions_away() -> None:
+    rng, fresh = np.random.default_rng(5), measured(REAL, within(serial(), 60, 2), noise=0.0, base=BASE)
+    wrong = []
+    for seed in range(4):
+        rows = measured(REAL, within(serial(), 40, 10 + seed), turned=True, base=BASE, seed=seed)
+        off = rotation_from_vector(2e-3 * rng.standard_normal((40, 3)))  # 40 times as stated
+        rough = replace(rows, rotation=vector_from_rotation(off @ rotation_from_vector(rows.rotation)))
+        right = replace(rough, sigma=np.where(np.arange(6) < 3, SIGMA, 2e-3 * np.ones((40, 6))))
+        errors = [errors_on(calibrate(serial(), one, folds=0), fresh).position_rms for one in (rough, right)]
+        found = calibrate(serial(), rough, folds=0)
+        assert np.median(found.sigma[:, 3]) == pytest.approx(2e-3, rel=0.2)
+        assert any("rotations scatter" in note for note in found.notes)
+        wrong.append(errors)
+    assert np.mean(wrong, axis=0)[0] < 1.1 * np.mean(wrong, axis=0)[1]

@@ -200,6 +200,7 @@ def open_geometry(
     problem = build_calibration(
         about, there, parameters, compliances=robot.identify, stations=stations
     ).problem
+    problem = replace(problem, sigma=found.sigma)
     residual, tangent = problem.linearised(problem.expected)
     changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
     changes |= dict.fromkeys(given, 0.0)
