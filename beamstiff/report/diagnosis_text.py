@@ -75,11 +75,8 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            by = in_words([found[0].key])
-            if len(found) == 1:
-                by = _or_alike(by, found[0].indistinguishable)
-            else:
-                by = f"{by} and {counted(len(found) - 1, 'other cause')}"
+            by = _first_cause(found)
+            if len(found) > 1:
                 each = f"Causes, with the share that each closes: {_each(found)}."
             said = f"{gap}, {_explained(result, closed(found), by)}"
         elif head == UNDECIDED:
@@ -118,6 +115,23 @@ def _each(found: Sequence[Cause]) -> str:
     )
 
 
+def _first_cause(found: Sequence[Cause]) -> str:
+    """Return, in words, the first of the causes of a gap, how many others there are, and whether it is sure.
+
+    Of a single cause its look-alikes are named beside it, of several only where the first is undecided: all
+    stand in the list below the headline.
+    """
+    first, others = found[0], len(found) - 1
+    name = in_words([first.key])
+    if first.probability < LIKELY:
+        name = _or_alike(name, first.indistinguishable)
+        which = f"{counted(len(found), 'cause')}, the largest" if others else "a cause that is"
+        return f"{which} undecided: {name}, {chance(first.probability)}"
+    if not others:
+        return _or_alike(name, first.indistinguishable)
+    return f"{name} and {counted(others, 'other cause')}"
+
+
 def _explained(result: Diagnosis, share: str, by: str) -> str:
     """Return, in words, what explains the gap; a doubt about its share is none about the cause."""
     if hardly_checked(result):
@@ -136,7 +150,8 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    return f"{name} (or {_shortly([in_words([one]) for one in alike], most)})"
+    names = ["an unknown cause" if one == UNKNOWN else in_words([one]) for one in alike]
+    return f"{name} (or {_shortly(names, most)})"
 
 
 def _doubt(cause: Candidate, size: Estimate) -> str:

@@ -23,9 +23,9 @@ NOTHING = 1e-6  # mm: no instrument reads it
 MOST_DRIVES = 4  # that a sentence names
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
-    "agrees": "within noise",
-    "doubtful": "beyond noise",
-    "differs": "far beyond noise",
+    "agrees": "gap within noise",
+    "doubtful": "gap beyond noise",
+    "differs": "gap far beyond noise",
 }
 COLOURS: dict[Level, str] = {"agrees": "green", "doubtful": "yellow", "differs": "red", "plain": ""}
 

@@ -34,7 +34,7 @@ def test_a_terminal_shows_headline_data_and_action_in_their_order() -> None:
     lines = list(Verdict("Gap of 1 mm", "differs", "a.csv, 3 rows", "Measure.").lines())
     assert [line.plain for line in lines] == ["Gap of 1 mm", "Data: a.csv, 3 rows.", "Next: Measure.", ""]
     assert str(lines[0].style) == "bold red"
-    assert Verdict("x", "doubtful").badge == "beyond noise"
+    assert Verdict("x", "doubtful").badge == "gap beyond noise"
 
 
 def test_a_fit_that_leaves_several_times_the_noise_is_amber_and_sends_to_the_diagnosis() -> None:
