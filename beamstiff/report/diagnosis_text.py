@@ -150,7 +150,7 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    names = ["an unknown cause" if one == UNKNOWN else in_words([one]) for one in alike]
+    names = ["an unknown cause" if one.partition(":")[0] == "unknown" else in_words([one]) for one in alike]
     return f"{name} (or {_shortly(names, most)})"
 
 

@@ -69,6 +69,8 @@ def _one(result: Diagnosis, head: str) -> str:
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
     if not to_check:
         return _also(result, "Measure").strip() or _by_remainder(result)
+    if rigid := _compliant(result):
+        return f"{rigid_text(result.baseline.nominal, rigid)} Then diagnose again."
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
@@ -89,12 +91,23 @@ def _drives(result: Diagnosis) -> str:
     """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
     base = result.baseline
     felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
-    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
-    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
+    rigid = [] if not felt or _compliant(result) else rigid_drives(base.nominal)
     fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
     # nothing is fitted where no row loads a drive
     unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
-    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
+    return " ".join(filter(None, (rigid_text(base.nominal, rigid), undetermined_text(unknown))))
+
+
+def _compliant(result: Diagnosis) -> list[str]:
+    """Return the drives that are rigid in the robot file, if a compliance of one is told; else none.
+
+    With a start value its stiffness is fitted, and causes are judged beside it.
+    """
+    robot = result.baseline.nominal
+    found = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    rigid = rigid_drives(robot)
+    own = {joint.variable for joint in robot.joints if joint.name in rigid}
+    return rigid if found & {None, *own} else []
 
 
 def _by_remainder(result: Diagnosis) -> str:

@@ -9,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Normalisation, Quantity, Shape, Term, named
-from beamstiff.diagnosis.effects.torque_laws import Axis, axis_at, by_law, component_of, torque_scale
+from beamstiff.diagnosis.effects.torque_laws import (
+    Axis,
+    axis_at,
+    by_law,
+    component_of,
+    softness,
+    torque_scale,
+)
 from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
 from beamstiff.robot.fields import RIGID
 
@@ -35,7 +42,8 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _linear(baseline: Baseline, axis: Axis, name: str) -> Term:
-    unit, size = ("rad/(N*m)", 4e-7) if axis.turns else ("m/N", 5e-9)
+    # of a heavy robot; a small one's drives are softer, as those are that the file knows
+    unit, size = ("rad/(N*m)", 4e-7 * softness(baseline)) if axis.turns else ("m/N", 5e-9)
     return by_law(baseline, axis, lambda torque: torque), (Quantity(name, unit, size, positive=True),)
 
 
@@ -95,7 +103,8 @@ EFFECT = Effect(
     meaning="The joint is rigid about its axis in the model, but deforms under load or weight.",
     components=_components,
     shapes=_shapes,
-    separation="load this joint's axis alone; read its motor encoder and the link behind it",
+    separation="hang the same weight at two distances from this joint's axis; read a reflector on the link "
+    "behind it, and an encoder behind its gear if there is one",
     look_alikes=("link-bending", "bearing-tilt"),
     sources="drives of industrial robots 3e5 to 1e7 N m/rad (seed 000, Table 6; 001, Table 2)",
     scales=_scales,

@@ -6,6 +6,7 @@ import pytest
 from beamstiff import predict
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.residual.baseline import at_rows
 from beamstiff.robot.parts import AddedEffect
 from tests.diagnosis.machines import (
@@ -127,3 +128,18 @@ def test_what_was_found_to_follow_the_angle_holds_for_a_single_posture() -> None
     linear = shape_of(nominal(robot, one), "joint-compliance", "q2", "linear").columns[..., 0]
     close(moved, 2e-6 * np.cos(one.q[0, 1]) * linear)
     assert shape_of(at_rows(fit, one), "joint-compliance", "q2", "by its angle")
+
+
+@pytest.mark.parametrize("softer", [1.0, 100.0])
+def test_realistic_sizes_hold_the_compliance_of_the_drives_that_the_file_knows(softer: float) -> None:
+    """A small arm's drives are as much softer than a large one's as the file's own are."""
+    robot = kr240()
+    known = {name: value / softer for name, value in turning_drives(robot).items()}
+    rigid = next(iter(known))
+    robot = robot.with_parameters(known | {rigid: np.inf}).model_copy(update={"identify": ()})
+    there = nominal(robot, at_random(robot, 6, seed=3))
+    [component] = EFFECTS["joint-compliance"].components(there)
+    shape = shape_of(there, "joint-compliance", str(component), "linear")
+    low, high = (shape.parameters[0].size * factor for factor in (1 / shape.prior_factor, shape.prior_factor))
+    assert all(low < 1.0 / value < high for value in known.values())
+    assert low < 1.0 / min(known.values()) / 3.0
