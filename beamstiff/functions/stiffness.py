@@ -13,7 +13,7 @@ from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.functions.checks import left_out, six_numbers
+from beamstiff.functions.checks import left_out, six_numbers, start_values
 from beamstiff.functions.robots import as_robot
 from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.coerce import RobotLike
@@ -139,7 +139,12 @@ def stiffness(
         preload=preload,
         rigid=rigid,
         singular=singular,
-        notes=(*robot_doubts(machine), *left_out(machine.effects, "its stiffness"), *coarse),
+        notes=(
+            *robot_doubts(machine),
+            *left_out(machine.effects, "its stiffness (beamstiff deflect includes them)"),
+            *start_values(machine),
+            *coarse,
+        ),
     )
 
 

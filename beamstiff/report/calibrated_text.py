@@ -93,6 +93,8 @@ def drives_table(result: Diagnosis, title: str) -> Table:
         known, unit = name not in result.undetermined, parameter_unit(robot, name)
         if name in result.untouched:
             known, said = False, "kept: no load touches it"
+        elif name in result.kept:
+            known, said = False, f"kept: not determined, over {1.0 / (1.0 / value + 2.0 * std):.2g}"
         elif known:
             said = f"{100.0 * std * value:.2g} %"
         else:
