@@ -172,7 +172,12 @@ def convert(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
     from beamstiff.cli.variables import parse_variables
-    from beamstiff.functions.convert import missing_stiffness_notes, read_any, with_joint_stiffness
+    from beamstiff.functions.convert import (
+        missing_mass_notes,
+        missing_stiffness_notes,
+        read_any,
+        with_joint_stiffness,
+    )
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
 
@@ -195,7 +200,8 @@ def convert(
             *left_out,
             "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)",
         ]
-    notes = [*left_out, *(() if ending == ".csv" else missing_stiffness_notes(robot)), *lost]
+    lacks = () if ending == ".csv" else (*missing_stiffness_notes(robot), *missing_mass_notes(robot))
+    notes = [*left_out, *lacks, *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (

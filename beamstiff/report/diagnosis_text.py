@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
-from beamstiff.diagnosis.notes import FEW_VALUES, OFF
+from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.calibrated_text import calibrated_away
 from beamstiff.report.diagnosis_words import (
@@ -92,6 +92,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         doubt = " ".join(_doubt(*one) for one in unrealistic(result)[:NAMED])
         doubt += " Another effect may look like it." if doubt else ""
+        if MASSLESS in result.notes:
+            doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
     data = data_of(result.baseline.rows) + _warmth(result)
     return Verdict(said, level, data, action(result, head), each, doubt)
 

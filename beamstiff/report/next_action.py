@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
-from beamstiff.diagnosis.notes import weightless
+from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
@@ -48,6 +48,12 @@ def _one(result: Diagnosis, head: str) -> str:
         return "Check that robot file and table are of one robot, and each joint column of its joint."
     if overstated(result):
         return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
+    if (apart := unstated_loads(result.baseline)) > 0.0:
+        return (
+            f"Are the columns fx fy fz missing? Readings of one posture lie {rounded(1e3 * apart)} mm apart, "
+            "all in much the same direction, and no row states a load. If loads acted, add these columns and "
+            "diagnose again."
+        )
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
