@@ -35,6 +35,7 @@ POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's p
 REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its reflectors
 REVERSIBLE = 6  # joints of which every selection may be reversed: 64 readings
 DISTINCT = 1e-6  # singular value, of the largest, below which a reflector's place cannot be told
+HUGE = 30.0  # m, RMS: no robot arm reaches so far
 MIRROR = np.array([1.0, 1.0, -1.0])
 ALONG = 0.9  # cosine from which an axis of the tracker is along one of the base
 
@@ -55,6 +56,12 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         for one in (at, table.position[rows])
     )
     large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
+    if moved > HUGE > read:
+        raise UnusableError(
+            f"robot {robot.name!r}: its points move by {moved:.3g} m (RMS) in the postures of "
+            f"{table.source}: check the lengths in the robot file; in a URDF they are in m, and so are those "
+            "without a unit"
+        )
     if large and read and not moved / SCALE < read < moved * SCALE:  # one place in all rows is no reading yet
         raise UnusableError(
             f"{table.source}: x y z: the positions are {read:.3g} m apart (RMS from their mean), those of "
