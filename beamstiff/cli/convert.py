@@ -180,6 +180,7 @@ def convert(
     )
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
+    from beamstiff.robot.stiffness import stiffness_parameters
 
     file = robot_file(source)
     of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input
@@ -208,6 +209,13 @@ def convert(
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
         f"{listed(moving, 12) or 'none'}."
     )
+    if joint_stiffness and robot != machine:
+        values = stiffness_parameters(robot)
+        given, before = set(stiffness_parameters(machine).items()), dict.fromkeys(machine.identify)
+        new = [name for name, value in values.items() if (name, value) not in given]
+        said += f" Start values: {listed(new, 12)}."
+        if kept := [name for name in before if name not in new]:
+            said += f" Kept from the file: {listed(kept, 12)}."
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)

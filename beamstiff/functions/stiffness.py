@@ -107,7 +107,9 @@ def stiffness(
     machine = as_robot(robot)
     if wrench is not None and not preload:
         raise OptionError(
-            "wrench", "loads the machine before it is moved, which only --preload (preload=True) looks at"
+            "wrench",
+            "needs --preload (preload=True). For the displacement under a load use beamstiff deflect ROBOT "
+            "DATA.csv, a table of joint values and loads",
         )
     load = np.zeros(6) if wrench is None else six_numbers("wrench", wrench)
     try:
