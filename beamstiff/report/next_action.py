@@ -146,7 +146,9 @@ def _also(result: Diagnosis, measure: str) -> str:
         return ""
     each = [item["discrimination"] for item in result.next if item["separates"]]
     if each and sum(each) < DECIDES:
-        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
+        return (
+            f" More readings like these will not decide: even {proposed(result)} add little{_written(result)}"
+        )
     return f" {measure} {proposed(result)}{_written(result)}"
 
 
