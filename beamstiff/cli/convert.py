@@ -172,9 +172,15 @@ def convert(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
     from beamstiff.cli.variables import parse_variables
-    from beamstiff.functions.convert import missing_stiffness_notes, read_any, with_joint_stiffness
+    from beamstiff.functions.convert import (
+        missing_mass_notes,
+        missing_stiffness_notes,
+        read_any,
+        with_joint_stiffness,
+    )
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
+    from beamstiff.robot.stiffness import stiffness_parameters
 
     file = robot_file(source)
     of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input
@@ -195,13 +201,21 @@ def convert(
             *left_out,
             "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)",
         ]
-    notes = [*left_out, *(() if ending == ".csv" else missing_stiffness_notes(robot)), *lost]
+    lacks = () if ending == ".csv" else (*missing_stiffness_notes(robot), *missing_mass_notes(robot))
+    notes = [*left_out, *lacks, *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
         f"{listed(moving, 12) or 'none'}."
     )
+    if joint_stiffness and robot != machine:
+        values = stiffness_parameters(robot)
+        given, before = set(stiffness_parameters(machine).items()), dict.fromkeys(machine.identify)
+        new = [name for name, value in values.items() if (name, value) not in given]
+        said += f" Start values: {listed(new, 12)}."
+        if kept := [name for name in before if name not in new]:
+            said += f" Kept from the file: {listed(kept, 12)}."
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)

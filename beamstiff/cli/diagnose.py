@@ -114,11 +114,11 @@ def diagnose(
             measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
             head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
-            guessed = listed(result.untouched)
-            kept_value = f"; kept, as no load touches it: {guessed}" if guessed else ""
+            guessed = listed(result.kept)
+            kept_value = f"; kept, as these rows do not determine it: {guessed}" if guessed else ""
             open_ones = [
                 f"{name} {larger.parameter(name):.2g}"
-                for name in sorted(result.undetermined.difference(result.untouched))
+                for name in sorted(result.undetermined.difference(result.kept))
             ]
             guesses = f"; not determined by these rows: {listed(open_ones)}" if open_ones else ""
             holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"

@@ -83,7 +83,7 @@ def map(
         --orientation b=90deg --out map.nc --processes 4
     """
     from beamstiff.cli.variables import parse_variables, parse_wrench
-    from beamstiff.functions.checks import left_out, model_note
+    from beamstiff.functions.checks import left_out, model_note, start_values
     from beamstiff.functions.robots import as_robot
     from beamstiff.maps.dataset import check_target
     from beamstiff.maps.run import map_workspace
@@ -110,7 +110,11 @@ def map(
     outputs = Outputs([file], elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    for text in (*robot_doubts(description), *left_out(description.effects, "the map")):
+    for text in (
+        *robot_doubts(description),
+        *left_out(description.effects, "the map"),
+        *start_values(description),
+    ):
         note(text)
     for text in model_note(description):
         note(text)

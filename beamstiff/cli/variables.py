@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import pi
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from beamstiff.robot.kinematics import actuated_values
 if TYPE_CHECKING:
     from beamstiff.se3 import Array
 
+MOST = 4 * pi  # rad, two turns: without limits and a unit, what is more was meant in degrees
 FRAME = {
     **dict.fromkeys("xyz", "length"),
     **dict.fromkeys("abc", "angle"),
@@ -35,6 +37,14 @@ def parse_variables(robot: Robot, texts: Sequence[str]) -> dict[str, float]:
         except BeamstiffError as error:
             raise BeamstiffError(f"--q: {error}") from None
         values[name] = parse_quantity(f"--q: {name}", value, kinds[name])
+        limits = next(one.limits for one in robot.variables if one.name == name)
+        low, high = limits or (-MOST, MOST)
+        outside = not min(low, -2 * pi) <= values[name] <= max(high, 2 * pi)
+        if kinds[name] == "angle" and outside and re.fullmatch(r"[-+.\deE]+", value):
+            raise BeamstiffError(
+                f"--q: {name}: found {value} rad, beyond {'its limits' if limits else 'two turns'}; "
+                f"in degrees write {name}={value}deg"
+            )
     return values
 
 

@@ -12,11 +12,13 @@ from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option, 
 from beamstiff.cli.output import QUIET, Outputs, say, working
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from beamstiff.robot.description import Robot
 
 REFITTED = (
-    "The measuring frame was fitted to these rows twice, without and with the effects. An error common to "
-    "all rows (part of a drift) is in neither figure; the promised share includes it."
+    "The measuring frame was fitted to these rows, without and with the effects: an error shared by all rows "
+    "disappears in that fit. The promised share still includes it."
 )
 NOTHING_TO_COMPARE = (
     "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
@@ -117,7 +119,10 @@ def verify(
     if found.causes and refit_frame:
         said.append(REFITTED)
     said += [SQUARES] if found.causes else []
-    outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
+    told: list[RenderableType] = [*verdict.lines()]
+    if found.other_frame is None:  # errors in another frame say nothing of the effects
+        told += [rows, *said]
+    outputs.result(found.notes, told, found.to_dict())
     if limit is not None and found.after > limit:
         say(f"gap: {1e3 * found.after:.4g} mm is left, more than {1e3 * limit:.4g} mm", QUIET.get())
         raise typer.Exit(TOO_LARGE)

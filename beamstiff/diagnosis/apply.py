@@ -149,14 +149,17 @@ def extended(diagnosis: Diagnosis) -> Robot:
     to it. A candidate makes one entry; where the data did not choose between its shapes it holds them all,
     each with its weight. Without an effect (`none`, `unknown`, `outliers`) only the stiffness changes.
 
-    Effects that the robot had before and that were taken off the readings come first.
+    Effects that the robot had before and that were taken off the readings come first. Stiffness that the rows
+    do not determine is the robot file's (`Diagnosis.kept`).
 
     It predicts what `Diagnosis.predict_shift` does, but for terms of second order in what was
     added and for what was of the measured postures alone and for compliances that the noise made negative,
     which are 0.
     """
     found = _found(diagnosis)
-    found = found.with_unmeasured(diagnosis.fitted_stiffness, diagnosis.untouched)
+    fitted = diagnosis.fitted_stiffness
+    found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
+    found = found.with_unmeasured(fitted, diagnosis.kept)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.stats import chi2
 
+from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
-from beamstiff.diagnosis.residual.repeats import repeats
+from beamstiff.diagnosis.residual.repeats import DIGITS, repeats
 from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
@@ -15,6 +17,10 @@ OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
 SURE = 0.001  # probability of what repeats show by chance
+MASSLESS = (
+    "the robot file has no masses: gravity cannot load its drives, and what the robot's own weight bends is "
+    "taken for other causes; give it masses, estimates are enough"
+)
 
 
 def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
@@ -71,6 +77,8 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
 def unloaded(baseline: Baseline) -> Iterator[str]:
     """Yield what rows without a load leave unseen."""
     if baseline.rows.wrench.any():
+        if massless(baseline) and turning_drives(baseline.nominal):
+            yield MASSLESS
         return
     if not baseline.absolute:
         yield "no row carries a load: no compliance can show"
@@ -85,9 +93,41 @@ def unloaded(baseline: Baseline) -> Iterator[str]:
 
 def weightless(baseline: Baseline) -> bool:
     """Return whether neither a load nor a weight that the robot file knows acts in absolute rows."""
+    return massless(baseline) and not baseline.rows.wrench.any()
+
+
+def massless(baseline: Baseline) -> bool:
+    """Return whether absolute rows are of a robot that weighs nothing in its file, though gravity acts."""
     places = (*baseline.places.joints.values(), *baseline.places.links.values())
-    loaded = bool(baseline.rows.wrench.any()) or any(place.dead.any() for place in places)
-    return baseline.absolute and not loaded
+    heavy = any(place.dead.any() for place in places)
+    return baseline.absolute and any(baseline.nominal.gravity) and not heavy
+
+
+def unstated_loads(baseline: Baseline) -> float:
+    """Return how far readings of one posture lie apart in one direction though no load is stated, m; or 0.
+
+    Loads that a table does not state move all postures much the same way. Noise, and friction in joints that
+    are moved at random, move them in directions without a common mean: of n of them, three times n times the
+    squared mean over the mean square is about chi-squared with three degrees of freedom.
+    """
+    rows = baseline.rows
+    if rows.wrench.any() or not baseline.absolute:
+        return 0.0
+    names = np.unique(rows.point, return_inverse=True)[1][:, None]
+    states = np.concatenate([np.round(rows.q, DIGITS), names], axis=1)
+    state = np.unique(states, axis=0, return_inverse=True)[1]
+    whole = baseline.used[:, :3].all(axis=1)
+    apart = []
+    for own in (np.flatnonzero((state.reshape(-1) == at) & whole) for at in range(state.max() + 1)):
+        if own.size > 1:
+            apart.append(baseline.measured[own[1:], :3].mean(axis=0) - baseline.measured[own[0], :3])
+    if not apart:
+        return 0.0
+    mean = np.mean(apart, axis=0)
+    noise = 2.0 * OFF**2 * float((baseline.sigma[whole, :3] ** 2).sum(axis=1).mean())
+    square = max(float(np.mean(np.square(apart).sum(axis=1))), noise)
+    common = 3.0 * len(apart) * float(mean @ mean) / square
+    return float(np.linalg.norm(mean)) if chi2.sf(common, 3) < SURE else 0.0
 
 
 def chosen_for(robot: Robot) -> Iterator[str]:

@@ -228,6 +228,22 @@ class Diagnosis(Shown):
             if max(ends) < np.inf and (name not in at or moved[at[name]] < UNTOUCHED * min(ends))
         )
 
+    @cached_property
+    def kept(self) -> tuple[str, ...]:
+        """Fitted stiffness values that the robot with the causes takes from the robot file.
+
+        The untouched ones, and of those undetermined the ones that all readings together do not distinguish
+        from the file's value: by less than two standard deviations.
+        """
+        columns, at = self.open_compliances
+        vague = self.undetermined.difference(self.untouched)
+        return tuple(
+            name
+            for name, (given, value) in self.fitted_stiffness.items()
+            if name in self.untouched
+            or (name in vague and np.linalg.norm(columns[:, at[name]]) * abs(1 / given - 1 / value) < 2.0)
+        )
+
     def predict_shift(self, rows: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of rows, (N, 6) each.
 

@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamstiff.errors import BeamstiffError, OptionError, shown, suggest
+from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.planning.candidates import force_loads
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
@@ -67,6 +67,18 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
     """Return the note that a robot's effects are no part of something; none where it has none."""
     told = effects_text(effects)
     return (f"the robot's effects ({told}) are not part of {what}",) if told else ()
+
+
+def start_values(robot: Robot) -> tuple[str, ...]:
+    """Return the note on stiffness that measurements did not determine; none where they did."""
+    names = listed(robot.unmeasured, 6)
+    plural = len(robot.unmeasured) > 1
+    said = (
+        "are start values: no measurement determined them"
+        if plural
+        else "is a start value: no measurement determined it"
+    )
+    return (f"{names} {said}",) if names else ()
 
 
 def model_note(robot: Robot) -> tuple[str, ...]:

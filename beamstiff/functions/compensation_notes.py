@@ -137,7 +137,7 @@ def _unproven(result: Compensated, machine: Machine) -> list[str]:
 
 
 def _from_start_values(result: Compensated, taught: bool) -> list[str]:
-    """Return how much of the predicted error comes from stiffness that no measured load touched."""
+    """Return how much of the predicted error comes from stiffness that no measurement determined."""
     found, machine = result.correction, result.machine
     rows = np.flatnonzero(result.known & found.corrected)
     if not (rows.size and machine.real.unmeasured):
@@ -152,6 +152,6 @@ def _from_start_values(result: Compensated, taught: bool) -> list[str]:
         return []
     return [
         f"up to {1e3 * size[most]:.2g} mm of the predicted error (at {found.path.names[rows[most]]}) comes "
-        f"from start values: no measured load touched {listed(machine.real.unmeasured, 6)} of robot "
+        f"from start values: no measurement determined {listed(machine.real.unmeasured, 6)} of robot "
         f"{machine.real.name!r}; measure under loads that twist these joints and identify them"
     ]

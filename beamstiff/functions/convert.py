@@ -162,6 +162,16 @@ def missing_stiffness_notes(robot: Robot) -> list[str]:
     ]
 
 
+def missing_mass_notes(robot: Robot) -> list[str]:
+    """Return a note on a robot that weighs nothing, where gravity would load its drives."""
+    if robot.masses or robot.beams or not (robot.actuated and any(robot.gravity)):
+        return []
+    return [
+        "no masses: gravity cannot load the drives, and of positions (x y z) the sag under the robot's own "
+        "weight is taken for other errors; give masses (URDF: <inertial>), estimates are enough"
+    ]
+
+
 def convert_log(
     path: str | os.PathLike[str],
     profile: Profile | None = None,

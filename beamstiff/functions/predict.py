@@ -8,6 +8,7 @@ import numpy as np
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.residual.baseline import predict as predict_rows
+from beamstiff.functions.checks import start_values
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
@@ -126,7 +127,7 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     if not machine.effects:
         check_stiffness(machine)
     tables = as_tables(data, machine, require_measured=False)
-    doubts = doubts_of(machine, tables)
+    doubts = [*doubts_of(machine, tables), *start_values(machine)]
     rows = concatenate(tables)
     require_tracker(rows, "deflect")
     if rows.kind == "absolute":

@@ -13,7 +13,7 @@ from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.functions.checks import left_out, six_numbers
+from beamstiff.functions.checks import left_out, six_numbers, start_values
 from beamstiff.functions.robots import as_robot
 from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.coerce import RobotLike
@@ -107,7 +107,9 @@ def stiffness(
     machine = as_robot(robot)
     if wrench is not None and not preload:
         raise OptionError(
-            "wrench", "loads the machine before it is moved, which only --preload (preload=True) looks at"
+            "wrench",
+            "needs --preload (preload=True). For the displacement under a load use beamstiff deflect ROBOT "
+            "DATA.csv, a table of joint values and loads",
         )
     load = np.zeros(6) if wrench is None else six_numbers("wrench", wrench)
     try:
@@ -139,7 +141,12 @@ def stiffness(
         preload=preload,
         rigid=rigid,
         singular=singular,
-        notes=(*robot_doubts(machine), *left_out(machine.effects, "its stiffness"), *coarse),
+        notes=(
+            *robot_doubts(machine),
+            *left_out(machine.effects, "its stiffness (beamstiff deflect includes them)"),
+            *start_values(machine),
+            *coarse,
+        ),
     )
 
 

@@ -155,6 +155,8 @@ def _unknown(name: str, robot: Robot, missing: Sequence[str], wrong: Wrong) -> N
         wrong("", f"found {shown(name)}, expected a line with the names of the columns before the numbers")
     if ";" in name or "\t" in name:
         wrong("", f"found {shown(name)} as one column, expected one separator throughout, a comma")
+    if hint := _unit_outside(name, robot):
+        wrong(shown(name), f"unknown column (did you mean {hint!r}?): a unit stands in square brackets")
     lower = {candidate.lower(): candidate for candidate in known}
     for spelling in (name.lower(), _SYNONYMS.get(name.lower(), ""), bare, bare.lower()):
         if spelling in lower:
@@ -163,18 +165,31 @@ def _unknown(name: str, robot: Robot, missing: Sequence[str], wrong: Wrong) -> N
     else:
         joints = f" (no column is named {listed(missing)}: is this it?)" if missing else ""
         hint = _alike(name, known) or joints
-    if re.search(r"\(.*\)", name):
-        hint += "; a unit stands in square brackets, like dx [mm]"
+    if hint:
+        wrong(shown(name), f"unknown column{hint}; or delete the column")
     variables = [variable.name for variable in robot.actuated]
     moved = f"{listed(variables, 12)}, " if variables else ""
     wrong(
         shown(name),
-        f"unknown column{hint}, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
+        f"unknown column, expected one of {moved}fx fy fz mx my mz, dx dy dz rx "
         "ry rz (or x y z a b c), reading (dreading) with instrument, target, direction, length, target_x, "
         "point, load_point, pose, step, t, temperature, a joint's encoder behind "
         "the gear (q1_link), its torque (tau_q1), remark "
         "(for text of your own); delete the column if it is none of these",
     )
+
+
+def _unit_outside(name: str, robot: Robot) -> str:
+    """Return a column with its unit in brackets of a name that ends in it: x_mm, x (mm); else nothing."""
+    match = re.fullmatch(r"(\w+?)[\s_]*[(_\s]\s*([A-Za-zµ°*/]+)\s*\)?", name.strip())
+    kinds = QUANTITIES | {variable.name: variable.kind for variable in robot.actuated}
+    if match is None or match[1] not in kinds:
+        return ""
+    try:
+        unit_factor(match[2], kinds[match[1]])
+    except BeamstiffError:
+        return ""
+    return f"{match[1]} [{match[2]}]"
 
 
 def _alike(name: str, known: Sequence[str]) -> str:

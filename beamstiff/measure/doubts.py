@@ -45,7 +45,19 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
         *label_doubts(measurements, robot),
+        *_of_the_times(measurements),
     )
+
+
+def _of_the_times(table: Measurements) -> Iterator[str]:
+    """Yield that times go back within the table: drifts and histories of loading follow the times."""
+    back = np.flatnonzero(np.diff(table.time) < 0)  # NaN, unknown, is no less
+    if back.size:
+        others = f", nor in {back.size - 1} other rows" if back.size > 1 else ""
+        yield (
+            f"{table.place(int(back[0]) + 1)}: t does not increase here{others}: rows are taken in the order "
+            "of t; if they were read in the order of the table, correct t"
+        )
 
 
 def work(table: Measurements) -> tuple[Array, Array]:
@@ -215,8 +227,13 @@ def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
 
 
 def require_usable(table: Measurements) -> None:
-    """Refuse displacements that tell nothing of the machine."""
+    """Refuse displacements that tell nothing of the machine, and positions none of which has x, y and z."""
     if table.kind != "displacement":
+        unread = np.isnan(table.position)
+        if unread.any(axis=1).all() and not unread.all():
+            lost = [axis for axis, column in zip("xyz", unread.T, strict=True) if column.all()]
+            which = f": no row has a value in {' or '.join(lost)}" if lost else ""
+            raise UnusableError(f"{table.source}: no row has all of x y z{which}; a position needs the three")
         return
     if not np.nan_to_num(table.displacement).any():
         raise UnusableError(

@@ -35,6 +35,7 @@ SCALE = 5.0  # times as far apart, or as near, as they should be: wrong units ma
 POSTURES = 8  # for fewer, one of many readings may fit by chance: a tracker's place alone takes two
 REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its reflectors
 REVERSIBLE = 6  # joints of which every selection may be reversed: 64 readings
+HUGE = 30.0  # m, RMS: no robot arm reaches so far
 MIRROR = np.array([1.0, 1.0, -1.0])
 ALONG = 0.9  # cosine from which an axis of the tracker is along one of the base
 
@@ -54,6 +55,12 @@ def require_scale(table: Measurements, robot: Robot) -> None:
         float(np.sqrt(((one - one.mean(axis=0)) ** 2).sum(axis=1).mean()))
         for one in (at, table.position[rows])
     )
+    if moved > HUGE > read:
+        raise UnusableError(
+            f"robot {robot.name!r}: its points move by {moved:.3g} m (RMS) in the postures of "
+            f"{table.source}: check the lengths in the robot file; in a URDF they are in m, and so are those "
+            "without a unit"
+        )
     large = max(moved, read) > AMISS * compile_kinematics(robot).size  # else of one posture
     unlike = large and read and not moved / SCALE < read < moved * SCALE  # one place is no reading yet
     # a reflector may sit far from where the robot file has it: its place makes up for no other unit

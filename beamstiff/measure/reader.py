@@ -387,7 +387,9 @@ def _nodes(name: str, cells: Sequence[str], robot: Robot, raw: RawTable) -> Name
         node = cell.strip() or robot.tcp
         if node not in known:
             added = "or add it: in a URDF a link on a fixed joint, in YAML a node and a rigid"
-            hint = suggest(node, known) or f", expected one of {listed(known)}; {added}"
+            moving = {name for joint in robot.joints for name in joint.nodes} | {*robot.fixed}
+            first = sorted(known, key=moving.__contains__)  # a reflector is at none of these
+            hint = suggest(node, known) or f", expected one of {listed(first)}; {added}"
             row = cells.index(cell)
             raw.fail_in_row(row, name, f"found {shown(node)}, which is no node of robot {robot.name!r}{hint}")
         nodes[cell] = node

@@ -240,7 +240,9 @@ def _expected(text: str, may_be_empty: bool) -> str:
     if re.fullmatch(r"[+-]?\d+,\d+", text):
         return "a number with a decimal point (or declare '# decimal: comma' before the header)"
     if text.lower() in _MISSING:
-        return "a number, or an empty cell where there is none" if may_be_empty else "a finite number"
+        if may_be_empty:
+            return "a number, or an empty cell where there is none"
+        return "a finite number: correct the row, or delete it"
     if re.fullmatch(r"[+-]?[\d.]+\s*[A-Za-zµ°*/]+", text):
         return "a number; its unit stands in the header, like dx [mm]"
     return "a number"

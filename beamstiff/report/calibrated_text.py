@@ -6,7 +6,7 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis_words import stiffness_in_words
-from beamstiff.report.tables import Column, Table, scale_of, table, worth
+from beamstiff.report.tables import Column, Table, add_rows, scale_of, table, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -34,8 +34,11 @@ def calibrated_away(result: Diagnosis) -> str:
     )
 
 
-def recalibration_text(changed: Recalibration) -> list[str]:
-    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself."""
+def recalibration_text(changed: Recalibration, others: str = "in --json and --apply") -> list[str]:
+    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself.
+
+    `others`: where the changes stand that are not named.
+    """
     placed = ""
     if rounded(changed.placed) != rounded(changed.before):
         placed = f", {rounded(1e3 * changed.placed)} mm with the places of the reflectors fitted"
@@ -50,21 +53,33 @@ def recalibration_text(changed: Recalibration) -> list[str]:
         )
     if not changed.changes:
         return [gap]
-    each = ", ".join(_change(one) for one in changed.changes[:NAMED])
+    each = ", ".join(_in_words(one) for one in changed.changes[:NAMED])
     rest = len(changed.changes) - NAMED
-    more = f" ({rest} more in --json and --apply)" if rest > 0 else ""
+    more = f" ({rest} more {others})" if rest > 0 else ""
     return [gap, f"Largest changes, with standard deviations: {each}{more}."]
 
 
-def _change(one: Change) -> str:
+def changes_table(changed: Recalibration, title: str) -> Table:
+    """Return all that the calibration changed, the largest first."""
+    made = table(title, "parameter", "change", "std", Column("unit", left=True))
+    add_rows(made, (_change(one) for one in changed.changes))
+    made.most = NAMED
+    return made
+
+
+def _in_words(one: Change) -> str:
+    name, value, std, unit = _change(one)
+    return f"{name} {value}{f' ± {std}' if std else ''} {unit}"
+
+
+def _change(one: Change) -> tuple[str, str, str, str]:
+    """Return a change for people: name, value with its sign, standard deviation if it has one, unit."""
     factor, unit = scale_of([one.by], one.parameter.unit)
     value, std = worth(factor * one.by, factor * one.std)
-    sign = "+" if one.by > 0.0 else ""
     zero = "zero of " if one.parameter.group == "offset" else ""
-    spread = f" ± {std}" if one.std else ""
     about = ABOUT.get(one.parameter.name.rpartition(".")[2], "") if one.parameter.group == "frame" else ""
     what = f" ({about})" if about else ""
-    return f"{zero}{one.parameter.name}{what} {sign}{value}{spread} {unit}"
+    return f"{zero}{one.parameter.name}{what}", f"{'+' * (one.by > 0.0)}{value}", std if one.std else "", unit
 
 
 def moved_load(result: Diagnosis) -> str:
@@ -105,6 +120,8 @@ def drives_table(result: Diagnosis, title: str) -> Table:
         known, unit = name not in result.undetermined, parameter_unit(robot, name)
         if name in result.untouched:
             known, said = False, "kept: no load touches it"
+        elif name in result.kept:
+            known, said = False, f"kept: not determined, over {1.0 / (1.0 / value + 2.0 * std):.2g}"
         elif known:
             said = f"{100.0 * std * value:.2g} %"
         else:

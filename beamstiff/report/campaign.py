@@ -76,7 +76,7 @@ def campaign_text(plan: MeasurementPlan) -> str:
     lines.append(
         f"Chosen from {counted(plan.candidates, unit)}, measured with a noise of "
         f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
-        f"better): {number(design.value)}, at least {share:g} % of what any choice of {chosen} could have."
+        f"better): {number(design.value)}. No other {chosen} would be more than {100.0 - share:.3g} % better."
     )
     lines.append(_against(campaign, plan.at_random, chosen))
     if plan.moving is not None:

@@ -154,9 +154,9 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = f"{CLOSES} Probability: that it is this cause, or one that moves the tool in the same way."
+    said = f"{CLOSES} Probability: of this cause, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish the causes joined by or."
+        said += " These data cannot distinguish the causes joined by or: most of what is left is theirs."
     return said
 
 
@@ -176,7 +176,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
         if ratio >= 1.005:
             lines.append(f"{said}, held-out gap {gap}.")
         else:
-            lines.append(f"{said} by all rows, but as good on held-out data: treat it as a look-alike.")
+            lines.append(f"{said} by all rows, but it predicts held-out rows as well: it is not ruled out.")
     return lines
 
 

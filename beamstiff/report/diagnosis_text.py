@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
-from beamstiff.diagnosis.notes import FEW_VALUES, OFF
+from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report.calibrated_text import calibrated_away
 from beamstiff.report.diagnosis_words import (
@@ -75,11 +75,8 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            by = in_words([found[0].key])
-            if len(found) == 1:
-                by = _or_alike(by, found[0].indistinguishable)
-            else:
-                by = f"{by} and {counted(len(found) - 1, 'other cause')}"
+            by = _first_cause(found)
+            if len(found) > 1:
                 each = f"Causes, with the share that each closes: {_each(found)}."
             said = f"{gap}, {_explained(result, closed(found), by)}"
         elif head == UNDECIDED:
@@ -95,6 +92,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         doubt = " ".join(_doubt(*one) for one in unrealistic(result)[:NAMED])
         doubt += " Another effect may look like it." if doubt else ""
+        if MASSLESS in result.notes:
+            doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
     data = data_of(result.baseline.rows) + _warmth(result)
     return Verdict(said, level, data, action(result, head), each, doubt)
 
@@ -118,6 +117,23 @@ def _each(found: Sequence[Cause]) -> str:
     )
 
 
+def _first_cause(found: Sequence[Cause]) -> str:
+    """Return, in words, the first of the causes of a gap, how many others there are, and whether it is sure.
+
+    Of a single cause its look-alikes are named beside it, of several only where the first is undecided: all
+    stand in the list below the headline.
+    """
+    first, others = found[0], len(found) - 1
+    name = in_words([first.key])
+    if first.probability < LIKELY:
+        name = _or_alike(name, first.indistinguishable)
+        which = f"{counted(len(found), 'cause')}, the largest" if others else "a cause that is"
+        return f"{which} undecided: {name}, {chance(first.probability)}"
+    if not others:
+        return _or_alike(name, first.indistinguishable)
+    return f"{name} and {counted(others, 'other cause')}"
+
+
 def _explained(result: Diagnosis, share: str, by: str) -> str:
     """Return, in words, what explains the gap; a doubt about its share is none about the cause."""
     if hardly_checked(result):
@@ -136,7 +152,8 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    return f"{name} (or {_shortly([in_words([one]) for one in alike], most)})"
+    names = ["an unknown cause" if one.partition(":")[0] == "unknown" else in_words([one]) for one in alike]
+    return f"{name} (or {_shortly(names, most)})"
 
 
 def _doubt(cause: Candidate, size: Estimate) -> str:

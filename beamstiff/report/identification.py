@@ -252,7 +252,8 @@ def identification_verdict(
         action = "Write the robot (--out) and test it on fresh rows with beamstiff verify."
     else:
         action = "State sigma_position in the table's head, so that the fit can be judged."
-    rigid = rigid_text(rigid_drives(found.start or found.robot))
+    start = found.start or found.robot
+    rigid = rigid_text(start, rigid_drives(start))
     action = " ".join(filter(None, (action, rigid, undetermined_text(unknown))))
     return Verdict(said, level, data_of(measured), action)
 

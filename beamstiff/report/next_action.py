@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
-from beamstiff.diagnosis.notes import weightless
+from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
@@ -48,6 +48,12 @@ def _one(result: Diagnosis, head: str) -> str:
         return "Check that robot file and table are of one robot, and each joint column of its joint."
     if overstated(result):
         return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
+    if (apart := unstated_loads(result.baseline)) > 0.0:
+        return (
+            f"Are the columns fx fy fz missing? Readings of one posture lie {rounded(1e3 * apart)} mm apart, "
+            "all in much the same direction, and no row states a load. If loads acted, add these columns and "
+            "diagnose again."
+        )
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"
@@ -69,6 +75,8 @@ def _one(result: Diagnosis, head: str) -> str:
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
     if not to_check:
         return _also(result, "Measure").strip() or _by_remainder(result)
+    if rigid := _compliant(result):
+        return f"{rigid_text(result.baseline.nominal, rigid)} Then diagnose again."
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
     return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
@@ -89,12 +97,23 @@ def _drives(result: Diagnosis) -> str:
     """Return what to do about drives that are rigid in the robot file, or of which the rows say nothing."""
     base = result.baseline
     felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
-    named_ones = {one.component for one in told(result) if one.effect == "joint-compliance"}
-    rigid = [] if not felt or None in named_ones else rigid_drives(base.nominal, named_ones)
+    rigid = [] if not felt or _compliant(result) else rigid_drives(base.nominal)
     fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
     # nothing is fitted where no row loads a drive
     unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
-    return " ".join(filter(None, (rigid_text(rigid), undetermined_text(unknown))))
+    return " ".join(filter(None, (rigid_text(base.nominal, rigid), undetermined_text(unknown))))
+
+
+def _compliant(result: Diagnosis) -> list[str]:
+    """Return the drives that are rigid in the robot file, if a compliance of one is told; else none.
+
+    With a start value its stiffness is fitted, and causes are judged beside it.
+    """
+    robot = result.baseline.nominal
+    found = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    rigid = rigid_drives(robot)
+    own = {joint.variable for joint in robot.joints if joint.name in rigid}
+    return rigid if found & {None, *own} else []
 
 
 def _by_remainder(result: Diagnosis) -> str:
@@ -127,7 +146,9 @@ def _also(result: Diagnosis, measure: str) -> str:
         return ""
     each = [item["discrimination"] for item in result.next if item["separates"]]
     if each and sum(each) < DECIDES:
-        return f" Readings like these hardly decide: even {proposed(result)} add little{_written(result)}"
+        return (
+            f" More readings like these will not decide: even {proposed(result)} add little{_written(result)}"
+        )
     return f" {measure} {proposed(result)}{_written(result)}"
 
 

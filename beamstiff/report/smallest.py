@@ -6,7 +6,7 @@ from beamstiff.errors import listed
 from beamstiff.report.tables import Column, Table, below, scale_of, table
 
 HIDDEN = 3  # places that are named
-TITLE = "Smallest sizes that most campaigns like this one would have shown"
+TITLE = "Smallest effects that data like these would reveal"
 
 
 def smallest_table(result: Diagnosis) -> Table:

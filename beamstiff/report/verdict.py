@@ -1,7 +1,7 @@
 """The verdict that a result begins with: a headline coloured by gap over noise, the data, the next action."""
 
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from rich.text import Text
 
+from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.residual.baseline import own_direction
 from beamstiff.errors import listed
 from beamstiff.measure.table import Measurements
@@ -20,12 +21,13 @@ Level = Literal["agrees", "doubtful", "differs", "plain"]
 
 BEYOND_NOISE = 1.5  # times the noise: from a dozen rows on no chance any more
 NOTHING = 1e-6  # mm: no instrument reads it
+START = 1e6  # N m/rad, where no drive says how stiff the machine is
 MOST_DRIVES = 4  # that a sentence names
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
-    "agrees": "within noise",
-    "doubtful": "beyond noise",
-    "differs": "far beyond noise",
+    "agrees": "gap within noise",
+    "doubtful": "gap beyond noise",
+    "differs": "gap far beyond noise",
 }
 COLOURS: dict[Level, str] = {"agrees": "green", "doubtful": "yellow", "differs": "red", "plain": ""}
 
@@ -82,8 +84,8 @@ def diagnose_command(files: Sequence[str]) -> str:
     return shlex.join(["beamstiff", "diagnose", *(files or ("ROBOT", "DATA.csv"))])
 
 
-def rigid_drives(robot: Robot, but: Collection[str | None] = ()) -> list[str]:
-    """Return the driven joints that are rigid about or along their axis, some left out by their variable.
+def rigid_drives(robot: Robot) -> list[str]:
+    """Return the driven joints that are rigid about or along their axis.
 
     None where struts are the drives.
     """
@@ -91,20 +93,27 @@ def rigid_drives(robot: Robot, but: Collection[str | None] = ()) -> list[str]:
         joint.name
         for joint in robot.joints
         if not robot.struts
-        and joint.variable in {one.name for one in robot.actuated}.difference(but)
+        and joint.variable in {one.name for one in robot.actuated}
         and getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID
     ]
 
 
-def rigid_text(names: Sequence[str]) -> str:
+def rigid_text(robot: Robot, names: Sequence[str]) -> str:
     """Return what to do about drives that are rigid in the robot file; empty for none."""
     if not names:
         return ""
     one = len(names) == 1
+    if own_direction(robot, names[0]) == "torsional":
+        # a guess far from the other drives would make the machine another size
+        start = f"{np.median(list(turning_drives(robot).values()) or [START]):.0e} N*m/rad".replace(
+            "e+0", "e"
+        )
+    else:
+        start = "1e8 N/m"
     return (
         f"{listed(names, MOST_DRIVES)} {'is' if one else 'are'} rigid in the robot file, so "
         f"{'its' if one else 'their'} stiffness is not fitted: beamstiff convert ROBOT --joint-stiffness "
-        f"'{f'{names[0]}=' if one else ''}1e6 N*m/rad' --out NEW gives a start value."
+        f"'{f'{names[0]}=' if one else ''}{start}' --out NEW gives a start value."
     )
 
 

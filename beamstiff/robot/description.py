@@ -56,7 +56,7 @@ class Robot(Shown, Described):
         Parameters that `identify` and `diagnose` fit, such as ``J2.torsional`` (of a joint), ``screw2`` (of a
         strut).
     unmeasured : list of str
-        Stiffness that no measured load touched: start values, not results. `identify`, `calibrate` and
+        Stiffness that measurements did not determine: start values, not results. `identify`, `calibrate` and
         `diagnose` write it; `compensate` says how much of the predicted error comes from these values.
     effects : list
         What the machine is known to have beyond beams and springs.
@@ -101,7 +101,7 @@ class Robot(Shown, Described):
     fixed: Annotated[tuple[Name, ...], Field(min_length=1)]
     tcp: Name
     identify: tuple[Name, ...] = ()
-    unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measured load touched
+    unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measurement determined
     effects: tuple[AddedEffect, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs

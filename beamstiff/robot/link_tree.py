@@ -310,7 +310,8 @@ def _tcp(tree: LinkTree, root: str, joints: Sequence[TreeJoint], tcp: str | None
     if len(leaves) > 1:
         raise BeamstiffError(
             f"{tree.source}: found {len(leaves)} ends of the chain ({listed(leaves, 12)}), expected to be "
-            f"told which is the TCP: `beamstiff convert {tree.source} --tcp {leaves[0]} --out ROBOT.yaml`, "
+            f"told which is the TCP: `beamstiff convert {tree.source} --tcp {leaves[0]} --out "
+            f"ROBOT{'.urdf' if tree.source.endswith('.urdf') else '.yaml'}`, "
             f'or <beamstiff tcp="{leaves[0]}"/> in <robot>'
         )
     return leaves[0]

@@ -94,7 +94,7 @@ def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
         "20 tests at",
         "Chosen from 240 tests",
         f"Criterion {criterion.upper()} (",
-        "of what any choice of 20 tests could have",
+        "No other 20 tests would be more than ",
         "Of 200 random choices of 20 tests the median has a worst std of",
         "more only average the noise",
         "For the least certain value to have a given standard error, tests needed: about",

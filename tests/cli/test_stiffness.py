@@ -120,11 +120,12 @@ def test_a_value_outside_its_limits_is_noted(succeed: Run) -> None:
     assert result.stderr == "note: q1 = 200 deg is outside its limits -170 deg to 170 deg\n"
 
 
-def test_degrees_taken_for_radians_are_told(succeed: Run) -> None:
-    result = succeed("stiffness", "crane.yaml", "--q", "q1=30")
-    assert result.stderr == (
-        "note: q1 = 1718.87 deg is outside its limits -170 deg to 170 deg; a number without a unit is rad\n"
-    )
+def test_degrees_taken_for_radians_are_refused_with_what_to_write(run: Run, succeed: Run) -> None:
+    result = run("stiffness", "crane.yaml", "--q", "q1=-90")
+    assert result.exit_code == 2
+    assert result.stderr == ("error: --q: q1: found -90 rad, beyond its limits; in degrees write q1=-90deg\n")
+    succeed("stiffness", "crane.yaml", "--q", "q1=-90deg")
+    succeed("stiffness", "crane.yaml", "--q", "q1=3.1")  # rad, a little outside
 
 
 def test_a_note_says_where_one_beam_is_too_few_for_the_load(run: Run) -> None:

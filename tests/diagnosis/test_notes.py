@@ -5,12 +5,15 @@ import numpy as np
 import pytest
 
 from beamstiff import diagnose
+from beamstiff import predict as predicted
 from beamstiff.diagnosis.inference.library import Library
-from beamstiff.diagnosis.notes import notes
+from beamstiff.diagnosis.notes import MASSLESS, notes, unloaded, unstated_loads
 from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
 from beamstiff.diagnosis.residual.screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
-from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, nominal, rows_of
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.parts import Mass
+from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, kr240, nominal, rows_of
 
 SILENCE = Library((), ())
 
@@ -121,3 +124,34 @@ def test_loads_of_the_wrong_sign_are_said_before_all_else_and_once() -> None:
 def test_a_cause_that_was_named_says_itself_what_it_leaves() -> None:
     assert said(verdict="backlash", scale=1.8) == ONCE
     assert said(verdict="none", scale=1.4) == ONCE
+
+
+def pairs(load: float = 0.0, lost: float = 0.0, seed: int = 0) -> Measurements:
+    """Return 40 postures of a heavy robot, read twice, as a table that states no load.
+
+    `load`: N, downwards, that acted the second time; `lost`: rad, by which joints stopped short.
+    """
+    robot, rng = kr240(), np.random.default_rng(seed)
+    q = np.repeat(at_random(robot, 40, seed=seed).q, 2, axis=0)
+    wrench = np.zeros((80, 6))
+    wrench[1::2, 2] = -load
+    there = rows_of(robot, q + lost * rng.choice([-1.0, 1.0], q.shape), wrench, position=np.zeros((80, 3)))
+    position = predicted(robot, there).pose[:, :3] + 3e-5 * rng.standard_normal((80, 3))
+    return rows_of(robot, q, 0.0 * wrench, position=position, sigma_position=3e-5)
+
+
+def test_loads_that_a_table_does_not_state_move_all_postures_in_one_direction() -> None:
+    assert unstated_loads(fit_baseline(kr240(), pairs(load=1000.0))) > 1e-4  # m
+    noise = [unstated_loads(fit_baseline(kr240(), pairs(seed=seed))) for seed in range(5)]
+    lost = [unstated_loads(fit_baseline(kr240(), pairs(lost=5e-4, seed=seed))) for seed in range(5)]
+    assert noise == lost == [0.0] * 5
+
+
+def test_a_robot_without_masses_is_told_that_gravity_cannot_load_its_drives() -> None:
+    robot, rows = kr240(), pairs()
+    loaded = replace(rows, wrench=np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (80, 1)))
+    heavy = robot.model_copy(update={"masses": (Mass(node=robot.tcp, mass=100.0),)})
+    assert MASSLESS in unloaded(fit_baseline(robot, loaded))
+    assert MASSLESS not in unloaded(fit_baseline(heavy, loaded))
+    afloat = robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+    assert MASSLESS not in unloaded(fit_baseline(afloat, loaded))

@@ -191,3 +191,19 @@ def test_a_dial_gauge_may_read_the_same_again() -> None:
     rows = loaded(rows=40)
     coarse = replace(rows, displacement=np.round(rows.displacement, 3))  # mm steps
     assert len(counted_once(concatenate([coarse, coarse]))) == 80
+
+
+def test_positions_without_a_coordinate_are_refused_by_its_name(arm: Robot) -> None:
+    table = parse_measurements("q1,d2,x,z\n0.1,0.2,1,3\n0.2,0.2,1,3\n", arm)
+    with pytest.raises(BeamstiffError, match="no row has all of x y z: no row has a value in y;"):
+        require_usable(table)
+
+
+def test_times_that_go_back_are_told(arm: Robot) -> None:
+    def told(*times: float) -> str:
+        rows = "".join(f"0.1,0.2,{at},{at}\n" for at in times)
+        return " ".join(doubts(parse_measurements("q1,d2,dx [mm],t\n" + rows, arm), arm))
+
+    assert "t does not" not in told(1.0, 2.0, 2.0, 5.0)
+    assert ":4: t does not increase here: rows are taken in the order of t" in told(1.0, 3.0, 2.0)
+    assert ", nor in 1 other rows:" in told(3.0, 2.0, 1.0)

@@ -15,8 +15,10 @@ from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import JointStiffness
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
+from tests.arms import planar_arm
 
 FRAME, PLACE = np.array([0.3, -0.2, 1.1]), np.array([2.0, -1.0, 0.4])  # rad, m: a tracker stands somewhere
 
@@ -195,3 +197,18 @@ def test_a_joint_outside_its_limits_by_a_full_turn_is_asked_about(off: float, as
     q[:, 1] += off
     (note,) = (one for one in doubts(replace(table, q=q), load_robot("kr240-2")) if "q2: " in one)
     assert note.endswith(": is it off by a full turn?") == asked
+
+
+def test_a_robot_file_in_millimetres_is_blamed_itself() -> None:
+    hips = (2e6, JointStiffness(torsional=5e5))
+    robots = [
+        planar_arm("planar", lengths, hips, "foot hub end pin tip", ("upper", "fore"))
+        for lengths in ((1.2, 0.8), (1200.0, 800.0))
+    ]
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 2))
+    kinematics = compile_kinematics(robots[0])
+    at = posture(kinematics, q).node_positions[:, kinematics.node_index["tip"]]
+    table = make_measurements([one.name for one in robots[0].actuated], q, tcp="tip", position=at)
+    require_scale(table, robots[0])
+    with pytest.raises(UnusableError, match="check the lengths in the robot file; in a URDF they are in m"):
+        require_scale(table, robots[1])

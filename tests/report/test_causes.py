@@ -166,6 +166,19 @@ def test_what_cannot_be_distinguished_stands_below_the_headline_and_beside_the_p
     assert "(or backlash at q2, hardening at q2)" in verdict(replace(result, decomposition=alike)).causes
 
 
+def test_a_headline_of_several_causes_says_where_its_first_is_undecided() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    first, *others = several.causes
+    assert ", the largest undecided" not in verdict(result).headline
+    open_one = replace(first, probability=0.53, indistinguishable=("backlash:q2",))
+    told = replace(result, decomposition=replace(several, causes=(open_one, *others)))
+    said = "explained by 3 causes, the largest undecided: target-slip (or backlash at q2), 53 %"
+    assert verdict(told).headline.endswith(said)
+    assert said in diagnosis_html(told, provenance([], 0, []))
+
+
 def test_few_postures_make_the_share_uncertain_and_not_the_cause() -> None:
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition

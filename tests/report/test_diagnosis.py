@@ -150,7 +150,10 @@ def test_a_second_reflector_is_proposed_with_what_it_tells() -> None:
 
 def test_states_that_decide_nothing_are_called_so() -> None:
     item = {"q": {}, "wrench": [0.0] * 6, "separates": ["backlash:q2", "hardening:q2"], "point": "n6b"}
-    for size, says in ((0.1, "Readings like these hardly decide: even the"), (9.0, "Also measure the")):
+    for size, says in (
+        (0.1, "More readings like these will not decide: even the"),
+        (9.0, "Also measure the"),
+    ):
         result = replace(diagnosed("backlash"), next=[{**item, "discrimination": size}])
         assert says in verdict(result).action
 

@@ -14,6 +14,7 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
+from beamstiff.functions.checks import start_values
 from beamstiff.report.calibrated_text import drives_table
 from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
 from beamstiff.report.diagnosis_text import verdict
@@ -275,3 +276,20 @@ def test_how_sure_a_page_is_says_of_what() -> None:
     assert "probability of the cause" in diagnosis_html(diagnosed("backlash"), provenance([], 0, []))
     unknown = replace(diagnosed("backlash"), verdict=Candidate("unknown", None, 0.9))
     assert "probability that these data show no known cause" in diagnosis_html(unknown, provenance([], 0, []))
+
+
+@pytest.mark.parametrize(("moment", "determined"), [(3.0, False), (60.0, True)])
+def test_a_drive_keeps_the_file_s_stiffness_where_its_rows_do_not_determine_it(
+    moment: float, determined: bool
+) -> None:
+    """A moment of 3 N m turns the last drive by a tenth of the noise of a rotation, one of 60 by twice."""
+    what = plan()
+    wrench = np.abs(what.wrench) * [0, 0, 1, 0, 0, 0] + [0, 0, 0, 0, 0, moment]
+    result = diagnose(kr240(), campaign(replace(what, wrench=wrench)))
+    name = kr240().identify[-1]
+    written = extended(result)
+    assert (written.parameter(name) != kr240().parameter(name)) == determined
+    assert (name not in written.unmeasured) == determined
+    assert bool(start_values(written)) != determined
+    told = {row[0].split()[0]: row[3] for row in drives_table(result, "").rows}
+    assert told[name].startswith("kept: not determined, over ") != determined

@@ -34,7 +34,7 @@ def test_a_terminal_shows_headline_data_and_action_in_their_order() -> None:
     lines = list(Verdict("Gap of 1 mm", "differs", "a.csv, 3 rows", "Measure.").lines())
     assert [line.plain for line in lines] == ["Gap of 1 mm", "Data: a.csv, 3 rows.", "Next: Measure.", ""]
     assert str(lines[0].style) == "bold red"
-    assert Verdict("x", "doubtful").badge == "beyond noise"
+    assert Verdict("x", "doubtful").badge == "gap beyond noise"
 
 
 def test_a_fit_that_leaves_several_times_the_noise_is_amber_and_sends_to_the_diagnosis() -> None:
@@ -148,12 +148,23 @@ def test_a_load_that_moved_with_the_reflector_is_told() -> None:
 
 def test_rigid_drives_are_told_with_what_to_do() -> None:
     robot = load_robot("kr240-2")
-    assert rigid_text(rigid_drives(robot)) == ""
+    assert rigid_text(robot, rigid_drives(robot)) == ""
     bare = robot.with_parameters({"J2.torsional": np.inf})
     assert rigid_drives(bare) == ["J2"]
-    assert rigid_drives(bare, {"q2"}) == []
-    assert "--joint-stiffness 'J2=1e6 N*m/rad'" in rigid_text(["J2"])
     assert rigid_drives(load_robot("ir663-screws")) == []  # its drives are struts
+
+
+def test_the_start_value_of_a_rigid_drive_is_of_the_size_of_the_others() -> None:
+    robot = load_robot("kr240-2")
+    drives = [joint.name for joint in robot.joints if np.isfinite(joint.stiffness.torsional)]
+    small = {f"{name}.torsional": 3e4 * 2.0**at for at, name in enumerate(drives)}
+    bare = robot.with_parameters(small | {f"{drives[0]}.torsional": np.inf})
+    rest = np.median(list(small.values())[1:])
+    assert f"--joint-stiffness '{drives[0]}={rest:.0e} N*m/rad'".replace("e+0", "e") in rigid_text(
+        bare, drives[:1]
+    )
+    rigid = robot.with_parameters(dict.fromkeys(small, np.inf))
+    assert "--joint-stiffness '1e6 N*m/rad'" in rigid_text(rigid, rigid_drives(rigid))
 
 
 def test_one_name_more_is_named_and_several_are_counted() -> None:

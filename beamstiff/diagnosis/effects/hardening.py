@@ -72,7 +72,7 @@ EFFECT = Effect(
     meaning="The drive is soft at small torque and stiffens as it grows.",
     components=drives_and_rigid_ones,
     shapes=_shapes,
-    separation="apply four load levels in both directions of this joint's torque",
+    separation="apply three loads or more, in postures where this joint's torque has either sign",
     look_alikes=("backlash",),
     sources="K1:K3 = 0.53 to 0.6, T1:T2 = 0.28 (Harmonic Drive CHA)",
     scales=torque_scale,

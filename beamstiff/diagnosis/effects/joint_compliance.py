@@ -42,6 +42,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 
 
 def _linear(baseline: Baseline, axis: Axis, name: str) -> Term:
+    # of a heavy robot; a small one's drives are softer, as those are that the file knows
     unit, size = ("rad/(N*m)", 4e-7 * softness(baseline)) if axis.turns else ("m/N", 5e-9)
     return by_law(baseline, axis, lambda torque: torque), (Quantity(name, unit, size, positive=True),)
 
@@ -102,7 +103,8 @@ EFFECT = Effect(
     meaning="The joint is rigid about its axis in the model, but deforms under load or weight.",
     components=_components,
     shapes=_shapes,
-    separation="load this joint's axis alone; read its motor encoder and the link behind it",
+    separation="hang the same weight at two distances from this joint's axis; read a reflector on the link "
+    "behind it, and an encoder behind its gear if there is one",
     look_alikes=("link-bending", "bearing-tilt"),
     sources="drives of industrial robots 3e5 to 1e7 N m/rad (seed 000, Table 6; 001, Table 2)",
     scales=_scales,

@@ -7,7 +7,7 @@ import numpy as np
 
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.report.calibrated_text import drives_table, recalibration_text
+from beamstiff.report.calibrated_text import changes_table, drives_table, recalibration_text
 from beamstiff.report.diagnosis import (
     ACCOUNTS,
     CAUSES,
@@ -64,7 +64,9 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     baseline = result.baseline
     without, beside = predictions(result)
     compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
-    changed = [] if result.recalibration is None else recalibration_text(result.recalibration)
+    changed = []
+    if result.recalibration is not None:
+        changed = recalibration_text(result.recalibration, "under Fitted parameters")
     if result.decomposition is not None and result.decomposition.gap_shows:
         changed = [*remainder_text(result.decomposition).splitlines(), *changed]
     with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
@@ -155,7 +157,7 @@ def _which(result: Diagnosis) -> Section:
         )
         figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
         plural = "s" * (len(found.causes) > 1)
-        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, tables_text=legend)
+        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
     first = likely(result, SHOWN)
     traces, layout = bars(
         [in_full(one, result) for one in first],
@@ -173,7 +175,7 @@ def _which(result: Diagnosis) -> Section:
         layout,
         candidates_table(result, first, "The candidates"),
     )
-    return Section("which", "Which cause", figures=[figure], tables=tables, tables_text=legend)
+    return Section("which", "Which cause", figures=[figure], tables=tables, footnote=legend)
 
 
 def _where(result: Diagnosis) -> Section:
@@ -243,9 +245,11 @@ def _how_far(result: Diagnosis) -> Section:
 
 
 def _others(result: Diagnosis) -> Iterator[Section]:
-    drives = drives_table(result, "Fitted stiffness")
-    if drives.rows:
-        yield Section("parameters", "Stiffness of the drives", tables=[drives], open=False)
+    fitted = [drives_table(result, "Fitted stiffness")]
+    if result.recalibration is not None:
+        fitted.append(changes_table(result.recalibration, "Calibrated geometry, change from the robot file"))
+    if fitted := [one for one in fitted if one.rows]:
+        yield Section("parameters", "Fitted parameters", tables=fitted, open=False)
     nothing = result.verdict.effect == "none"
     hidden = [smallest_table(result)] if nothing else []
     hidden += [made] if (made := untestable_table(result, "Not testable")).rows else []

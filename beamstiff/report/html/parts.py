@@ -48,6 +48,7 @@ class Section:
     tables: Sequence[Table] = ()
     items: Sequence[str] = ()
     tables_text: str = ""
+    footnote: str = ""  # below the tables
     open: bool = True  # shown at once; else behind its heading
 
 
