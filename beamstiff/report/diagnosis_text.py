@@ -126,9 +126,9 @@ def _first_cause(found: Sequence[Cause]) -> str:
     first, others = found[0], len(found) - 1
     name = in_words([first.key])
     if first.probability < LIKELY:
-        name = _or_alike(name, first.indistinguishable)
+        name = _or_alike(f"{name}, {chance(first.probability)}", first.indistinguishable)
         which = f"{counted(len(found), 'cause')}, the largest" if others else "a cause that is"
-        return f"{which} undecided: {name}, {chance(first.probability)}"
+        return f"{which} undecided: {name}"
     if not others:
         return _or_alike(name, first.indistinguishable)
     return f"{name} and {counted(others, 'other cause')}"
