@@ -170,7 +170,7 @@ def test_what_is_neither_robot_nor_table_is_refused(name: str, robot: Any, data:
         (lambda: beamstiff.plan("ir663", force="2 kg"), "force: "),
         (lambda: beamstiff.plan("ir663", tests=4, poses=2), "tests: found beside"),
         (lambda: beamstiff.compensate("kr500", 7), "path: found 7, expected a program"),
-        (lambda: beamstiff.stiffness("ir663", Q, wrench=[0] * 6), "wrench: loads the machine"),
+        (lambda: beamstiff.stiffness("ir663", Q, wrench=[0] * 6), "wrench: needs --preload"),
         (lambda: beamstiff.stiffness("ir663", Q, preload=True, wrench=[0]), "wrench: found [0]"),
         (lambda: beamstiff.tcp_compliance(None), "robot: found null"),
         (lambda: beamstiff.map_workspace(1.5, GRID), "robot: found 1.5"),

@@ -86,9 +86,9 @@ def candidate_poses(
             return found[:count]
     wanted = [] if region is None else [f"have their TCP in the region {_shown(low, high)}"]
     wanted += ["keep clear of its obstacles"] if robot.obstacles else []
+    more = "leave it more room" if region is None else "make it larger, or move it to where the robot reaches"
     raise BeamstiffError(
-        f"robot {robot.name!r}: only {len(found)} of {count} random poses {' and '.join(wanted)}; "
-        "expected more room where the robot reaches"
+        f"robot {robot.name!r}: only {len(found)} of {count} random poses {' and '.join(wanted)}; {more}"
     )
 
 

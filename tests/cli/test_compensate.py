@@ -362,7 +362,7 @@ def test_what_comes_from_start_values_is_said(folder: Path, succeed: Run) -> Non
     # an arm of 1 m under 1000 N: F L^2 / k = 1000 N * 1 m^2 / 8e6 N m/rad
     expected = "note: up to 0.12 mm of the predicted error (at row 1) comes from start values"
     assert expected in result.stderr
-    assert "no measured load touched J1.tilting of robot 'crane'" in result.stderr
+    assert "no measurement determined J1.tilting of robot 'crane'" in result.stderr
     again = succeed("compensate", "crane.yaml", "path.csv", "--actual", "found.yaml", "--taught")
     assert expected in again.stderr  # all of it is the load's: the crane has no weight
     lift = "# sigma_position: 0.01 mm\nq1 [deg],fz,dz [mm]\n0,1000,0.3\n90,500,0.15\n"

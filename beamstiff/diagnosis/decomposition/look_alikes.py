@@ -116,7 +116,7 @@ def rival_of(
         for key in sorted(weight, key=lambda key: -weight[key])
         if key not in (own, "none:null") and weight[key] >= PLAUSIBLE * weight[own]
     ]
-    same = choice.alike.get(own, ())  # whatever the forms of the model say
+    same = (*choice.alike.get(own, ()), *_curve_of(choice, own))  # whatever the forms of the model say
     alike += [key for key in same if key != own and key not in alike and key not in taken]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
@@ -126,6 +126,21 @@ def rival_of(
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def _curve_of(choice: Choice, key: str) -> list[str]:
+    """Return the curve of a joint's angle that moves positions as its balancer does, where there is one.
+
+    What a spring pulls is some curve of the angle, through the drive an error of the joint; of the curve the
+    forms have a few orders, of the spring any, so that one may fit better by chance. Measured torques or an
+    encoder behind the gear tell them apart: by what is likely beforehand.
+    """
+    effect, _, joint = key.partition(":")
+    curve = key_of("angle-curve", joint)
+    if effect != "gravity-compensator" or curve not in choice.of_cause:
+        return []
+    own, other = (float(choice.log_priors[1][choice.of_cause[one][0]]) for one in (key, curve))
+    return [curve] if abs(own - other) < -TEMPERING * np.log(PLAUSIBLE) else []
 
 
 def _holding(key: str) -> set[str]:

@@ -14,7 +14,7 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.se3 import Array
 
 ABSORBED = 0.02  # share of a signature's size that the fitted parameters leave
-OF_DRIVES = ("actuator-lever", "backlash", "gravity-compensator", "hardening", "hysteresis")
+OF_DRIVES = ("actuator-lever", "gravity-compensator")
 NO_CAMERA = "no camera read these rows"
 FAINT = 0.1  # sigma a value, at the largest realistic size
 # weighed by `decomposition` alone; the last two are all drives at once

@@ -56,6 +56,24 @@ def test_a_cause_that_none_replaces_is_sure(made: Choice) -> None:
     assert rival.probability > 0.99
 
 
+@pytest.mark.parametrize(("curve", "pair"), [("q1", True), ("q2", False)])
+def test_a_balancer_and_a_curve_of_its_joint_move_positions_alike(curve: str, pair: bool) -> None:
+    """The curve's few orders fit worse, but an encoder's or gear's error may be any, too."""
+    rng = np.random.default_rng(5)
+    spring, other = rng.standard_normal((2, VALUES))
+    size = Quantity("size", "1", 1.0)
+    forms = [
+        replace(form(column[:, None], size), effect=effect, component=joint)
+        for column, effect, joint in (
+            (spring, "gravity-compensator", "q1"),
+            (other, "angle-curve", curve),
+        )
+    ]
+    choice = choice_of(30.0 * spring + rng.standard_normal(VALUES), *forms)
+    rival = rival_of(choice, fit_step(choice, (0,)), (0,), held_out)
+    assert rival.indistinguishable == ((f"angle-curve:{curve}",) if pair else ())
+
+
 def test_the_more_a_cause_explains_the_less_a_difference_says(made: Choice) -> None:
     """By log odds over ``T + E / R``, E half of what the criterion falls by the cause."""
     step = fit_step(made, (0, 3))
