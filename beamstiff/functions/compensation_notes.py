@@ -92,8 +92,10 @@ def compensation_notes(
             f"twice its standard deviation: {listed(names, 5)}"
         )
     if machine.set_aside:
-        ignored = f"{effects_text(machine.set_aside)} is an error of measuring that moves no tool: ignored"
-        said.append(ignored + _true_loads(machine))
+        ignored = f"{effects_text(machine.set_aside)} is taken for an error of measuring and ignored"
+        drifts = any(one.effect == "thermal-drift" for one in machine.set_aside)
+        robot = "; if the robot drifts and not the tracker, calibrate it warm" if drifts else ""
+        said.append(ignored + _true_loads(machine) + robot)
     if machine.real.model is not None:
         said.append(
             f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
