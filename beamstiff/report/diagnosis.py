@@ -156,7 +156,7 @@ def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = f"{CLOSES} Probability: of this cause, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
-        said += " Causes joined by or are not distinguished by these data: most of what it lacks is theirs."
+        said += " These data cannot distinguish the causes joined by or: most of what it lacks is theirs."
     return said
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from beamstiff.compensation.formats import krl, read_program
+from beamstiff.compensation.formats.krl_frames import Literals
 from beamstiff.errors import BeamstiffError
 
 
@@ -179,3 +180,11 @@ def test_a_dat_whose_points_no_motion_goes_to_is_left_aside(tmp_path: Path) -> N
     program = read_program(source)
     assert program.path.names == ("LIN",)
     assert program.files(program.with_poses(program.path.poses)) == (text.encode("latin-1"), None)
+
+
+def test_a_frame_with_a_number_that_is_none_is_unknown() -> None:
+    literals = Literals("FRAME F\nF={X 1.0,Y .,Z 3.0,A 0,B 0,C 0}\nG={X 1.0,Y .5,Z 3.0,A 0,B 0,C 0}")
+    assert literals.pose("F") is None
+    pose = literals.pose("G")
+    assert pose is not None
+    assert pose[:3, 3] == pytest.approx([1e-3, 5e-4, 3e-3])

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from beamstiff.compensation.editing import NUMBER
 from beamstiff.compensation.formats.program import Place, common_frame
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.measure.orientation import KUKA
@@ -25,7 +26,8 @@ _FIXED_TOOL = re.compile(r"\$IPO_MODE\s*=\s*#TCP", re.IGNORECASE)
 _BAS = re.compile(r"\bBAS\s*\(\s*#(?P<what>BASE|TOOL)\s*,\s*(?P<number>\w+)\s*\)", re.IGNORECASE)
 _ACTIVE = re.compile(rf"\bFDAT_ACT\s*=\s*(?P<value>\{{[^{{}}]*\}}|{_NAME})", re.IGNORECASE)
 _NUMBERS = re.compile(r"\b(?P<what>TOOL|BASE)_NO\s+(?P<number>\d+)", re.IGNORECASE)
-_PART = re.compile(r"\b([XYZABC])\s+([-+]?[0-9.]+(?:E[-+]?[0-9]+)?)", re.IGNORECASE)
+_PART = re.compile(r"\b([XYZABC])\s+([^\s,}]+)", re.IGNORECASE)
+_NUMBER = re.compile(NUMBER)
 
 
 class Literals:
@@ -44,9 +46,10 @@ class Literals:
         text = self.by_name.get(text, text)
         if not re.fullmatch(r"\{[^{}]*\}", text):
             return None
-        parts = {key.upper(): float(value) for key, value in _PART.findall(text)}
-        if not parts:
+        found = _PART.findall(text)
+        if not found or not all(_NUMBER.fullmatch(value) for _, value in found):
             return None
+        parts = {key.upper(): float(value) for key, value in found}
         position, angles = ([parts.get(key, 0.0) for key in keys] for keys in ("XYZ", "ABC"))
         return np.asarray(transform(KUKA.rotations(np.radians([angles])), 1e-3 * np.array([position]))[0])
 

@@ -133,7 +133,7 @@ def _curve_of(choice: Choice, key: str) -> list[str]:
 
     What a spring pulls is some curve of the angle, through the drive an error of the joint; of the curve the
     forms have a few orders, of the spring any, so that one may fit better by chance. Measured torques or an
-    encoder behind the gear tell them apart: by what is likely beforehand.
+    encoder behind the gear distinguish them: by what is likely beforehand.
     """
     effect, _, joint = key.partition(":")
     curve = key_of("angle-curve", joint)
