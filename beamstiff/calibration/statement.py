@@ -215,9 +215,8 @@ def registered(problem: Problem, theta: Array) -> Array:
     result = theta.copy()
     at = {item.name: number for number, item in enumerate(problem.parameters)}
     rows = problem.rows
-    placed, jacobian = problem.geometry.jacobian(
-        problem.split(theta)[0], problem.elastic.displacement(problem.split(theta)[1])
-    )
+    geometry, compliance = problem.split(theta)
+    placed, jacobian = problem.geometry.jacobian(geometry, problem.elastic.displacement(compliance))
     places = [
         number
         for number, item in enumerate(problem.parameters)

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from beamstiff.diagnosis.next_measurement.outlook import Outlook, outlook
 from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
 from beamstiff.diagnosis.result import Diagnosis
@@ -14,12 +12,11 @@ from beamstiff.functions.diagnose import diagnose
 from beamstiff.functions.plan import MOST_TESTS, plan
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
-from beamstiff.planning.candidates import AXES
+from beamstiff.planning.candidates import ANYWHERE, AXES
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.shown import Shown
 
 ROWS = 10  # of a batch
-ANYWHERE = 3 * ((-np.inf, np.inf),)  # within the joint limits, as a plan is
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,6 +20,7 @@ from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
 
 AXES = ("x", "y", "z")
+ANYWHERE = 3 * ((-np.inf, np.inf),)  # a region: within the joint limits alone
 # a direction of the parameters that all candidates together show less than this, against the others, is none
 SINGULAR = 1e-12
 
@@ -74,17 +75,17 @@ def candidate_poses(
     robot = kinematics.robot
     if region is None and not robot.obstacles:
         return random_poses(kinematics, count, random)
-    low, high = np.array(3 * [(-np.inf, np.inf)] if region is None else region).reshape(3, 2).T
+    box = np.asarray(ANYWHERE if region is None else region, dtype=np.float64).reshape(3, 2)
     tcp = kinematics.node_index[robot.tcp]
     found = np.zeros((0, len(robot.actuated)))
     for _ in range(50):
         drawn = random_poses(kinematics, max(2 * count, 64), random)
         positions = closed_posture(kinematics, drawn)[0].node_positions
-        inside = ((positions[:, tcp] >= low) & (positions[:, tcp] <= high)).all(axis=1)
-        found = np.concatenate([found, drawn[inside & clear(kinematics, positions)]])
+        reached = inside(box, positions[:, tcp])
+        found = np.concatenate([found, drawn[reached & clear(kinematics, positions)]])
         if len(found) >= count:
             return found[:count]
-    wanted = [] if region is None else [f"have their TCP in the region {_shown(low, high)}"]
+    wanted = [] if region is None else [f"have their TCP in the region {_shown(box)}"]
     wanted += ["keep clear of its obstacles"] if robot.obstacles else []
     more = "leave it more room" if region is None else "make it larger, or move it to where the robot reaches"
     raise BeamstiffError(
@@ -92,10 +93,15 @@ def candidate_poses(
     )
 
 
-def _shown(low: Array, high: Array) -> str:
-    sides = zip("xyz", low.tolist(), high.tolist(), strict=True)
-    told = [f"{axis} from {a:g} to {b:g} m" for axis, a, b in sides if np.isfinite([a, b]).any()]
-    return ", ".join(told)
+def inside(region: Array | Sequence[tuple[float, float]], positions: Array) -> NDArray[np.bool_]:
+    """Return which positions (n, 3) lie in a region, (n,)."""
+    low, high = np.asarray(region, dtype=np.float64).T
+    return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
+
+
+def _shown(region: Array) -> str:
+    sides = zip("xyz", region.tolist(), strict=True)
+    return ", ".join(f"{axis} from {a:g} to {b:g} m" for axis, (a, b) in sides if np.isfinite([a, b]).any())
 
 
 def force_loads(magnitude: float, directions: Sequence[str] = ("x", "y", "z")) -> Array:

@@ -14,11 +14,12 @@ def clear(kinematics: Kinematics, positions: Array) -> Mask:
     `positions`: (P, n, 3), m, of the nodes. By the slabs of a box: a line is inside between the last side
     that it enters and the first that it leaves (Kay and Kajiya 1986).
     """
-    robot = kinematics.robot
+    robot, fixed = kinematics.robot, set(kinematics.robot.fixed)
     result = np.ones(len(positions), dtype=np.bool_)
-    fixed = set(robot.fixed)
+    if not robot.obstacles:
+        return result
     parts = [ends for ends in structure_graph(robot).edges() if not fixed.issuperset(ends)]
-    if not robot.obstacles or not parts:
+    if not parts:
         return result
     start, end = (
         positions[:, [kinematics.node_index[one] for one in ends]] for ends in zip(*parts, strict=True)

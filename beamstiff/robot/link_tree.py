@@ -406,7 +406,7 @@ def _variable(joint: TreeJoint, variables: Mapping[str, str], joints: Sequence[T
     data: dict[str, Any] = {"name": variables[joint.name], "type": joint.kind}
     if joint.limits is not None and joint.limits[0] < joint.limits[1]:
         data["limits"] = list(joint.limits)
-    if joint.speed is not None:
+    if joint.speed is not None and joint.mimic is None:  # one that follows has that of the joint it follows
         data["speed"] = joint.speed
     if joint.mimic is not None:
         followed = {other.name: other.kind for other in joints}

@@ -148,7 +148,7 @@ class _Poses:
             placed=np.linalg.inv(self.at(parent, item)) @ moved,
             axis=axis,
             limits=limits if kind != "continuous" else None,
-            speed=speed if mimic is None else None,
+            speed=speed,
             mimic=mimic,
             stiffness=stiffness_of(item) if not k else {} if limits else {ALONG[KINDS[kind]]: k},
             spring=bool(k and not limits),

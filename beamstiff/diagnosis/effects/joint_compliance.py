@@ -13,11 +13,11 @@ from beamstiff.diagnosis.effects.torque_laws import (
     Axis,
     axis_at,
     by_law,
-    component_of,
+    components_where,
     softness,
     torque_scale,
 )
-from beamstiff.diagnosis.residual.baseline import Baseline, own_direction
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.robot.fields import RIGID
 
 SECTOR = 20.0  # deg, half a sector
@@ -27,12 +27,7 @@ TRAVEL = 60.0
 
 
 def _rigid_drives(baseline: Baseline) -> list[str]:
-    robot = baseline.nominal
-    return [
-        component_of(robot, joint)
-        for joint in robot.joints
-        if getattr(joint.stiffness, own_direction(robot, joint.name)) == RIGID
-    ]
+    return components_where(baseline, lambda joint, value: value == RIGID)
 
 
 def _components(baseline: Baseline) -> list[str | None]:

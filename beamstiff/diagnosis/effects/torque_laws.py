@@ -105,17 +105,20 @@ def torque_scale(baseline: Baseline, component: str | None) -> Normalisation:
 
 def drives(baseline: Baseline) -> list[str | None]:
     """Return the components whose own direction has a finite stiffness: drives, springs."""
-    return _along(baseline, lambda joint, value: FREE < value < RIGID)
+    return [*components_where(baseline, lambda joint, value: FREE < value < RIGID)]
 
 
 def drives_and_rigid_ones(baseline: Baseline) -> list[str | None]:
     """Return `drives`, and those that are rigid in the file: their gears have play whatever it says."""
-    return _along(
-        baseline, lambda joint, value: value > FREE and (value < RIGID or joint.variable is not None)
-    )
+    return [
+        *components_where(
+            baseline, lambda joint, value: value > FREE and (value < RIGID or joint.variable is not None)
+        )
+    ]
 
 
-def _along(baseline: Baseline, wanted: Callable[[Joint, float], bool]) -> list[str | None]:
+def components_where(baseline: Baseline, wanted: Callable[[Joint, float], bool]) -> list[str]:
+    """Return the components of joints that are wanted, by the stiffness along their own direction."""
     robot = baseline.nominal
     own = ((joint, getattr(joint.stiffness, own_direction(robot, joint.name))) for joint in robot.joints)
     return [component_of(robot, joint) for joint, value in own if wanted(joint, value)]

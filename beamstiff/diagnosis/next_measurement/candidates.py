@@ -1,6 +1,5 @@
 """States that could be measured next: load cycles at postures, and where else a reflector could sit."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.planning.candidates import candidate_poses, force_loads
+from beamstiff.planning.candidates import candidate_poses, force_loads, inside
 from beamstiff.planning.moving import nearest_next
 from beamstiff.planning.obstacles import clear
 from beamstiff.planning.poses import closed_posture, joint_ranges, random_poses, rounded_postures
@@ -175,12 +174,6 @@ def reflector_nodes(baseline: Baseline) -> tuple[str, ...]:
         if np.abs(off).max(axis=(0, 2)).min() >= APART:
             found.append(node.name)
     return tuple(found[1:])
-
-
-def inside(region: Sequence[tuple[float, float]], positions: Array) -> NDArray[np.bool_]:
-    """Return which positions (n, 3) lie in a region, (n,)."""
-    low, high = np.asarray(region, dtype=np.float64).T
-    return np.asarray(((positions >= low) & (positions <= high)).all(axis=1))
 
 
 def within_measured(robot: Robot, q: Array) -> Robot:

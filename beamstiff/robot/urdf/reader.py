@@ -174,7 +174,7 @@ def _limits(item: Element) -> tuple[float, float] | None:
 
 def _speed(item: Element) -> float | None:
     limit = item.one("limit")
-    if limit is None or item.attributes["type"] == "fixed" or item.one("mimic") is not None:
+    if limit is None or item.attributes["type"] == "fixed":
         return None
     speed = limit.numbers(limit.attributes.get("velocity", "0"), 1, "velocity")[0]
     return speed if speed > 0 else None  # 0 stands where the author knew none
