@@ -50,8 +50,9 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
 
 
 def _of_the_times(table: Measurements) -> Iterator[str]:
-    """Yield that times go back within the table: drifts and histories of loading follow the times."""
-    back = np.flatnonzero(np.diff(table.time) < 0)  # NaN, unknown, is no less
+    """Yield that times go back within a run: drifts and histories of loading follow the times."""
+    same_run = np.diff(table.run) == 0  # another run begins its clock anew
+    back = np.flatnonzero((np.diff(table.time) < 0) & same_run)  # NaN, unknown, is no less
     if back.size:
         others = f", nor in {back.size - 1} other rows" if back.size > 1 else ""
         yield (

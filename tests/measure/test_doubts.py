@@ -207,3 +207,11 @@ def test_times_that_go_back_are_told(arm: Robot) -> None:
     assert "t does not" not in told(1.0, 2.0, 2.0, 5.0)
     assert ":4: t does not increase here: rows are taken in the order of t" in told(1.0, 3.0, 2.0)
     assert ", nor in 1 other rows:" in told(3.0, 2.0, 1.0)
+
+
+def test_a_second_run_may_begin_its_clock_anew(arm: Robot) -> None:
+    runs = [
+        parse_measurements("q1,d2,dx [mm],t\n" + "".join(f"0.1,0.2,{k},{k}\n" for k in (1, 2)), arm, name)
+        for name in ("first", "second")
+    ]
+    assert "t does not" not in " ".join(doubts(concatenate(runs), arm))
