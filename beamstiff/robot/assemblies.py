@@ -111,7 +111,11 @@ def _key(system: LoopSystem, guess: Array, alike: float) -> tuple[object, ...]:
         kinematics.node_frame.tobytes(),
         kinematics.coefficients.tobytes(),
         kinematics.parents.tobytes(),
-        (joined.free, joined.matrix.tobytes(), joined.offset.tobytes()),
+        (
+            joined.free,
+            joined.matrix.tobytes(),
+            rounded(joined.offset, np.where(kinematics.prismatic, size, 1.0)),
+        ),
         (guess.tobytes(), limits, ends, alike),
     )
 
