@@ -9,8 +9,8 @@ import numpy as np
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
-# beyond which no machine is: SI typed for mm, a missing exponent
-LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01}
+# beyond which no machine is: SI typed for mm, a missing exponent, an instrument that reads half as much again
+LARGEST = {"rad": 1.0, "m": 1.0, "rad/(N*m)": 0.1, "m/N": 0.01, "1": 0.5}
 
 
 @dataclass(frozen=True)
