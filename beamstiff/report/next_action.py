@@ -101,7 +101,9 @@ def _drives(result: Diagnosis) -> str:
     fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
     # nothing is fitted where no row loads a drive
     unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
-    return " ".join(filter(None, (rigid_text(base.nominal, rigid), undetermined_text(unknown))))
+    return " ".join(
+        filter(None, (rigid_text(base.nominal, rigid), undetermined_text(unknown, result.untouched)))
+    )
 
 
 def _compliant(result: Diagnosis) -> list[str]:

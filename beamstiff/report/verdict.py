@@ -1,7 +1,7 @@
 """The verdict that a result begins with: a headline coloured by gap over noise, the data, the next action."""
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -117,13 +117,17 @@ def rigid_text(robot: Robot, names: Sequence[str]) -> str:
     )
 
 
-def undetermined_text(names: Sequence[str]) -> str:
-    """Return what to do about stiffness of which rows say nothing; empty for none."""
+def undetermined_text(names: Sequence[str], unloaded: Collection[str] = ()) -> str:
+    """Return what to do about stiffness of which rows say nothing, because of no load for `unloaded`."""
     if not names:
         return ""
+    still = [name for name in names if name in unloaded]
+    other = (
+        f" No load here turns {listed(still, MOST_DRIVES)}: load it off or across its axis." if still else ""
+    )
     return (
         f"These rows do not determine {listed(names, MOST_DRIVES)}: beamstiff plan chooses postures and "
-        "loads that do."
+        f"loads that do.{other}"
     )
 
 

@@ -124,7 +124,9 @@ def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
     wrench = rng.choice([-100.0, 100.0], (60, 6)) * [1, 1, 1, 0, 0, 0]
     on_the_last_axis = next(joint for joint in robot.joints if joint.name == "J6").nodes[1]
     loaded = replace(rows, wrench=wrench, load_point=np.full(60, on_the_last_axis))
-    assert diagnose(robot, loaded).untouched == ("J6.torsional",)
+    result = diagnose(robot, loaded)
+    assert result.untouched == ("J6.torsional",)
+    assert "No load here turns J6.torsional: load it off or across its axis." in verdict(result).action
 
 
 @cache
