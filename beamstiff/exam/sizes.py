@@ -14,7 +14,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import between
+from beamstiff.exam.draws import between
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.reality import Reality

@@ -1,18 +1,15 @@
 """Further forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
 
-import dataclasses
-from dataclasses import dataclass
-
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stiffness_of
+from beamstiff.exam.added_parts import pair_of
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.draws import PHASE, Draw, Parameters, by_ratio, evenly, signed, sized
+from beamstiff.exam.effect import built, law
 from beamstiff.exam.forms.author1 import drives as author1
-from beamstiff.exam.laws import Curve, Friction, Law, Memory, Remembering, Situation, Stiffness, WindUp
-from beamstiff.exam.machine import Cross, Mesh, joints_of
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
+from beamstiff.exam.machine import Cross, Machine, Mesh
 
-Curved = tuple[Array, Array]
 SLIDERS = 5
 
 
@@ -36,23 +33,21 @@ def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
 
 
-def _draw_play(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_backlash(request)
-    if request.form == "planets":
-        found["spread"] = request.uniform(0.3, 0.8)  # of the half play, from planet to planet
-    return found
+def _arctan(p: Parameters, k: float, variable: str) -> Law:
+    h, left, share = p["half"], p["left"], 2.0 / np.pi
 
-
-def _play(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-    h, left = p["half"], p["left"]
-
-    def arctan(torque: Array, k: float) -> Curved:
+    def wind_up(torque: Array) -> Curved:
         x = torque / (2.0 * left * k * h)
-        share = 2.0 / np.pi
         return torque / k + h * share * np.arctan(x), 1.0 / k + share / (2.0 * left * k * (1.0 + x**2))
 
-    def planets(e: Array, k: float) -> Curved:
+    return winding(wind_up, k)
+
+
+def _planets(p: Parameters, k: float, variable: str) -> Law:
+    """Return the play of three planets, whose flanks are spread by a share of the half play."""
+    h, left = p["half"], p["left"]
+
+    def curve(e: Array) -> Curved:
         force, slope = left * k * e, np.full_like(e, left * k)
         each = (1.0 - left) * k / 3.0
         for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
@@ -63,174 +58,135 @@ def _play(truth: Truth, reality: Reality) -> Reality:
                 slope = slope + each * 0.5 * (1.0 + z / root)
         return force, slope
 
-    if truth.form == "arctan":
-        return at_joints(truth, reality, lambda k: WindUp(lambda torque: arctan(torque, k), k))
-    return at_joints(truth, reality, lambda k: Curve(lambda e: planets(e, k)))
+    return curved(curve)
 
 
-def _hardening(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
+def _hertz(p: Parameters, k: float, variable: str) -> Law:
+    soft, hard = k * p["soft"], k * p["hard"]
+    more = 1.0 / soft - 1.0 / hard
 
-    def hertz(torque: Array, k: float) -> Curved:
-        soft, hard = k * p["soft"], k * p["hard"]
-        more = 1.0 / soft - 1.0 / hard
+    def wind_up(torque: Array) -> Curved:
         given, slope = hertzian(torque, 0.3 * k * p["bend"])
         return torque / hard + more * given, 1.0 / hard + more * slope
 
-    def cubic(e: Array, k: float) -> Curved:
-        # the cubic of a fit to a test stand's range; straight on beyond it
-        soft, more, end = k * p["soft"], k * (p["hard"] - p["soft"]), 2.0 * p["bend"]
+    return winding(wind_up, hard)
+
+
+def _cubic(p: Parameters, k: float, variable: str) -> Law:
+    """Return the cubic of a fit to a test stand's range; straight on beyond it."""
+    soft, more, end = k * p["soft"], k * (p["hard"] - p["soft"]), 2.0 * p["bend"]
+
+    def curve(e: Array) -> Curved:
         inside, beyond = np.clip(e, -end, end), np.abs(e) > end
         force = soft * e + more * (inside**3 / (3.0 * end**2) + np.where(beyond, e - inside, 0.0))
         return force, soft + more * (inside / end) ** 2
 
-    if truth.form == "hertz":
-        return at_joints(truth, reality, lambda k: WindUp(lambda torque: hertz(torque, k), k * p["hard"]))
-    return at_joints(truth, reality, lambda k: Curve(lambda e: cubic(e, k)))
+    return curved(curve)
 
 
-def _draw_compliance(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_compliance(request)
-    found["from"] = request.log_uniform(1e-4, 1e-3)  # strain about which it changes
-    if request.form == "hertz":
-        found["more"] = request.uniform(0.5, 2.0)  # give of the contacts over the spring's
-    else:
-        found["loose"] = request.uniform(0.3, 0.6)
-    return found
-
-
-def _compliance(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
+def _contacts(p: Parameters, _: float, variable: str) -> Law:
+    """Return a spring with contacts, which give `more` than it at no torque."""
     k, start = p["stiffness"], p["from"]
 
-    def hertz(torque: Array) -> Curved:
+    def wind_up(torque: Array) -> Curved:
         given, slope = hertzian(torque, k * start)
         return (torque + p["more"] * given) / k, (1.0 + p["more"] * slope) / k
 
-    law: Law = (
-        WindUp(hertz, k) if truth.form == "hertz" else Curve(lambda e: slackening(e, k, p["loose"], start))
-    )
-    return at_joints(truth, reality, lambda _: law)
+    return winding(wind_up, k)
 
 
-def _draw_friction(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_friction(request)
-    found["arrived"] = request.uniform(-0.9, 0.9)  # friction left over from the move to the pose
-    if request.form == "maxwell-slip":
-        found["ratio"] = request.uniform(1.8, 3.5)  # of a slider's yield strain to the one before
-        found["fall"] = request.uniform(0.3, 1.2)  # power by which later ones are softer
-    return found
+def _preloaded(p: Parameters, _: float, variable: str) -> Law:
+    return curved(lambda e: slackening(e, p["stiffness"], p["loose"], p["from"]))
 
 
-def _friction(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-    if truth.form == "dahl":
-        return at_joints(truth, reality, lambda k: Dahl(k, k * p["friction"], p["arrived"], p["sliding"]))
-    return at_joints(
-        truth,
-        reality,
-        lambda k: MaxwellSlip(k, k * p["friction"], p["sliding"], p["ratio"], p["fall"], p["arrived"]),
-    )
-
-
-@dataclass(frozen=True)
-class Dahl(Friction):
-    """Dahl's friction with exponent 2, integrated in closed form along each step.
+def _dahl(p: Parameters, k: float, variable: str) -> Law:
+    """Return Dahl's friction with exponent 2, integrated in closed form along each step.
 
     ``dz/de = (1 - z sign(de))^2 / e_slip``, beside a spring (P. R. Dahl, A solid friction model, 1968).
     """
+    friction = k * p["friction"]
+    slip = friction * (1.0 - p["sliding"]) / (k * p["sliding"])
 
-    sliding: float
-
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state and its slope after a way."""
-        slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
+    def run(state: Array, way: Array) -> Curved:
         short = 1.0 - state  # of sliding freely
         short = short / (1.0 + short * way / slip)
         return 1.0 - short, short**2 / slip
 
+    return rubbing(k, friction, p["arrived"], run)
 
-@dataclass(frozen=True)
-class MaxwellSlip(Remembering):
-    """A few sliders beside a spring, each behind a spring of its own, whose yield strains grow by a ratio.
+
+def _maxwell_slip(p: Parameters, stiffness: float, variable: str) -> Law:
+    """Return a few sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
 
     The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
-    2005). Later ones are softer; together they hold the friction torque.
+    2005). Later ones are softer, by the power `fall`; together they hold the friction torque.
     """
+    yields = p["ratio"] ** np.arange(SLIDERS)
+    k = yields ** -p["fall"]
+    k = k * stiffness * p["sliding"] / ((1.0 - p["sliding"]) * k.sum())
+    most = k * yields
+    most = most * (stiffness * p["friction"]) / most.sum()
 
-    stiffness: float
-    friction: float
-    sliding: float
-    ratio: float
-    fall: float
-    arrived: float
-
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and the sliders' forces after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.tile(self.arrived * self._sliders()[1], (poses, 1))
-
-    def _sliders(self) -> tuple[Array, Array]:
-        """Return the stiffness and the largest force of every slider."""
-        yields = self.ratio ** np.arange(SLIDERS)
-        k = yields**-self.fall
-        k = k * self.stiffness * self.sliding / ((1.0 - self.sliding) * k.sum())
-        most = k * yields
-        return k, most * self.friction / most.sum()
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent and the sliders after."""
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         before, held = memory
-        k, most = self._sliders()
         tried = held + k * (strain - before)[:, None]
         now = np.clip(tried, -most, most)
         sticking = np.abs(tried) <= most
-        return self.stiffness * strain + now.sum(axis=1), self.stiffness + sticking @ k, (strain, now)
+        return stiffness * strain + now.sum(axis=1), stiffness + sticking @ k, (strain, now)
+
+    return Law(respond, lambda poses: (np.zeros(poses), np.tile(p["arrived"] * most, (poses, 1))))
 
 
-def _draw_coupling(request: DrawRequest) -> dict[str, float]:
-    found = {"share": request.sign() * request.sized(*author1.SHARE), "ratio": request.uniform(0.6, 1.6)}
-    if request.form == "belt":
-        found["slack"] = request.log_uniform(1e-4, 1e-3)  # strain where a strand is slack
-    if request.form == "eccentric":
-        found |= {"depth": request.uniform(0.3, 0.8), "phase": request.uniform(0.0, 2.0 * np.pi)}
-    return found
+def strong_of(p: Parameters) -> float:
+    """Return the spring, over the first drive, that couples by the wanted share where weights are equal."""
+    return abs(p["share"]) / (1.0 - abs(p["share"]))
 
 
-def _coupling(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    names = str(truth.component).split("+")
-    first, second = (stiffness_of(machine.robot, name) for name in names)
-    one, two = (joints_of(machine.robot, name)[0] for name in names)
-    # with equal weights a spring of this over the first drive's stiffness couples by the wanted share
-    strong = abs(p["share"]) / (1.0 - abs(p["share"]))
-    if truth.form == "bracket":
-        gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
-        soft = np.diag([1.0 / first, 1.0 / second]) + strong / first * np.outer(gives, gives)
-        added = np.asarray(np.linalg.inv(soft) - np.diag([first, second]), dtype=np.float64)
-        crosses = (*machine.crosses, Cross(one, two, added))
-        return reality.with_machine(dataclasses.replace(machine, crosses=crosses))
-    weights = (1.0, float(-np.sign(p["share"]) * p["ratio"] * np.sqrt(second / first)))
+def equal_of(p: Parameters, first: float, second: float) -> float:
+    """Return the second drive's weight in such a spring, the first one's being 1."""
+    return float(-np.sign(p["share"]) * p["ratio"] * np.sqrt(second / first))
+
+
+def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
+    one, two, first, second = pair_of(machine, pair)
+    gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
+    soft = np.diag([1.0 / first, 1.0 / second]) + strong_of(p) / first * np.outer(gives, gives)
+    return machine.plus(crosses=(Cross(one, two, np.linalg.inv(soft) - np.diag([first, second])),))
+
+
+def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:
+    """Return the machine with a belt, a strand of which hangs slack from a strain on."""
+    one, two, first, second = pair_of(machine, pair)
+    law = curved(lambda e: slackening(e, strong_of(p) * first, 0.5, p["slack"]))
+    return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), law),))
+
+
+def _eccentric(p: Parameters, machine: Machine, pair: str) -> Machine:
+    one, two, first, second = pair_of(machine, pair)
 
     def meshing(situation: Situation) -> Array:
-        wave = np.sin(situation.values[names[0]] + p["phase"])
-        return np.asarray(strong * first * (1.0 + p["depth"] * wave))
+        wave = np.sin(situation.values[pair.split("+")[0]] + p["phase"])
+        return np.asarray(strong_of(p) * first * (1.0 + p["depth"] * wave))
 
-    law: Law = (
-        Curve(lambda e: slackening(e, strong * first, 0.5, p["slack"]))
-        if truth.form == "belt"
-        else Stiffness(meshing)
-    )
-    mesh = Mesh(one, two, weights, law)
-    return reality.with_machine(machine.plus(meshes=(mesh,)))
+    return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), varying(meshing)),))
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("backlash", ("arctan", "planets"), drives, _draw_play, _play),
-    Effect("hardening", ("hertz", "cubic"), drives, author1.draw_hardening, _hardening),
-    Effect("joint-compliance", ("hertz", "preloaded"), author1.rigid_joints, _draw_compliance, _compliance),
-    Effect("hysteresis", ("dahl", "maxwell-slip"), drives, _draw_friction, _friction),
-    Effect(
-        "joint-coupling", ("belt", "eccentric", "bracket"), author1.coupled_drives, _draw_coupling, _coupling
-    ),
-)
+_FROM = by_ratio(1e-4, 1e-3)  # strain about which the stiffness changes
+_ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
+_COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
+FORMS = (
+    law("backlash", "arctan", _arctan, author1.draw_backlash),
+    law("backlash", "planets", _planets, author1.draw_backlash, spread=evenly(0.3, 0.8)),
+    law("hardening", "hertz", _hertz, author1.draw_hardening),
+    law("hardening", "cubic", _cubic, author1.draw_hardening),
+    law("joint-compliance", "hertz", _contacts,
+        author1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
+    law("joint-compliance", "preloaded", _preloaded,
+        author1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
+    law("hysteresis", "dahl", _dahl, author1.draw_friction, arrived=_ARRIVED),
+    law("hysteresis", "maxwell-slip", _maxwell_slip,
+        author1.draw_friction, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
+    built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
+    built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
+    built("joint-coupling", "bracket", _bracket, **_COUPLED),
+)  # fmt: skip

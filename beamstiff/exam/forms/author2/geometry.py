@@ -1,14 +1,14 @@
 """Further forms of wrong geometry and payload."""
 
-import dataclasses
-
 import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, drive_of, nowhere, stroke, vector
+from beamstiff.exam.components import drive_of, stroke
+from beamstiff.exam.draws import DrawRequest, Parameters, direction, evenly, sized, vector
+from beamstiff.exam.effect import built, form
 from beamstiff.exam.forms.author1 import geometry as author1
-from beamstiff.exam.machine import Hose
+from beamstiff.exam.machine import Hose, Machine
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
@@ -20,7 +20,7 @@ FURTHEST = 0.12  # m that a loose part slides under its weight
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     component = str(request.component)
-    plain = author1.draw_geometry(dataclasses.replace(request, form="single"))
+    plain = author1.draw_geometry(request)
     angle, length = (SMALL * request.sized(*r) for r in (author1.ANGLE, author1.LENGTH))
     if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
         size = abs(plain["error"])
@@ -58,29 +58,23 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return reality.with_encoder(drive, encoder)
 
 
-def _draw_payload(request: DrawRequest) -> dict[str, float]:
-    if request.form == "hose":
-        return {"per_metre": request.sized(*author1.MASS) / HEIGHT, "low": request.uniform(-0.3, 0.3)}
-    axis = request.direction()
-    return axis | {
-        "mass": request.sized(*author1.MASS),
-        "slides": FURTHEST * request.uniform(0.3, 1.0),
-        "away": request.uniform(0.0, 0.1),
-    }
+def _hose(p: Parameters, machine: Machine, _: str) -> Machine:
+    return machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),))
 
 
-def _payload(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a hose that hangs at the tool, or a part of the payload that sits loose."""
-    p, machine = truth.parameters, reality.machine
-    if truth.form == "hose":
-        hose = Hose(machine.tcp, p["per_metre"], p["low"])
-        return reality.with_machine(machine.plus(hoses=(hose,)))
+def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a part of the payload that sits loose along an axis."""
     held = np.full(6, np.inf)
     held[0] = p["mass"] * GRAVITY / p["slides"]
-    return reality.with_machine(with_loose_mass(machine, vector(p), p["away"], p["mass"], held))
+    return with_loose_mass(machine, vector(p), p["away"], p["mass"], held)
 
 
-EFFECTS = (
-    Effect("geometry-error", ("eccentric", "crooked"), author1.geometry_places, _draw_geometry, _geometry),
-    Effect("payload-error", ("hose", "loose"), nowhere, _draw_payload, _payload),
-)
+FORMS = (
+    form("geometry-error", "eccentric", _geometry, _draw_geometry),
+    form("geometry-error", "crooked", _geometry, _draw_geometry),
+    built("payload-error", "hose", _hose,
+          per_metre=lambda request: request.sized(*author1.MASS) / HEIGHT, low=evenly(-0.3, 0.3)),
+    built("payload-error", "loose", _loose, direction(),
+          mass=sized(*author1.MASS), slides=lambda request: FURTHEST * request.uniform(0.3, 1.0),
+          away=evenly(0.0, 0.1)),
+)  # fmt: skip

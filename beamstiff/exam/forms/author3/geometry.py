@@ -1,14 +1,27 @@
 """Third forms of wrong geometry and payload: oval wheels, many tolerances, things that roll or flow."""
 
-import dataclasses
+from functools import partial
 
 import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, between, drive_of, nowhere, vector
+from beamstiff.exam.components import drive_of
+from beamstiff.exam.draws import (
+    Draw,
+    DrawRequest,
+    Parameters,
+    between,
+    direction,
+    evenly,
+    signed,
+    sized,
+    vector,
+)
+from beamstiff.exam.effect import built, form
 from beamstiff.exam.forms.author1 import geometry as author1
-from beamstiff.exam.laws import WindUp
+from beamstiff.exam.laws import Curved, winding
+from beamstiff.exam.machine import Machine
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
@@ -25,7 +38,7 @@ def _size(component: str, size: float) -> float:
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     component, robot = str(request.component), request.robot
-    found = {"error": author1.draw_geometry(dataclasses.replace(request, form="single"))["error"]}
+    found = {"error": author1.draw_geometry(request)["error"]}
     if request.form == "oval":
         encoder = "." not in component
         share = request.uniform(0.3, 0.7) if encoder else SMALL
@@ -61,43 +74,35 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
 
 
-def _draw_payload(request: DrawRequest) -> dict[str, float]:
-    found = request.direction()
-    found |= {
-        "mass": request.sized(*author1.MASS),
-        "along": request.sign() * request.uniform(0.0, 0.1),
-        "half": request.uniform(0.03, 0.12),  # m to either side
-    }
-    # the share of the weight, along its way, with which it has gone most of the way
-    return found | {"tilt": request.uniform(*((0.03, 0.12) if request.form == "rolling" else (0.3, 0.8)))}
-
-
-def _payload(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with something at the tool that the model lacks, and that moves within bounds.
+def _payload(ways: tuple[int, ...], p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with something at the tool that the model lacks, and that moves within bounds.
 
     ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
     ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
     the more it is tilted, up to the wall. Engineering estimates both.
+
+    `half`: m to either side. `tilt`: share of the weight along its way with which it has gone most of it.
     """
-    p = truth.parameters
     turning = p["tilt"] * p["mass"] * GRAVITY
 
-    def bounded(force: Array) -> tuple[Array, Array]:
+    def bounded(force: Array) -> Curved:
         x = force / turning
         root = np.hypot(1.0, x)
         firm = FIRM * p["half"] / turning
         return p["half"] * x / root + firm * force, p["half"] / (turning * root**3) + firm
 
-    law = WindUp(bounded, turning / (FIRM * p["half"]))
-    ways = (0,) if truth.form == "rolling" else (1, 2)
-    laws = dict.fromkeys(ways, law)
-    rigid = np.full(6, np.inf)
-    return reality.with_machine(
-        with_loose_mass(reality.machine, vector(p), p["along"], p["mass"], rigid, laws)
-    )
+    laws = dict.fromkeys(ways, winding(bounded, turning / (FIRM * p["half"])))
+    return with_loose_mass(machine, vector(p), p["along"], p["mass"], np.full(6, np.inf), laws)
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("geometry-error", ("oval", "tolerances"), author1.geometry_places, _draw_geometry, _geometry),
-    Effect("payload-error", ("rolling", "liquid"), nowhere, _draw_payload, _payload),
-)
+_LOOSE: dict[str, Draw] = {
+    "mass": sized(*author1.MASS), "along": signed(evenly(0.0, 0.1)), "half": evenly(0.03, 0.12)
+}  # fmt: skip
+FORMS = (
+    form("geometry-error", "oval", _geometry, _draw_geometry),
+    form("geometry-error", "tolerances", _geometry, _draw_geometry),
+    built("payload-error", "rolling", partial(_payload, (0,)),
+          direction(), **_LOOSE, tilt=evenly(0.03, 0.12)),
+    built("payload-error", "liquid", partial(_payload, (1, 2)),
+          direction(), **_LOOSE, tilt=evenly(0.3, 0.8)),
+)  # fmt: skip

@@ -1,6 +1,5 @@
 """Forms of a fourth author, who has not read the diagnosis; who writes the diagnosis must not read these."""
 
-from beamstiff.exam.effect import Effect
 from beamstiff.exam.forms.author4 import (
     drives,
     ends,
@@ -12,9 +11,6 @@ from beamstiff.exam.forms.author4 import (
     structure,
 )
 
-EFFECTS: tuple[Effect, ...] = tuple(
-    effect for module in (drives, ends, geometry, levers, measurement, structure) for effect in module.EFFECTS
-)
-OUTSIDE: tuple[Effect, ...] = outside.EFFECTS
-# in the table since the exam of crowded machines, which alone draws them
-LATER: tuple[Effect, ...] = joint_errors.EFFECTS
+MODULES = (drives, ends, geometry, levers, measurement, structure, outside, joint_errors)
+FORMS = tuple(form for module in MODULES for form in module.FORMS)
+PLACES = outside.PLACES

@@ -1,25 +1,33 @@
 """Joints that stand elsewhere than they read, by angle or by the way they came; reflectors that slip."""
 
 import dataclasses
-from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, nowhere, slender, stroke, turning_drives, vector
-from beamstiff.exam.forms.author4.by_form import Form, effect_of
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import stroke
+from beamstiff.exam.draws import (
+    PHASE,
+    DrawRequest,
+    Parameters,
+    by_ratio,
+    by_reach,
+    direction,
+    each,
+    evenly,
+    signed,
+    sized,
+    vector,
+    whole,
+)
+from beamstiff.exam.effect import Seen, form, reading
 from beamstiff.exam.forms.author4.measurement import times
-from beamstiff.exam.placing import Placed, place, skeleton_of
+from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by
-from beamstiff.robot.description import Robot
 
 RIPPLE = 0.15  # of a scar's depth: of the teeth around it
-
-
-def open_drives(robot: Robot) -> list[str | None]:
-    """Return the turning drives of robots without loops."""
-    return [] if robot.loops else turning_drives(robot)
 
 
 def cardan(angle: Array, tilt: float, phase: float) -> Array:
@@ -29,23 +37,9 @@ def cardan(angle: Array, tilt: float, phase: float) -> Array:
     return np.asarray(ahead - 2.0 * np.pi * np.round(ahead / (2.0 * np.pi)))
 
 
-def _cardan(request: DrawRequest) -> dict[str, float]:
-    return {
-        "tilt": request.sized(0.012, 0.06),
-        "phase": request.uniform(0.0, np.pi),
-        "once": request.uniform(0.1, 0.5),
-        "once_phase": request.uniform(0.0, 2.0 * np.pi),
-    }
-
-
-def _scar(request: DrawRequest) -> dict[str, float]:
+def _place(request: DrawRequest) -> float:
     middle, half = stroke(request.robot, request.component)
-    return {
-        "depth": request.sign() * request.sized(3e-5, 1.2e-3),
-        "at": middle + request.uniform(-0.5, 0.5) * half,
-        "width": request.uniform(0.15, 0.45),
-        "teeth": request.integer(20, 60),
-    }
+    return middle + request.uniform(-0.5, 0.5) * half
 
 
 def _curve(truth: Truth, reality: Reality) -> Reality:
@@ -61,24 +55,7 @@ def _curve(truth: Truth, reality: Reality) -> Reality:
     return reality.with_encoder(str(truth.component), error)
 
 
-def _worn(request: DrawRequest) -> dict[str, float]:
-    return {
-        "half_width": request.sized(1e-5, 4e-4),
-        "way": request.log_uniform(0.02, 0.4),
-        "start": request.uniform(-1.0, 1.0),
-    }
-
-
-def _forward(request: DrawRequest) -> dict[str, float]:
-    return {
-        "half_width": request.sized(1e-5, 4e-4),
-        "forward": request.uniform(0.3, 1.0),
-        "back": request.uniform(0.3, 1.0),
-        "start": request.uniform(-1.0, 1.0),
-    }
-
-
-def dragged(angle: Array, form: str, p: dict[str, float]) -> Array:
+def dragged(angle: Array, form: str, p: Parameters) -> Array:
     """Return where a joint stays within its friction, (N,) in [-1, 1], from its angles in order.
 
     ``long-seal``: a seal that the shaft drags along turns round over a way. ``unequal``: at once, by another
@@ -96,51 +73,26 @@ def dragged(angle: Array, form: str, p: dict[str, float]) -> Array:
     return found
 
 
-def _approach(truth: Truth, reality: Reality) -> Reality:
-    p, robot = dict(truth.parameters), reality.machine.robot
-    column = [v.name for v in robot.actuated].index(str(truth.component))
-    nodes = {node.name: node for node in robot.nodes}
-    skeleton = skeleton_of(robot)
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        if campaign.kind == "displacement":  # loaded and unloaded state came the same way
-            return values
-        order = np.argsort(times(campaign), kind="stable")
-        q, stays = np.array(campaign.q, dtype=np.float64), np.empty(len(campaign))
-        stays[order] = dragged(q[order, column], truth.form, p)
-        q[:, column] -= p["half_width"] * stays
-        here, there = place(skeleton, campaign.q), place(skeleton, q)
-        points = [nodes[str(name)] for name in campaign.point]
-        moved = [there.node(point)[row] - here.node(point)[row] for row, point in enumerate(points)]
-        frame = nodes[robot.tcp].frame
-        turned = there.rotations[frame] @ np.swapaxes(here.rotations[frame], -1, -2)
-        rotation = turned_by(turned @ turn(values[:, 3:]))
-        return np.concatenate([values[:, :3] + np.array(moved), rotation], axis=1)
-
-    return reality.with_reading(change)
+def _approach(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
+    if not seen.absolute:  # loaded and unloaded state came the same way
+        return values
+    campaign, robot = seen.campaign, seen.machine.robot
+    column = [v.name for v in robot.actuated].index(str(seen.component))
+    nodes, skeleton = {node.name: node for node in robot.nodes}, skeleton_of(robot)
+    order = np.argsort(times(campaign), kind="stable")
+    q, stays = np.array(campaign.q, dtype=np.float64), np.empty(len(campaign))
+    stays[order] = dragged(q[order, column], form, p)
+    q[:, column] -= p["half_width"] * stays
+    here, there = place(skeleton, campaign.q), place(skeleton, q)
+    points = [nodes[str(name)] for name in campaign.point]
+    moved = [there.node(point)[row] - here.node(point)[row] for row, point in enumerate(points)]
+    frame = nodes[robot.tcp].frame
+    turned = there.rotations[frame] @ np.swapaxes(here.rotations[frame], -1, -2)
+    rotation = turned_by(turned @ turn(values[:, 3:]))
+    return np.concatenate([values[:, :3] + np.array(moved), rotation], axis=1)
 
 
-def _twice(request: DrawRequest) -> dict[str, float]:
-    small = np.sqrt(slender(request.robot))
-    return {
-        "from": request.uniform(0.15, 0.5),
-        "again": request.uniform(0.55, 0.85),
-        "share": request.uniform(0.3, 0.8),
-        **request.direction(request.sized(6e-5, 2.5e-3) / small),
-    }
-
-
-def _crawl(request: DrawRequest) -> dict[str, float]:
-    small = np.sqrt(slender(request.robot))
-    return {
-        "from": request.uniform(0.2, 0.7),
-        "share": request.uniform(0.5, 0.9),
-        "rows": request.log_uniform(2.0, 15.0),
-        **request.direction(request.sized(6e-5, 2.5e-3) / small),
-    }
-
-
-def _share(form: str, p: Mapping[str, float], turn_of: Array, rows: int) -> Array:
+def _share(form: str, p: Parameters, turn_of: Array, rows: int) -> Array:
     """Return which share of its whole way a reflector has slipped when it is a row's turn, of so many."""
     since = turn_of - round(p["from"] * rows)
     slipped = np.where(since >= 0.0, p["share"], 0.0)
@@ -151,28 +103,22 @@ def _share(form: str, p: Mapping[str, float], turn_of: Array, rows: int) -> Arra
     return slipped
 
 
-def _slip(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    node = machine.node(machine.tcp if truth.component is None else truth.component)
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        rows = len(campaign)
-        order = np.argsort(times(campaign), kind="stable")
-        turn_of = np.empty(rows)
-        turn_of[order] = np.arange(rows)
-        slipped = _share(truth.form, p, turn_of, rows)
-        if campaign.kind == "displacement":  # from where it was before the pose, or the row
-            before = np.empty(rows)
-            for pose in np.unique(campaign.pose):
-                its = campaign.pose == pose
-                first = slipped[its][np.argmin(turn_of[its])]
-                before[its] = first if campaign.shared_unloaded else slipped[its]
-            slipped = slipped - before
-        away = placed.rotations[node.frame] @ vector(p) * slipped[:, None]
-        away = np.where((campaign.point == node.name)[:, None], away, 0.0)
-        return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
-
-    return reality.with_reading(change)
+def _slip(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
+    campaign, rows = seen.campaign, len(values)
+    node = seen.machine.node(seen.component or seen.machine.tcp)
+    turn_of = np.empty(rows)
+    turn_of[np.argsort(times(campaign), kind="stable")] = np.arange(rows)
+    slipped = _share(form, p, turn_of, rows)
+    if not seen.absolute:  # from where it was before the pose, or the row
+        before = np.empty(rows)
+        for pose in np.unique(campaign.pose):
+            its = campaign.pose == pose
+            first = slipped[its][np.argmin(turn_of[its])]
+            before[its] = first if campaign.shared_unloaded else slipped[its]
+        slipped = slipped - before
+    away = seen.placed.rotations[node.frame] @ vector(p) * slipped[:, None]
+    away = np.where((campaign.point == node.name)[:, None], away, 0.0)
+    return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
 
 
 def came_to_rest(truth: Truth, rows: int) -> Truth:
@@ -185,12 +131,20 @@ def came_to_rest(truth: Truth, rows: int) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
-EFFECTS = (
-    effect_of("angle-curve", open_drives, {"cardan": Form(_cardan, _curve), "scar": Form(_scar, _curve)}),
-    effect_of(
-        "approach-direction",
-        open_drives,
-        {"long-seal": Form(_worn, _approach), "unequal": Form(_forward, _approach)},
-    ),
-    effect_of("target-slip", nowhere, {"two-slips": Form(_twice, _slip), "crawl": Form(_crawl, _slip)}),
-)
+_START, _WIDTH, _SLIPS = evenly(-1.0, 1.0), sized(1e-5, 4e-4), direction(by_reach(sized(6e-5, 2.5e-3)))
+FORMS = (
+    form("angle-curve", "cardan", _curve,
+         tilt=sized(0.012, 0.06), phase=evenly(0.0, np.pi), once=evenly(0.1, 0.5), once_phase=PHASE),
+    form("angle-curve", "scar", _curve,
+         depth=signed(sized(3e-5, 1.2e-3)), at=_place, width=evenly(0.15, 0.45), teeth=whole(20, 60)),
+    reading("approach-direction", "long-seal", partial(_approach, "long-seal"),
+            half_width=_WIDTH, way=by_ratio(0.02, 0.4), start=_START),
+    reading("approach-direction", "unequal", partial(_approach, "unequal"),
+            half_width=_WIDTH, forward=evenly(0.3, 1.0), back=evenly(0.3, 1.0), start=_START),
+    reading("target-slip", "two-slips", partial(_slip, "two-slips"),
+            each(**{"from": evenly(0.15, 0.5), "again": evenly(0.55, 0.85), "share": evenly(0.3, 0.8)}),
+            _SLIPS),
+    reading("target-slip", "crawl", partial(_slip, "crawl"),
+            each(**{"from": evenly(0.2, 0.7), "share": evenly(0.5, 0.9), "rows": by_ratio(2.0, 15.0)}),
+            _SLIPS),
+)  # fmt: skip

@@ -1,19 +1,20 @@
 """Drives by screws and slides, whose stiffness follows the lever arm, and balancers across an axis."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from beamstiff.exam.added_parts import axis_in_the_middle
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, at_joints, drives, in_the_middle, stroke, turning_drives
-from beamstiff.exam.forms.author4.by_form import STEP, Form, beside, effect_of
-from beamstiff.exam.laws import Forgetful, Memory, Situation, Stiffness
+from beamstiff.exam.components import in_the_middle, stroke
+from beamstiff.exam.draws import Draw, evenly, signed, sized
+from beamstiff.exam.effect import at_joints, form
+from beamstiff.exam.forms.author4.scales import beside
+from beamstiff.exam.laws import Curved, Situation, posed, varying
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
 from beamstiff.exam.reality import Reality
 
+STEP = 1e-30  # of complex steps
 ROOM = 293.15  # K
 DEGC = 273.15
 ROUND = 0.05  # of a balancer's crank: where its second coil comes in
@@ -40,19 +41,6 @@ def slotted(angle: Array) -> Array:
     return np.asarray(np.cos(angle) ** -4)
 
 
-def _screw(request: DrawRequest) -> dict[str, float]:
-    return {
-        "crank": request.uniform(0.25, 0.6),
-        "shaft": request.uniform(0.5, 3.0),
-        "angle": request.uniform(1.2, 1.9),
-        "swing": request.sized(0.1, 1.0),
-    }
-
-
-def _slotted(request: DrawRequest) -> dict[str, float]:
-    return {"angle": request.uniform(-0.35, 0.35), "swing": request.sized(0.12, 1.0)}
-
-
 def _lever(truth: Truth, reality: Reality) -> Reality:
     p, variable = truth.parameters, str(truth.component)
     middle, half = stroke(reality.machine.robot, variable)
@@ -69,64 +57,8 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
     return at_joints(
         truth,
         reality,
-        lambda k: Stiffness(lambda situation: k * relative(situation.values[variable]) / usual),
+        lambda k: varying(lambda situation: k * relative(situation.values[variable]) / usual),
     )
-
-
-@dataclass(frozen=True)
-class Balancer(Forgetful):
-    """A balancer's torque against the turning of its joint.
-
-    `pull`: its force from the stretch over the crank's length, and the temperature over 20 degC.
-    `torque`: where its joint is in the middle and its temperature 20 degC.
-    """
-
-    variable: str
-    middle: float
-    torque: float
-    angle: float
-    crank: float
-    pull: Callable[[Any, Array], Any]
-    changes: bool
-
-    def torque_at(self, q: Any, warmth: Array) -> Any:
-        """Return the torque at joint angles (P,)."""
-        b = self.crank
-        angle = self.angle + q - self.middle
-
-        def long(at: Any) -> Any:
-            return np.sqrt(1.0 + b**2 - 2.0 * b * np.cos(at))
-
-        usual = np.sin(self.angle) / long(self.angle)
-        stretch = (long(angle) - long(self.angle)) / b
-        return self.torque * self.pull(stretch, warmth) * np.sin(angle) / long(angle) / usual
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return torque, slope and no memory."""
-        warmth = (situation.temperature + DEGC) / ROOM
-        found = self.torque_at(situation.values[self.variable] + strain + 1j * STEP, warmth)
-        return found.real, found.imag / STEP, memory
-
-
-def _gas(request: DrawRequest) -> dict[str, float]:
-    return {
-        "torque": request.sized(0.1, 2.5),
-        "crank": request.uniform(0.2, 0.45),
-        "angle": request.sign() * request.uniform(0.9, 2.2),
-        "filled": request.uniform(0.1, 0.35),
-        "power": request.uniform(1.0, 1.35),
-    }
-
-
-def _coils(request: DrawRequest) -> dict[str, float]:
-    return {
-        "torque": request.sized(0.1, 2.5),
-        "crank": request.uniform(0.2, 0.45),
-        "angle": request.sign() * request.uniform(0.9, 2.2),
-        "rate": request.uniform(0.15, 0.45),
-        "second_rate": request.uniform(0.5, 1.5),
-        "second_from": request.uniform(-0.3, 0.3),
-    }
 
 
 def _heavy_side(machine: Machine, joint: str) -> float:
@@ -137,40 +69,49 @@ def _heavy_side(machine: Machine, joint: str) -> float:
 
 
 def _balance(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
-    machine = reality.machine
-    robot = machine.robot
+    """Return the reality with a balancer's torque against the turning of its joint.
+
+    It is `torque` where the joint is in the middle and the temperature 20 degC; the pull follows the stretch
+    over the crank's length.
+    """
+    p, variable, machine = truth.parameters, str(truth.component), reality.machine
+    robot, heats = machine.robot, truth.form == "gas-and-heat"
+    middle = stroke(robot, variable)[0]
 
     def pull(stretch: Any, warmth: Array) -> Any:
-        if truth.form == "gas-and-heat":
+        if heats:
             return warmth * (1.0 - p["filled"] * stretch) ** -p["power"]
         second = np.log1p(np.exp((stretch - p["second_from"]) / ROUND)) * ROUND
         return 1.0 + p["rate"] * stretch + p["second_rate"] * second
 
+    def long(at: Any) -> Any:
+        return np.sqrt(1.0 + p["crank"] ** 2 - 2.0 * p["crank"] * np.cos(at))
+
+    usual = np.sin(p["angle"]) / long(p["angle"])
+
+    def curve(strain: Array, situation: Situation, torque: float) -> Curved:
+        warmth = (situation.temperature + DEGC) / ROOM
+        angle = p["angle"] + (situation.values[variable] + strain + 1j * STEP) - middle
+        stretch = (long(angle) - long(p["angle"])) / p["crank"]
+        found = torque * pull(stretch, warmth) * np.sin(angle) / long(angle) / usual
+        return found.real, found.imag / STEP
+
     for name, own in joints_of(robot, variable):
         torque = _heavy_side(machine, name) * p["torque"] * TORQUE * own_stiffness(robot, name, own)
-        law = Balancer(
-            variable,
-            stroke(robot, variable)[0],
-            torque,
-            p["angle"],
-            p["crank"],
-            pull,
-            truth.form == "gas-and-heat",
-        )
+        law = posed(lambda e, situation, torque=torque: curve(e, situation, torque), heats)  # type: ignore[misc]
         machine = beside(machine, name, own, law)
     return reality.with_machine(machine)
 
 
-EFFECTS = (
-    effect_of(
-        "actuator-lever",
-        drives,
-        {"long-screw": Form(_screw, _lever), "slotted-lever": Form(_slotted, _lever)},
-    ),
-    effect_of(
-        "gravity-compensator",
-        turning_drives,
-        {"gas-and-heat": Form(_gas, _balance), "nested-coils": Form(_coils, _balance)},
-    ),
-)
+_CRANK: dict[str, Draw] = {
+    "torque": sized(0.1, 2.5), "crank": evenly(0.2, 0.45), "angle": signed(evenly(0.9, 2.2))
+}  # fmt: skip
+FORMS = (
+    form("actuator-lever", "long-screw", _lever,
+         crank=evenly(0.25, 0.6), shaft=evenly(0.5, 3.0), angle=evenly(1.2, 1.9), swing=sized(0.1, 1.0)),
+    form("actuator-lever", "slotted-lever", _lever, angle=evenly(-0.35, 0.35), swing=sized(0.12, 1.0)),
+    form("gravity-compensator", "gas-and-heat", _balance, **_CRANK,
+         filled=evenly(0.1, 0.35), power=evenly(1.0, 1.35)),
+    form("gravity-compensator", "nested-coils", _balance, **_CRANK,
+         rate=evenly(0.15, 0.45), second_rate=evenly(0.5, 1.5), second_from=evenly(-0.3, 0.3)),
+)  # fmt: skip
