@@ -71,7 +71,7 @@ def _draw_offset(request: DrawRequest) -> dict[str, float]:
 def _offset(truth: Truth, reality: Reality) -> Reality:
     lever, target = vector(truth.parameters), vector(truth.parameters, "uvw")
     moved = {"lever": reality.lever + lever, "target": reality.target + target, "marked": CALIBRATED * target}
-    return dataclasses.replace(reality, **{name: tuple(at.tolist()) for name, at in moved.items()})
+    return dataclasses.replace(reality, **{n: tuple(at.tolist()) for n, at in moved.items()})  # type: ignore[arg-type]
 
 
 def reflectors(robot: Robot) -> list[str | None]:

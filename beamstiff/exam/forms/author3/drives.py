@@ -239,7 +239,7 @@ def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
 
 
 def _coast(request: DrawRequest) -> float:
-    return by_ratio(1.5, 5.0)(request) ** request.sign()
+    return float(by_ratio(1.5, 5.0)(request) ** request.sign())
 
 
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose

@@ -38,7 +38,7 @@ def times(campaign: SimulatedCampaign) -> Array:
 
 def _middle(seen: Seen) -> Array:
     """Return where the tool is in the middle of the range, (3,), m."""
-    return in_the_middle(seen.machine.robot).node(seen.machine.node(seen.machine.tcp))[0]
+    return np.asarray(in_the_middle(seen.machine.robot).node(seen.machine.node(seen.machine.tcp))[0])
 
 
 def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:

@@ -46,12 +46,8 @@ def windowed(stiffness: float, length: float, window: tuple[float, float], weake
 def _link_stiffness(request: DrawRequest) -> float:
     """Return a link's stiffness, by the stiffest drive at its ends, N m/rad, else the main drive's."""
     robot = request.robot
-    ends = {
-        name
-        for part in (*robot.rigids, *robot.beams)
-        if part.name == request.component
-        for name in part.nodes
-    }
+    parts = {part.name: part.nodes for part in robot.rigids} | {part.name: part.nodes for part in robot.beams}
+    ends = set(parts[str(request.component)])
     at = [float(j.stiffness.torsional) for j in robot.joints if set(j.nodes) & ends]
     scale = max((k for k in at if 0.0 < k < np.inf), default=main_stiffness(robot))
     return scale / request.sized(0.01, 0.25)
