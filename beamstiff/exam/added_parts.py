@@ -11,7 +11,7 @@ from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, stiffness_of
 from beamstiff.exam.draws import Parameters
 from beamstiff.exam.laws import Law, Situation, varying
-from beamstiff.exam.machine import Hinge, Machine, Profile, Rod, axes_from, joints_of, own_stiffness
+from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Mass, Node
@@ -230,12 +230,6 @@ def across_link(a: Array, b: Array, side: float) -> Array:
     across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
     across = across / np.linalg.norm(across)
     return np.asarray(np.cos(side) * across + np.sin(side) * np.cross(along, across))
-
-
-def softened(machine: Machine, name: str, soften: Callable[[Profile], Profile]) -> Machine:
-    """Return the machine with another profile of the bar of that name."""
-    bars = (dataclasses.replace(b, profile=soften(b.profile)) if b.name == name else b for b in machine.bars)
-    return dataclasses.replace(machine, bars=tuple(bars))
 
 
 def pair_of(machine: Machine, component: str) -> tuple[tuple[str, int], tuple[str, int], float, float]:

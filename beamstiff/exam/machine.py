@@ -164,6 +164,14 @@ class Machine:
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
 
+    def with_profile(self, name: str, change: Callable[[Profile], Profile]) -> Self:
+        """Return the machine with the profile of the bar of that name changed."""
+        bars = (
+            dataclasses.replace(bar, profile=change(bar.profile)) if bar.name == name else bar
+            for bar in self.bars
+        )
+        return dataclasses.replace(self, bars=tuple(bars))
+
     def plus(self, **parts: tuple[Any, ...]) -> Self:
         """Return the machine with further parts of some kinds, by the names of the attributes."""
         return dataclasses.replace(self, **{name: getattr(self, name) + more for name, more in parts.items()})

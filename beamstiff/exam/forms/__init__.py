@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
-from beamstiff.exam import names
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.draws import DrawRequest
 from beamstiff.exam.effect import Effect
 from beamstiff.exam.forms import author1, author2, author3, author4
 from beamstiff.exam.forms.author1 import tool
 from beamstiff.exam.forms.author4 import joint_errors
+from beamstiff.exam.names import EFFECTS as NAMED
+from beamstiff.exam.names import LATER
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
@@ -26,8 +27,8 @@ EFFECTS = {
     for author in AUTHORS
     for name, places in author.PLACES.items()
 }
-INSIDE = tuple(EFFECTS[name] for name in names.EFFECTS)
-OUTSIDE = tuple(effect for name, effect in EFFECTS.items() if name not in (*names.EFFECTS, *names.LATER))
+INSIDE = tuple(EFFECTS[name] for name in NAMED)
+OUTSIDE = tuple(effect for name, effect in EFFECTS.items() if name not in (*NAMED, *LATER))
 
 
 def components(robot: Robot, effect: str) -> list[str | None]:

@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam import added_parts
-from beamstiff.exam.added_parts import across_link, ends_of, node_at, on_pedestal, seen_from_foot
+from beamstiff.exam.added_parts import about_x, across_link, ends_of, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, slender
 from beamstiff.exam.draws import DrawRequest, Parameters, between, evenly, sized, softer, vector
@@ -92,7 +91,7 @@ def _link(
 ) -> Machine:
     """Return the machine with a link that bends by a profile of parameters and rigidity; None: an elbow."""
     if "softer" in p:
-        return added_parts.softened(machine, name, lambda profile: _softer(profile, p))
+        return machine.with_profile(name, lambda profile: _softer(profile, p))
     nodes = dict(machine.rigids)[name]
     machine = machine.without(name)
     if bend is None:
@@ -181,7 +180,7 @@ def _bearing(p: Parameters, machine: Machine, component: str) -> Machine:
             laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
         if p.get("offset", 0.0):
             k = _moved(k, p["offset"])
-        axes = hinge.axes @ added_parts.about_x(p["turned"])
+        axes = hinge.axes @ about_x(p["turned"])
         machine = machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
     return machine
 

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import about_x, ends_of, on_pedestal, softened
+from beamstiff.exam.added_parts import about_x, ends_of, on_pedestal
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import Parameters, evenly, whole
@@ -97,7 +97,7 @@ def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
 def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     """Return the machine with a thin-walled conical link; `shear`: over E A, what stands against it."""
     if "softer" in p:
-        return softened(machine, name, lambda was: _thinner(p, was))
+        return machine.with_profile(name, lambda was: _thinner(p, was))
     nodes = dict(machine.rigids)[name]
     machine = machine.without(name)
     EI, EA = p["EI"], p["EI"] / 0.12**2
@@ -123,9 +123,8 @@ def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
     `joint`: its share of the bending.
     """
     if "softer" in p:
-        return softened(
-            machine, name, lambda was: _with_joint(p, was, (p["softer"] - 1.0) * was.compliance.sum(axis=0))
-        )
+        more = p["softer"] - 1.0
+        return machine.with_profile(name, lambda was: _with_joint(p, was, more * was.compliance.sum(axis=0)))
     nodes = dict(machine.rigids)[name]
     machine = machine.without(name)
     EI, EA = p["EI"], p["EI"] / 0.12**2
