@@ -9,9 +9,9 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, stiffness_of
-from beamstiff.exam.draws import Parameters
 from beamstiff.exam.laws import Law, Situation, varying
 from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
+from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Mass, Node

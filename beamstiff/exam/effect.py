@@ -7,9 +7,9 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.components import Places
-from beamstiff.exam.draws import Draw, DrawRequest, Parameters
 from beamstiff.exam.laws import Law
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.reality import Reality, axes_of, places_of
 

@@ -11,10 +11,10 @@ from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.designs import Wish, draw_campaign
-from beamstiff.exam.draws import DrawRequest
 from beamstiff.exam.forms import AUTHORS, EFFECTS, INSIDE, OUTSIDE, author_of, components, draw_truth, resized
 from beamstiff.exam.names import EFFECTS as NAMES
 from beamstiff.exam.names import LATER
+from beamstiff.exam.parameters import DrawRequest
 from beamstiff.exam.robots import exam_robot
 from beamstiff.exam.simulate import simulate
 from beamstiff.robot.description import Robot

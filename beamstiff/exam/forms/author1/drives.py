@@ -9,10 +9,11 @@ import numpy as np
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
-from beamstiff.exam.draws import DrawRequest, Parameters, at_joint, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import built, form, law
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
 from beamstiff.exam.machine import Cross, Machine, joints_of, own_stiffness
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 

@@ -7,20 +7,10 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke, turning_drives
-from beamstiff.exam.draws import (
-    PHASE,
-    SIGN,
-    Draw,
-    DrawRequest,
-    Parameters,
-    always,
-    evenly,
-    sized,
-    vector,
-    whole,
-)
+from beamstiff.exam.draws import PHASE, SIGN, always, evenly, sized, whole
 from beamstiff.exam.effect import Change, Seen, built, form, reading
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot

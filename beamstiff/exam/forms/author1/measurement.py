@@ -5,18 +5,9 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign
-from beamstiff.exam.draws import (
-    SEED,
-    DrawRequest,
-    Parameters,
-    always,
-    direction,
-    evenly,
-    signed,
-    sized,
-    vector,
-)
+from beamstiff.exam.draws import SEED, always, direction, evenly, signed, sized
 from beamstiff.exam.effect import Seen, load, reading
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import turn, turned_by
 
 GAIN = (0.008, 0.25)

@@ -9,23 +9,12 @@ import numpy as np
 from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import drives, nowhere, turns
-from beamstiff.exam.draws import (
-    PHASE,
-    SIGN,
-    Draw,
-    DrawRequest,
-    Parameters,
-    always,
-    by_ratio,
-    direction,
-    evenly,
-    sized,
-    vector,
-)
+from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
 from beamstiff.exam.effect import built, law
 from beamstiff.exam.forms.author1.structure import bearings
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
 from beamstiff.exam.machine import Machine, axes_from, joints_of
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
 FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
 BLUNT = 2e-5  # m over which a stop is met

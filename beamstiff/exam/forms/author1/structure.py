@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.exam.added_parts import about_x, across_link, ends_of, node_at, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, slender
-from beamstiff.exam.draws import DrawRequest, Parameters, between, evenly, sized, softer, vector
+from beamstiff.exam.draws import evenly, sized, softer
 from beamstiff.exam.effect import built
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.machine import (
@@ -23,6 +23,7 @@ from beamstiff.exam.machine import (
     own_stiffness,
     tapered,
 )
+from beamstiff.exam.parameters import DrawRequest, Parameters, between, vector
 from beamstiff.exam.placing import skeleton_of
 from beamstiff.robot.description import Robot
 

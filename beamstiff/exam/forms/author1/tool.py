@@ -6,9 +6,10 @@ import numpy as np
 
 from beamstiff.exam.added_parts import behind_flange, free_name
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.draws import Draw, DrawRequest, Parameters, always, direction, each, evenly, sized, vector
+from beamstiff.exam.draws import always, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, built, form, reading
 from beamstiff.exam.machine import Bar, Hinge, Machine, tapered
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node

@@ -4,11 +4,12 @@ import numpy as np
 
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.draws import PHASE, Draw, Parameters, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import PHASE, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import built, law
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
 from beamstiff.exam.machine import Cross, Machine, Mesh
+from beamstiff.exam.parameters import Draw, Parameters
 
 SLIDERS = 5
 

@@ -5,10 +5,11 @@ import numpy as np
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import drive_of, stroke
-from beamstiff.exam.draws import DrawRequest, Parameters, direction, evenly, sized, vector
+from beamstiff.exam.draws import direction, evenly, sized
 from beamstiff.exam.effect import built, form
 from beamstiff.exam.forms.author1 import geometry as author1
 from beamstiff.exam.machine import Hose, Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 

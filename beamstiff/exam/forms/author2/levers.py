@@ -5,11 +5,12 @@ import numpy as np
 from beamstiff.exam.added_parts import crank_stiffness, lever, stretch, turned, with_balancer
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke
-from beamstiff.exam.draws import PHASE, SIGN, DrawRequest, Parameters, evenly
+from beamstiff.exam.draws import PHASE, SIGN, evenly
 from beamstiff.exam.effect import at_joints, built, form, law
 from beamstiff.exam.forms.author1 import levers as author1
 from beamstiff.exam.laws import Law, Situation, varying
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 
 REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it

@@ -3,9 +3,10 @@
 import numpy as np
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.draws import PHASE, DrawRequest, Parameters, direction, each, evenly, named, sized, vector
+from beamstiff.exam.draws import PHASE, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, load, reading
 from beamstiff.exam.forms.author1 import measurement as author1
+from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.description import Robot
 

@@ -5,11 +5,12 @@ import numpy as np
 from beamstiff.exam.added_parts import tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import drives, nowhere
-from beamstiff.exam.draws import Parameters, always, at_joint, by_ratio, direction, signed, sized, vector
+from beamstiff.exam.draws import always, at_joint, by_ratio, direction, signed, sized
 from beamstiff.exam.effect import built, law
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, Law, curved
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Parameters, vector
 
 
 def _two_way(p: Parameters, k: float, variable: str) -> Law:

@@ -9,12 +9,13 @@ import numpy as np
 from beamstiff.exam.added_parts import about_x, ends_of, on_pedestal
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import Parameters, evenly, whole
+from beamstiff.exam.draws import evenly, whole
 from beamstiff.exam.effect import built
 from beamstiff.exam.forms.author1 import structure as author1
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.rotations import cross_matrix, turn
 
 STIFF = author1.STIFF

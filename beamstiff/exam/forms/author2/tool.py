@@ -7,12 +7,13 @@ import numpy as np
 
 from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.draws import PHASE, Draw, Parameters, by_ratio, direction, each, evenly, sized, vector
+from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, built, load
 from beamstiff.exam.forms.author1 import tool as author1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import curved
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, Parameters, vector
 
 NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 

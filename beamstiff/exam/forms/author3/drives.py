@@ -5,24 +5,13 @@ import numpy as np
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke, turns
-from beamstiff.exam.draws import (
-    PHASE,
-    SIGN,
-    Draw,
-    DrawRequest,
-    Parameters,
-    at_joint,
-    by_ratio,
-    evenly,
-    signed,
-    sized,
-    whole,
-)
+from beamstiff.exam.draws import PHASE, SIGN, at_joint, by_ratio, evenly, signed, sized, whole
 from beamstiff.exam.effect import at_joints, built, form, law
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
 from beamstiff.exam.machine import Machine, Mesh
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 
 PER_METRE = 6.0  # rad of a pinion's turn for a metre of its rack

@@ -7,21 +7,12 @@ import numpy as np
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import drive_of
-from beamstiff.exam.draws import (
-    Draw,
-    DrawRequest,
-    Parameters,
-    between,
-    direction,
-    evenly,
-    signed,
-    sized,
-    vector,
-)
+from beamstiff.exam.draws import direction, evenly, signed, sized
 from beamstiff.exam.effect import built, form
 from beamstiff.exam.forms.author1 import geometry as author1
 from beamstiff.exam.laws import Curved, winding
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS
 

@@ -4,21 +4,10 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle
-from beamstiff.exam.draws import (
-    PHASE,
-    SEED,
-    DrawRequest,
-    Parameters,
-    direction,
-    evenly,
-    named,
-    signed,
-    sized,
-    vector,
-    whole,
-)
+from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
 from beamstiff.exam.effect import Seen, load, reading
 from beamstiff.exam.forms.author1 import measurement as author1
+from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
 from beamstiff.exam.rotations import turn
 
 DISCS = 6

@@ -7,10 +7,11 @@ import numpy as np
 from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import nowhere, slender
-from beamstiff.exam.draws import DrawRequest, Parameters, by_ratio, evenly, sized, softer, vector
+from beamstiff.exam.draws import by_ratio, evenly, sized, softer
 from beamstiff.exam.effect import Seen, built, reading
 from beamstiff.exam.laws import fading, rubbing
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import turn, turned_by
 
 STUCK = 4.0  # of the stiffness once it slips: that before

@@ -18,13 +18,14 @@ from beamstiff.exam.added_parts import (
 )
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle
-from beamstiff.exam.draws import PHASE, Draw, Parameters, by_ratio, evenly
+from beamstiff.exam.draws import PHASE, by_ratio, evenly
 from beamstiff.exam.effect import built
 from beamstiff.exam.forms.author1 import structure as author1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.parameters import Draw, Parameters
 
 
 def _base(stiffness: Callable[[Parameters], Array], p: Parameters, machine: Machine, _: str) -> Machine:

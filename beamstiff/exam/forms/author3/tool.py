@@ -7,11 +7,12 @@ import numpy as np
 from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import PHASE, SEED, Parameters, by_ratio, direction, each, evenly, sized, vector
+from beamstiff.exam.draws import PHASE, SEED, by_ratio, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, built, load
 from beamstiff.exam.forms.author1 import tool as author1
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Parameters, vector
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
 MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal

@@ -8,11 +8,12 @@ import numpy as np
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stiffness_of, stroke, turns
-from beamstiff.exam.draws import PHASE, SIGN, DrawRequest, Parameters, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import at_joints, built, form, law
 from beamstiff.exam.forms.author4.scales import main_stiffness, rounded_ramp
 from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, rubbing, varying, winding
 from beamstiff.exam.machine import Machine, Mesh, drives_of
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 
 ROUND = 0.08  # of a play's width: its corners

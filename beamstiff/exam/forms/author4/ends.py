@@ -5,12 +5,13 @@ import numpy as np
 from beamstiff.exam.added_parts import UP, behind_flange, free_name, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import PHASE, DrawRequest, Parameters, by_ratio, by_reach, evenly, whole
+from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, whole
 from beamstiff.exam.effect import built
 from beamstiff.exam.forms.author4.scales import main_stiffness, round_about, rounded_ramp, wrist_stiffness
 from beamstiff.exam.forms.author4.structure import LEGENDRE, lifting
 from beamstiff.exam.laws import Curved, Law, curved
 from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node

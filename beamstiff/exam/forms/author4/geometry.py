@@ -6,20 +6,10 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import (
-    PHASE,
-    DrawRequest,
-    Parameters,
-    by_reach,
-    direction,
-    each,
-    evenly,
-    signed,
-    sized,
-    vector,
-)
+from beamstiff.exam.draws import PHASE, by_reach, direction, each, evenly, signed, sized
 from beamstiff.exam.effect import Seen, built, form, load
 from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 

@@ -7,22 +7,10 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke
-from beamstiff.exam.draws import (
-    PHASE,
-    DrawRequest,
-    Parameters,
-    by_ratio,
-    by_reach,
-    direction,
-    each,
-    evenly,
-    signed,
-    sized,
-    vector,
-    whole,
-)
+from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
 from beamstiff.exam.effect import Seen, form, reading
 from beamstiff.exam.forms.author4.measurement import times
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by

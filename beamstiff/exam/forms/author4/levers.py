@@ -7,11 +7,12 @@ import numpy as np
 from beamstiff.exam.added_parts import axis_in_the_middle
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import in_the_middle, stroke
-from beamstiff.exam.draws import Draw, evenly, signed, sized
+from beamstiff.exam.draws import evenly, signed, sized
 from beamstiff.exam.effect import at_joints, form
 from beamstiff.exam.forms.author4.scales import beside
 from beamstiff.exam.laws import Curved, Situation, posed, varying
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
+from beamstiff.exam.parameters import Draw
 from beamstiff.exam.reality import Reality
 
 STEP = 1e-30  # of complex steps

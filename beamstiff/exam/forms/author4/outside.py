@@ -8,10 +8,11 @@ import numpy as np
 from beamstiff.exam.added_parts import free_name
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import drives, in_the_middle, nowhere, slender
-from beamstiff.exam.draws import PHASE, DrawRequest, Parameters, by_ratio, by_reach, evenly, sized
+from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
 from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.robot.parts import Node
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from beamstiff.exam.added_parts import ends_of, free_name
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle
-from beamstiff.exam.draws import PHASE, DrawRequest, Parameters, by_ratio, each, evenly
+from beamstiff.exam.draws import PHASE, by_ratio, each, evenly
 from beamstiff.exam.effect import built
 from beamstiff.exam.forms.author4.scales import main_stiffness, round_about
 from beamstiff.exam.laws import Curved, Law, Situation, curved, varying
 from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, joints_of, own_stiffness
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.robot.parts import Node
 
 LEGENDRE = np.polynomial.legendre.leggauss(3)
