@@ -15,16 +15,16 @@ from beamstiff.exam.forms.author4.drives import (
     eccentric_mesh,
     engaging,
     scissor,
+    screw,
+    slotted,
     soft_zone,
     spline,
     tooth_friction,
 )
-from beamstiff.exam.forms.author4.ends import bracket, rubber, short_foot
-from beamstiff.exam.forms.author4.joint_errors import cardan, dragged
-from beamstiff.exam.forms.author4.levers import screw, slotted
+from beamstiff.exam.forms.author4.geometry import cardan, dragged
 from beamstiff.exam.forms.author4.measurement import BALLS, by_marks, hall
 from beamstiff.exam.forms.author4.outside import bedding_in, drum
-from beamstiff.exam.forms.author4.structure import lifting, windowed
+from beamstiff.exam.forms.author4.structure import bracket, lifting, rubber, short_foot, windowed
 from beamstiff.exam.laws import Law, Situation
 from beamstiff.exam.simulate import readings, reality_of
 from tests.exam.campaigns import loaded_robot

@@ -14,7 +14,7 @@ from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.effect import Effect
 from beamstiff.exam.forms import author1, author2, author3, author4
 from beamstiff.exam.forms.author1 import tool
-from beamstiff.exam.forms.author4 import joint_errors
+from beamstiff.exam.forms.author4 import geometry
 from beamstiff.exam.names import EFFECTS as NAMED
 from beamstiff.exam.names import LATER
 from beamstiff.exam.parameters import DrawRequest
@@ -92,7 +92,7 @@ def came_to_rest(truth: Truth, campaign: SimulatedCampaign) -> Truth:
     if truth.effect == "target-slip" and author == 1:
         return tool.came_to_rest(truth)
     if truth.effect == "target-slip" and author == 4:
-        return joint_errors.came_to_rest(truth, len(campaign))
+        return geometry.came_to_rest(truth, len(campaign))
     raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")
 
 

@@ -1,4 +1,4 @@
-"""Further forms of soft structure: base, bearings and links."""
+"""Further forms of soft structure, base to tool, and a load that finds its own place."""
 
 import dataclasses
 import math
@@ -6,19 +6,21 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import about_x, ends_of, on_pedestal
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, ends_of, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import evenly, whole
-from beamstiff.exam.effect import built
-from beamstiff.exam.forms.author1 import structure as author1
+from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
+from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.forms.author1 import structure as structure1
+from beamstiff.exam.forms.author1 import tool as tool1
+from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
-from beamstiff.exam.parameters import Parameters
+from beamstiff.exam.parameters import Draw, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn
 
-STIFF = author1.STIFF
+STIFF = structure1.STIFF
 
 
 def _three_feet(p: Parameters, machine: Machine, _: str) -> Machine:
@@ -80,12 +82,12 @@ def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
     """
     k = 2.0 / (p["tilt"] * p["span"] ** 2)
     K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
-    for place, each in ((0.5, k), (-0.5, p["uneven"] * k)):
+    for place, stiffness in ((0.5, k), (-0.5, p["uneven"] * k)):
         z = p["shift"] + place * p["span"]
         for moved, turned, way in ((1, 5, z), (2, 4, -z)):
             row = np.zeros(6)
             row[moved], row[turned] = 1.0, way
-            K += each * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
+            K += stiffness * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
     held = [d for d in range(6) if d != own and hinge.stiffness[d] > 0.0]
     before = np.where(np.isinf(hinge.stiffness), STIFF, hinge.stiffness)
     result = np.diag(before)
@@ -107,7 +109,7 @@ def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     placed, a, b = ends_of(machine, nodes)
     axes = placed.rotations[machine.node(nodes[0]).frame][0]
     along = axes.T @ (b - a) / np.linalg.norm(b - a)
-    up = turn(p["skew"] * along) @ author1.up_of(machine, nodes)
+    up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
     return machine.plus(bars=(Bar(name, nodes, profile, up),))
 
 
@@ -133,7 +135,7 @@ def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
     even = tapered(rigidity, lambda x: np.ones_like(x))
     rest = Profile(even.stations, (1.0 - p["joint"]) * even.compliance)
     profile = _with_joint(p, rest, p["joint"] * (1.0 / rigidity))
-    return machine.plus(bars=(Bar(name, nodes, profile, author1.up_of(machine, nodes)),))
+    return machine.plus(bars=(Bar(name, nodes, profile, structure1.up_of(machine, nodes)),))
 
 
 def _with_joint(p: Parameters, was: Profile, soft: Array) -> Profile:
@@ -141,23 +143,82 @@ def _with_joint(p: Parameters, was: Profile, soft: Array) -> Profile:
     return Profile(np.append(was.stations, p["end"]), np.concatenate([was.compliance, joint[None]]))
 
 
+NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
+
+
+def strutted(p: Parameters) -> Array:
+    """Return the stiffness (6, 6) of a load cell on six struts, about its middle height."""
+    K = np.zeros((6, 6))
+    for i in range(6):
+        # two struts from either end of a foot's pair lean towards the same place above
+        low = p["first"] + math.pi / 3.0 * (i - i % 2) + (0.2 if i % 2 else -0.2)
+        high = p["first"] + math.pi / 3.0 * (i - i % 2) + math.pi / 3.0 * (1 if i % 2 else -1)
+        a = np.array([p["lower"] * math.cos(low), p["lower"] * math.sin(low), -0.5 * p["height"]])
+        b = np.array([p["upper"] * math.cos(high), p["upper"] * math.sin(high), 0.5 * p["height"]])
+        along = (b - a) / np.linalg.norm(b - a)
+        row = np.concatenate([along, np.cross(a, along)])
+        K += p[f"strut{i}"] * np.outer(row, row)
+    return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
+
+
+def _struts(p: Parameters, machine: Machine, _: str) -> Machine:
+    return sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p))
+
+
+def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a flange that opens from a moment, N m, about x, and a `later` one about y."""
+    k = tool1.sprung_about(tool1.about_tool(p))
+    ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
+    laws = {
+        d: curved(partial(slackening, k=float(k[d]), loose=p["loose"], at=end)) for d, end in ends.items()
+    }
+    return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
+
+
+def _shackle(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads in a shackle, whose eye slides to where the ring about the TCP is nearest them."""
+    force, normal = wrench[:, :3], seen.tool_axes @ vector(p)
+    flat = force - np.sum(normal * force, axis=1, keepdims=True) * normal
+    size = np.sum(flat**2, axis=1) + NARROW**2 * np.sum(force**2, axis=1)
+    return seen.with_arm(wrench, p["away"] * flat / np.sqrt(np.maximum(size, 1e-12))[:, None])
+
+
+def _strap(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads that hang below the tool whichever way that is turned."""
+    g = np.array(seen.machine.robot.gravity)
+    down = g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, -1.0])
+    return seen.with_arm(wrench, np.broadcast_to(p["away"] * down, (len(wrench), 3)))
+
+
+_SOFT: dict[str, Draw] = {"tilt": sized(*tool1.TURN), "behind": evenly(0.02, 0.12)}
+_AWAY = each(away=sized(*tool1.AWAY))
+
+
 FORMS = (
     built("base-compliance", "three-feet", _three_feet,
-          tilt=author1.TILT, **{f"foot{i}": evenly(0.3, 1.0) for i in range(3)},
+          tilt=structure1.TILT, **{f"foot{i}": evenly(0.3, 1.0) for i in range(3)},
           first=evenly(0.0, 2.0 * math.pi), radius=evenly(0.3, 0.6), across=evenly(0.2, 0.6)),
     built("base-compliance", "column", _column,
-          tilt=author1.TILT, height=evenly(0.3, 1.2), flat=evenly(0.5, 1.0), twist=evenly(0.4, 0.8),
+          tilt=structure1.TILT, height=evenly(0.3, 1.2), flat=evenly(0.5, 1.0), twist=evenly(0.4, 0.8),
           taper=evenly(0.0, 0.3), turned=evenly(0.0, math.pi)),
     built("base-compliance", "mounts", _mounts,
-          tilt=author1.TILT, about_y=evenly(0.5, 1.0), about_z=evenly(0.1, 0.5), lever=evenly(0.1, 0.3),
+          tilt=structure1.TILT, about_y=evenly(0.5, 1.0), about_z=evenly(0.1, 0.5), lever=evenly(0.1, 0.3),
           moment=lambda request: 4e3 * request.uniform(0.5, 2.0) / slender(request.robot) ** 2,
           more=evenly(0.8, 2.5)),
-    built("bearing-tilt", "hertz", partial(author1.with_tilting, _hertz),
-          author1.draw_bearing, moment=lambda request: 2e3 * request.uniform(0.3, 1.5)),
+    built("bearing-tilt", "hertz", partial(structure1.with_tilting, _hertz),
+          structure1.draw_bearing, moment=lambda request: 2e3 * request.uniform(0.3, 1.5)),
     built("bearing-tilt", "pair", _pairs,
-          author1.draw_bearing, span=evenly(0.1, 0.3), uneven=evenly(0.4, 1.0), shift=evenly(-0.1, 0.1)),
-    built("link-bending", "hollow", _hollow,
-          author1.draw_link, shear=evenly(0.1, 0.25), skew=evenly(0.0, math.pi), narrower=evenly(0.1, 0.5)),
+          structure1.draw_bearing, span=evenly(0.1, 0.3), uneven=evenly(0.4, 1.0), shift=evenly(-0.1, 0.1)),
+    built("link-bending", "hollow", _hollow, structure1.draw_link,
+          shear=evenly(0.1, 0.25), skew=evenly(0.0, math.pi), narrower=evenly(0.1, 0.5)),
     built("link-bending", "bolted", _bolted,
-          author1.draw_link, end=whole(0, 2), joint=evenly(0.3, 0.6), opens=evenly(0.3, 0.8)),
+          structure1.draw_link, end=whole(0, 2), joint=evenly(0.3, 0.6), opens=evenly(0.3, 0.8)),
+    built("tool-compliance", "struts", _struts, **_SOFT,
+          **{f"strut{i}": evenly(0.6, 1.0) for i in range(6)},
+          lower=evenly(0.04, 0.06), upper=evenly(0.02, 0.04), height=evenly(0.03, 0.06), first=PHASE),
+    built("tool-compliance", "opening", _opening, **_SOFT,
+          other=evenly(0.6, 1.0), about=evenly(0.3, 1.0), opens=by_ratio(20.0, 200.0),
+          later=evenly(1.0, 2.5), loose=evenly(0.25, 0.6)),
+    load("tool-offset", "shackle", _shackle, _AWAY, direction()),
+    load("tool-offset", "strap", _strap, _AWAY),
 )  # fmt: skip

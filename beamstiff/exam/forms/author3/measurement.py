@@ -1,14 +1,97 @@
-"""Third forms of wrong loads and readings."""
+"""Third forms of wrong geometry and payload, loads and readings."""
+
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle
+from beamstiff.exam.added_parts import with_loose_mass
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import drive_of, in_the_middle
 from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
-from beamstiff.exam.effect import Seen, load, reading
-from beamstiff.exam.forms.author1 import measurement as author1
-from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
+from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.forms.author1 import geometry as geometry1
+from beamstiff.exam.forms.author1 import measurement as measurement1
+from beamstiff.exam.laws import Curved, winding
+from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, named, vector
+from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
+from beamstiff.robot.parts import FRAME_PARAMETERS
+
+SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
+TOLERANCE = 0.03  # of the named error's size, one standard deviation: all other errors
+GRAVITY = 9.81
+FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
+
+
+def _size(component: str, size: float) -> float:
+    angle = "." not in component or FRAME_PARAMETERS[component.rsplit(".", 1)[1]] == "angle"
+    return between(size, *(geometry1.ANGLE if angle else geometry1.LENGTH))
+
+
+def _draw_geometry(request: DrawRequest) -> dict[str, float]:
+    component, robot = str(request.component), request.robot
+    found = {"error": geometry1.draw_geometry(request)["error"]}
+    if request.form == "oval":
+        encoder = "." not in component
+        share = request.uniform(0.3, 0.7) if encoder else SMALL
+        return found | {
+            "oval": share * request.sized(*geometry1.ANGLE),
+            "phase": request.uniform(0.0, 2.0 * np.pi),
+        }
+    others = [name for name in map(str, geometry1.geometry_places(robot)) if name != component]
+    if robot.loops:  # rigid loops would not close with lengths that do not fit
+        others = [name for name in others if "." not in name]
+    return found | {
+        name: TOLERANCE * _size(name, request.size) * float(request.rng.standard_normal()) for name in others
+    }
+
+
+def _geometry(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with wrong kinematics.
+
+    ``oval``: besides the error of its zero an encoder's track or its coupling is oval, or its shaft is bent
+    in its universal joint, so that the angle errs twice a turn. Textbooks of angle measurement; a frame's
+    error comes with a little of it at the frame's drive.
+
+    ``tolerances``: one error stands out, and all others are there as well, far smaller, as manufacture and an
+    earlier calibration leave them. What calibrations of real robots find.
+    """
+    component, p = str(truth.component), truth.parameters
+    errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
+    reality = reality.with_errors({component: p["error"]} | errors)
+    drive = drive_of(reality.machine.robot, component)
+    kinds = {variable.name: variable.kind for variable in reality.machine.robot.actuated}
+    if drive is None or "oval" not in p or kinds[drive] != "angle":
+        return reality
+    return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
+
+
+def _payload(ways: tuple[int, ...], p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with something at the tool that the model lacks, and that moves within bounds.
+
+    ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
+    ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
+    the more it is tilted, up to the wall. Engineering estimates both.
+
+    `half`: m to either side. `tilt`: share of the weight along its way with which it has gone most of it.
+    """
+    turning = p["tilt"] * p["mass"] * GRAVITY
+
+    def bounded(force: Array) -> Curved:
+        x = force / turning
+        root = np.hypot(1.0, x)
+        firm = FIRM * p["half"] / turning
+        return p["half"] * x / root + firm * force, p["half"] / (turning * root**3) + firm
+
+    laws = dict.fromkeys(ways, winding(bounded, turning / (FIRM * p["half"])))
+    return with_loose_mass(machine, vector(p), p["along"], p["mass"], np.full(6, np.inf), laws)
+
+
+_LOOSE: dict[str, Draw] = {
+    "mass": sized(*geometry1.MASS), "along": signed(evenly(0.0, 0.1)), "half": evenly(0.03, 0.12)
+}  # fmt: skip
+
 
 DISCS = 6
 ROPE = (0.02, 0.4)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
@@ -17,7 +100,7 @@ COLUMN = 1.5  # m: height that a column's drift is told at
 
 
 def _draw_stations(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*author1.FRAME_ANGLE)
+    angle = request.sized(*measurement1.FRAME_ANGLE)
     found = request.direction(angle) | request.direction(angle, "uvw")
     return found | {"after": request.uniform(0.3, 0.7)}
 
@@ -27,16 +110,16 @@ def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
 
     Common practice where the arm hides the reflector.
     """
-    share, pose = author1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
+    share, pose = measurement1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
     poses = np.unique(pose)
     later = np.searchsorted(poses, pose) >= p["after"] * len(poses)
     R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), turn(share * vector(p)))
     moved = (R @ values[:, :3, None])[..., 0]
-    return np.concatenate([moved, author1.seen_turned(R, seen, values)], axis=1)
+    return np.concatenate([moved, measurement1.seen_turned(R, seen, values)], axis=1)
 
 
 def _draw_lens(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*author1.FRAME_ANGLE)
+    angle = request.sized(*measurement1.FRAME_ANGLE)
     found = request.direction(angle)
     around, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 5.0)
     found |= named(np.array([away * np.cos(around), away * np.sin(around), request.uniform(0.8, 1.8)]), "uvw")
@@ -62,14 +145,14 @@ def _lens(p: Parameters, seen: Seen, values: Array) -> Array:
     Its scale changes across its view (barrel distortion, D. C. Brown, 1966). The size is an engineering
     estimate.
     """
-    share = author1.REGISTERED if seen.absolute else 1.0
+    share = measurement1.REGISTERED if seen.absolute else 1.0
     camera, barrel, moved = vector(p, "uvw"), share * p["barrel"], values[:, :3]
     if seen.absolute:
         moved = distorted(moved, camera, barrel)
     else:
         moved = distorted(seen.places + moved, camera, barrel) - distorted(seen.places, camera, barrel)
     R = np.broadcast_to(turn(share * vector(p)), (len(values), 3, 3))
-    return np.concatenate([(R @ moved[..., None])[..., 0], author1.seen_turned(R, seen, values)], axis=1)
+    return np.concatenate([(R @ moved[..., None])[..., 0], measurement1.seen_turned(R, seen, values)], axis=1)
 
 
 def _draw_rope(request: DrawRequest) -> dict[str, float]:
@@ -105,7 +188,7 @@ def _rope(p: Parameters, seen: Seen, wrench: Array) -> Array:
 
 
 def _draw_discs(request: DrawRequest) -> dict[str, float]:
-    gain, wrong = 1.3 * request.sized(*author1.GAIN), request.rng.standard_normal(DISCS)
+    gain, wrong = 1.3 * request.sized(*measurement1.GAIN), request.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
     wrong *= gain / np.sqrt(np.mean(wrong**2))
     return {f"disc{i}": float(error) for i, error in enumerate(wrong)}
@@ -141,9 +224,9 @@ def _thermostat(p: Parameters, seen: Seen, values: Array) -> Array:
     What carries the tracker follows with a lag, in minutes. Known in every machine hall (ISO 230-3 asks for
     its record). `period`: s; `on`, `lag`: shares of it.
     """
-    part = p["start"] + author1.since_start(seen.campaign) / p["period"]
+    part = p["start"] + measurement1.since_start(seen.campaign) / p["period"]
     share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
-    moved = p["drift"] * author1.since_rest(seen.campaign, share)[:, None] * vector(p)
+    moved = p["drift"] * measurement1.since_rest(seen.campaign, share)[:, None] * vector(p)
     return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
 
@@ -152,11 +235,11 @@ def _sun(p: Parameters, seen: Seen, values: Array) -> Array:
 
     Known of large machine tools; the angle it sweeps, rad over the campaign, is that of some hours.
     """
-    time = author1.since_start(seen.campaign)
+    time = measurement1.since_start(seen.campaign)
     bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
     lean = np.zeros((len(values), 3))
     for axis, part in ((0, np.cos), (1, np.sin)):
-        lean[:, axis] = author1.since_rest(seen.campaign, part(bearing) - part(p["from"]))
+        lean[:, axis] = measurement1.since_rest(seen.campaign, part(bearing) - part(p["from"]))
     lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
     turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
     return np.asarray(values + np.concatenate([np.cross(turned, seen.places), turned], axis=1))
@@ -179,8 +262,16 @@ def _run(p: Parameters, seen: Seen, values: Array) -> Array:
     return values
 
 
-_DRIFT = sized(*author1.DRIFT)
+_DRIFT = sized(*measurement1.DRIFT)
+
+
 FORMS = (
+    form("geometry-error", "oval", _geometry, _draw_geometry),
+    form("geometry-error", "tolerances", _geometry, _draw_geometry),
+    built("payload-error", "rolling", partial(_payload, (0,)),
+          direction(), **_LOOSE, tilt=evenly(0.03, 0.12)),
+    built("payload-error", "liquid", partial(_payload, (1, 2)),
+          direction(), **_LOOSE, tilt=evenly(0.3, 0.8)),
     reading("frame-misalignment", "lens", _lens, _draw_lens),
     reading("frame-misalignment", "stations", _stations, _draw_stations),
     load("load-error", "rope", _rope, _draw_rope),
@@ -191,5 +282,5 @@ FORMS = (
     reading("thermal-drift", "sun", _sun, drift=_DRIFT,
             **{"from": PHASE, "sweep": signed(evenly(1.0, 2.5))}),
     reading("outliers", "run", _run, direction(),
-            size=sized(*author1.SIZE), length=whole(2, 7), share=evenly(0.01, 0.05), seed=SEED),
+            size=sized(*measurement1.SIZE), length=whole(2, 7), share=evenly(0.01, 0.05), seed=SEED),
 )  # fmt: skip
