@@ -1,5 +1,6 @@
 """What an effect of the simulated machines is, and the forms that it takes."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -44,8 +45,7 @@ def law(
     """
 
     def impose(truth: Truth, reality: Reality) -> Reality:
-        place = str(truth.component)
-        return at_joints(truth, reality, lambda k: of(truth.parameters, k, place))
+        return at_joints(truth, reality, lambda k: of(truth.parameters, k, str(truth.component)))
 
     return form(effect, name, impose, *draws, **by_name)
 
@@ -102,25 +102,20 @@ Change = Callable[[Parameters, Seen, Array], Array]  # of values or wrenches (N,
 
 def reading(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form that changes the values read, (N, 6)."""
-
-    def impose(truth: Truth, reality: Reality) -> Reality:
-        return reality.with_reading(_changed(truth, reality, change))
-
-    return form(effect, name, impose, *draws, **by_name)
-
-
-def _changed(truth: Truth, reality: Reality, change: Change) -> Callable[..., Array]:
-    def changed(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        return change(truth.parameters, Seen(reality.machine, campaign, placed, truth.component), values)
-
-    return changed
+    return _changing("readings", effect, name, change, *draws, **by_name)
 
 
 def load(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form that changes the wrenches, (N, 6), from what they are read as."""
+    return _changing("loads", effect, name, change, *draws, **by_name)
 
+
+def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
     def impose(truth: Truth, reality: Reality) -> Reality:
-        return reality.with_load(_changed(truth, reality, change))
+        def changed(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
+            return change(truth.parameters, Seen(reality.machine, campaign, placed, truth.component), values)
+
+        return dataclasses.replace(reality, **{what: (*getattr(reality, what), changed)})
 
     return form(effect, name, impose, *draws, **by_name)
 

@@ -147,9 +147,6 @@ def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, A
     """Return the rods' change of length, its rates, and their present directions and lengths."""
     c, d = topology.rods.T
     poses = len(state.moved)
-    if not len(c):
-        none = np.zeros((poses, 0))
-        return none, np.zeros((poses, 0, 12)), np.zeros((poses, 0, 3)), none
     stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
     span = layout.rod + stretch
     length = np.linalg.norm(span, axis=-1)
