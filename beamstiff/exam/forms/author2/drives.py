@@ -15,6 +15,12 @@ from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 
 SLIDERS = 5
+REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
+MARGIN = np.deg2rad(4.0)
+TRIED = 300
+FLAT = 0.2  # sine of the least angle between coupler and crank or lever
+DEAD = 0.6  # of the shortest length between a screw's ends: what the nut and bearings take
+BLUNT = 0.02  # m over which a second coil engages
 
 
 def hertzian(torque: Array, scale: float) -> Curved:
@@ -180,14 +186,6 @@ def _eccentric(p: Parameters, machine: Machine, pair: str) -> Machine:
 _FROM = by_ratio(1e-4, 1e-3)  # strain about which the stiffness changes
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*drives1.SHARE)), "ratio": evenly(0.6, 1.6)}
-
-
-REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
-MARGIN = np.deg2rad(4.0)
-TRIED = 300
-FLAT = 0.2  # sine of the least angle between coupler and crank or lever
-DEAD = 0.6  # of the shortest length between a screw's ends: what the nut and bearings take
-BLUNT = 0.02  # m over which a second coil engages
 
 
 def _linkage(swing: Array, p: Parameters) -> tuple[Array, Array]:

@@ -20,6 +20,10 @@ BESIDE = 0.08  # of the named error's size: others that come with it
 HEIGHT = 1.5  # m: the size of a hose is what hangs from there
 GRAVITY = 9.81
 FURTHEST = 0.12  # m that a loose part slides under its weight
+MOMENT_ARM = 0.5  # m: a moment misread by a force, for a gain of 1
+SMALL = 50.0  # N about which a load cell's gain changes from push to pull
+SHORTEST = 0.1  # m of a link that grows
+STAND = 3.0  # m from where drift is told to where a stand tilts
 
 
 def _draw_geometry(request: DrawRequest) -> dict[str, float]:
@@ -71,12 +75,6 @@ def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
     held = np.full(6, np.inf)
     held[0] = p["mass"] * GRAVITY / p["slides"]
     return with_loose_mass(machine, vector(p), p["away"], p["mass"], held)
-
-
-MOMENT_ARM = 0.5  # m: a moment misread by a force, for a gain of 1
-SMALL = 50.0  # N about which a load cell's gain changes from push to pull
-SHORTEST = 0.1  # m of a link that grows
-STAND = 3.0  # m from where drift is told to where a stand tilts
 
 
 def _tracker(request: DrawRequest) -> dict[str, float]:

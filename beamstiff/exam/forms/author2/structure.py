@@ -21,6 +21,7 @@ from beamstiff.exam.parameters import Draw, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn
 
 STIFF = structure1.STIFF
+NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 
 
 def _three_feet(p: Parameters, machine: Machine, _: str) -> Machine:
@@ -141,9 +142,6 @@ def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
 def _with_joint(p: Parameters, was: Profile, soft: Array) -> Profile:
     joint = soft * np.array([0.0, 0.0, 0.0, 0.5, p["opens"], 1.0])
     return Profile(np.append(was.stations, p["end"]), np.concatenate([was.compliance, joint[None]]))
-
-
-NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 
 
 def strutted(p: Parameters) -> Array:

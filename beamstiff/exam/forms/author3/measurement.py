@@ -22,6 +22,10 @@ SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
 TOLERANCE = 0.03  # of the named error's size, one standard deviation: all other errors
 GRAVITY = 9.81
 FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
+DISCS = 6
+ROPE = (0.02, 0.4)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
+SEEN = 4.0  # lens distortion over the frame's angle: the machine fills a quarter of the view
+COLUMN = 1.5  # m: height that a column's drift is told at
 
 
 def _size(component: str, size: float) -> float:
@@ -91,12 +95,6 @@ def _payload(ways: tuple[int, ...], p: Parameters, machine: Machine, _: str) -> 
 _LOOSE: dict[str, Draw] = {
     "mass": sized(*geometry1.MASS), "along": signed(evenly(0.0, 0.1)), "half": evenly(0.03, 0.12)
 }  # fmt: skip
-
-
-DISCS = 6
-ROPE = (0.02, 0.4)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
-SEEN = 4.0  # lens distortion over the frame's angle: the machine fills a quarter of the view
-COLUMN = 1.5  # m: height that a column's drift is told at
 
 
 def _draw_stations(request: DrawRequest) -> dict[str, float]:

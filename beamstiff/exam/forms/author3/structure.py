@@ -31,6 +31,10 @@ from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
 
+LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
+MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
+FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
+
 
 def _base(stiffness: Callable[[Parameters], Array], p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a soft base, turned about the vertical.
@@ -155,11 +159,6 @@ def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float
 
 
 _BASE: dict[str, Draw] = {"tilt": structure1.TILT, "turned": evenly(0.0, math.pi)}
-
-
-LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
-MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
-FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 
 
 def hertzian(pressed: Array, k: float, clamped: float) -> Curved:

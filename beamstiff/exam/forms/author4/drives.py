@@ -19,6 +19,12 @@ from beamstiff.exam.reality import Reality
 
 ROUND = 0.08  # of a play's width: its corners
 BLUNT = 2e-6  # rad
+STEP = 1e-30  # of complex steps
+ROOM = 293.15  # K
+DEGC = 273.15
+COMES_IN = 0.05  # of a balancer's crank: where its second coil comes in
+TORQUE = 6e-4  # rad: what the drive would give under the usual balancer
+SWING = 0.85  # rad: of a slotted lever to either side
 
 
 def soft_zone(k: float, lost: float, knee: float) -> Law:
@@ -201,14 +207,6 @@ def _of(spring: Callable[..., Law]) -> Callable[[Parameters, float, str], Law]:
 
 
 _ARRIVED = evenly(-0.9, 0.9)
-
-
-STEP = 1e-30  # of complex steps
-ROOM = 293.15  # K
-DEGC = 273.15
-COMES_IN = 0.05  # of a balancer's crank: where its second coil comes in
-TORQUE = 6e-4  # rad: what the drive would give under the usual balancer
-SWING = 0.85  # rad: of a slotted lever to either side
 
 
 def screw(angle: Array, crank: float, shaft: float) -> Array:

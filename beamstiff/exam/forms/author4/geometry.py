@@ -21,6 +21,7 @@ MOST = 0.25  # of the main error: each of those beside it
 MARKED = 0.02  # of a tool's offset: where positions are read, the tool was measured with more care
 ROUND = 0.05  # of a force: sidelong pulls at a pin, between its two ends
 STILL = ("still_x", "still_y", "still_z")
+RIPPLE = 0.15  # of a scar's depth: of the teeth around it
 
 
 def _amount(request: DrawRequest) -> float:
@@ -108,9 +109,6 @@ def _half_empty(p: Parameters, machine: Machine, _: str) -> Machine:
         at = tuple(map(float, vector(p)))
         masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))  # type: ignore[arg-type]
     return dataclasses.replace(machine, masses=tuple(masses))
-
-
-RIPPLE = 0.15  # of a scar's depth: of the teeth around it
 
 
 def cardan(angle: Array, tilt: float, phase: float) -> Array:

@@ -25,6 +25,11 @@ DEPTH = 0.12  # of a link's section over its length: radius of gyration
 SHEAR = 0.25  # of the rigidity in stretch
 TWIST = 0.7  # of that in bending
 RING = 0.12  # m: radius over which a ring's radial and tilting stiffness go together
+ROUND = 0.2  # of a foot's gap: it comes down slowly
+ROUGH = 1.2e-5  # m: of the surfaces that meet there
+LEG = 0.1  # m
+STUD = 0.1  # of a foot's stiffness: what its bolt alone has
+SIDEWAYS = 1.5  # of a foot's stiffness
 
 
 def windowed(stiffness: float, length: float, window: tuple[float, float], weaker: Array) -> Profile:
@@ -143,9 +148,8 @@ def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
     k, taken = p["stiffness"], -p["stiffness"] * p["softer"]
 
     def way(situation: Situation) -> Array:
-        return np.asarray(
-            p["phase"] - situation.value(variable)
-        )  # seen from the ring its soft side turns back
+        # seen from the ring its soft side turns back
+        return np.asarray(p["phase"] - situation.value(variable))
 
     for name, _ in joints_of(machine.robot, variable):
         hinge = machine.hinge(name)
@@ -157,13 +161,6 @@ def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
         law = varying(lambda s: np.full(len(s.time), taken))
         machine = machine.plus(meshes=(Mesh((name, 4), (name, 5), weights, law),))
     return machine
-
-
-ROUND = 0.2  # of a foot's gap: it comes down slowly
-ROUGH = 1.2e-5  # m: of the surfaces that meet there
-LEG = 0.1  # m
-STUD = 0.1  # of a foot's stiffness: what its bolt alone has
-SIDEWAYS = 1.5  # of a foot's stiffness
 
 
 def _half_foot(robot: Robot) -> float:
