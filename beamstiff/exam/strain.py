@@ -128,19 +128,8 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
         rates[:, -bars:, 0] += (slope[..., None, :] @ plain[:, -bars:])[..., 0, :]
 
     longer, rod_rates, along, length = _rods_of(topology, layout, state)
-    return Strain(
-        rows=np.concatenate([shortened.reshape(poses, -1), longer], axis=1),
-        rates=rates,
-        plain=plain,
-        axes=axes,
-        rate=rate,
-        second=second,
-        from_first=from_first,
-        bent=e,
-        rod_rates=rod_rates,
-        along=along,
-        length=length,
-    )
+    rows = np.concatenate([shortened.reshape(poses, -1), longer], axis=1)
+    return Strain(rows, rates, plain, axes, rate, second, from_first, e, rod_rates, along, length)
 
 
 def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array]:
