@@ -3,12 +3,13 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.components import Places
-from beamstiff.exam.laws import Law
+from beamstiff.exam.laws import Curved, Law, curved, winding
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.placing import Placed
@@ -48,6 +49,21 @@ def law(
         return at_joints(truth, reality, lambda k: of(truth.parameters, k, str(truth.component)))
 
     return form(effect, name, impose, *draws, **by_name)
+
+
+Spring = Callable[[Parameters, float, Array], Curved]  # from parameters, the joint's stiffness and (P,)
+
+
+def curve(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> Form:
+    """Return a form that is a spring's force and slope at a strain."""
+    return law(effect, name, lambda p, k, _: curved(partial(of, p, k)), *draws, **by_name)
+
+
+def wind_up(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> Form:
+    """Return a form that is a spring's strain and compliance at a force; `hard`, if any, of k at most."""
+    return law(
+        effect, name, lambda p, k, _: winding(partial(of, p, k), k * p.get("hard", 1.0)), *draws, **by_name
+    )
 
 
 def built(

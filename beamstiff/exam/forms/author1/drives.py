@@ -10,7 +10,7 @@ from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
 from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import built, form, law
+from beamstiff.exam.effect import built, curve, form, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
 from beamstiff.exam.machine import Cross, Machine, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
@@ -115,41 +115,29 @@ def draw_hardening(request: DrawRequest) -> dict[str, float]:
     return {"soft": softer**0.6, "hard": softer**-0.4} | request.drawn(bend=at_joint(by_ratio(*BEND)))
 
 
-def _exponential(p: Parameters, k: float, variable: str) -> Law:
+def _exponential(p: Parameters, k: float, torque: Array) -> Curved:
     soft, hard, T = k * p["soft"], k * p["hard"], k * p["bend"]
-
-    def wind_up(torque: Array) -> Curved:
-        fade = np.exp(-np.abs(torque) / T)
-        more = 1.0 / soft - 1.0 / hard
-        return torque / hard + np.sign(torque) * more * T * (1.0 - fade), 1.0 / hard + more * fade
-
-    return winding(wind_up, hard)
+    fade = np.exp(-np.abs(torque) / T)
+    more = 1.0 / soft - 1.0 / hard
+    return torque / hard + np.sign(torque) * more * T * (1.0 - fade), 1.0 / hard + more * fade
 
 
-def _piecewise(p: Parameters, k: float, variable: str) -> Law:
+def _piecewise(p: Parameters, k: float, torque: Array) -> Curved:
     """Return three pieces; `middle`: of the way from soft to hard; `first`: one corner's torque over T."""
     soft, hard, T = k * p["soft"], k * p["hard"], k * p["bend"]
     middle, one = 1.0 / (soft + p["middle"] * (hard - soft)), p["first"] * T
-
-    def wind_up(torque: Array) -> Curved:
-        size = np.abs(torque)
-        strain = np.minimum(size, one) / soft + np.clip(size - one, 0.0, T - one) * middle
-        strain = strain + np.maximum(size - T, 0.0) / hard
-        slope = np.where(size < one, 1.0 / soft, np.where(size < T, middle, 1.0 / hard))
-        return np.sign(torque) * strain, slope
-
-    return winding(wind_up, hard)
+    size = np.abs(torque)
+    strain = np.minimum(size, one) / soft + np.clip(size - one, 0.0, T - one) * middle
+    strain = strain + np.maximum(size - T, 0.0) / hard
+    slope = np.where(size < one, 1.0 / soft, np.where(size < T, middle, 1.0 / hard))
+    return np.sign(torque) * strain, slope
 
 
-def _sinh(p: Parameters, k: float, variable: str) -> Law:
+def _sinh(p: Parameters, k: float, e: Array) -> Curved:
     soft, hard, T = k * p["soft"], k * p["hard"], k * p["bend"]
     scale = T / soft / np.sqrt(2.0 * np.log(hard / soft))  # tangent at T: soft sqrt(1 + 2 ln(hard / soft))
-
-    def curve(e: Array) -> Curved:
-        x = np.clip(e / scale, -6.0, 6.0)
-        return soft * (scale * np.sinh(x) + (e - scale * x) * np.cosh(x)), soft * np.cosh(x)
-
-    return curved(curve)
+    x = np.clip(e / scale, -6.0, 6.0)
+    return soft * (scale * np.sinh(x) + (e - scale * x) * np.cosh(x)), soft * np.cosh(x)
 
 
 def draw_friction(request: DrawRequest) -> dict[str, float]:
@@ -233,10 +221,10 @@ FORMS = (
     form("joint-compliance", "plain", _compliance, draw_compliance),
     form("joint-compliance", "helped", _compliance,
          draw_compliance, **{"from": by_ratio(1e-4, 1e-3), "more": evenly(0.2, 0.8)}),
-    law("hardening", "exponential", _exponential, draw_hardening),
-    law("hardening", "piecewise", _piecewise,
-        draw_hardening, middle=evenly(0.3, 0.7), first=evenly(0.25, 0.4)),
-    law("hardening", "sinh", _sinh, draw_hardening),
+    wind_up("hardening", "exponential", _exponential, draw_hardening),
+    wind_up("hardening", "piecewise", _piecewise,
+            draw_hardening, middle=evenly(0.3, 0.7), first=evenly(0.25, 0.4)),
+    curve("hardening", "sinh", _sinh, draw_hardening),
     law("hysteresis", "iwan", _iwan, draw_friction),
     law("hysteresis", "bouc-wen", _bouc_wen, draw_friction, arrived=evenly(-0.9, 0.9)),
     built("joint-coupling", "compliance", _by_compliance, share=_SHARE),

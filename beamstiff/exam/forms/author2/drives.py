@@ -6,7 +6,7 @@ from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch,
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
@@ -43,55 +43,39 @@ def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
 
 
-def _arctan(p: Parameters, k: float, variable: str) -> Law:
+def _arctan(p: Parameters, k: float, torque: Array) -> Curved:
     h, left, share = p["half"], p["left"], 2.0 / np.pi
-
-    def wind_up(torque: Array) -> Curved:
-        x = torque / (2.0 * left * k * h)
-        return torque / k + h * share * np.arctan(x), 1.0 / k + share / (2.0 * left * k * (1.0 + x**2))
-
-    return winding(wind_up, k)
+    x = torque / (2.0 * left * k * h)
+    return torque / k + h * share * np.arctan(x), 1.0 / k + share / (2.0 * left * k * (1.0 + x**2))
 
 
-def _planets(p: Parameters, k: float, variable: str) -> Law:
+def _planets(p: Parameters, k: float, e: Array) -> Curved:
     """Return the play of three planets, whose flanks are spread by a share of the half play."""
     h, left = p["half"], p["left"]
-
-    def curve(e: Array) -> Curved:
-        force, slope = left * k * e, np.full_like(e, left * k)
-        each = (1.0 - left) * k / 3.0
-        for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
-            for side in (1.0, -1.0):
-                z = side * e - flank
-                root = np.sqrt(z**2 + (0.02 * h) ** 2)
-                force = force + side * each * 0.5 * (z + root)
-                slope = slope + each * 0.5 * (1.0 + z / root)
-        return force, slope
-
-    return curved(curve)
+    force, slope = left * k * e, np.full_like(e, left * k)
+    each = (1.0 - left) * k / 3.0
+    for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
+        for side in (1.0, -1.0):
+            z = side * e - flank
+            root = np.sqrt(z**2 + (0.02 * h) ** 2)
+            force = force + side * each * 0.5 * (z + root)
+            slope = slope + each * 0.5 * (1.0 + z / root)
+    return force, slope
 
 
-def _hertz(p: Parameters, k: float, variable: str) -> Law:
+def _hertz(p: Parameters, k: float, torque: Array) -> Curved:
     soft, hard = k * p["soft"], k * p["hard"]
     more = 1.0 / soft - 1.0 / hard
-
-    def wind_up(torque: Array) -> Curved:
-        given, slope = hertzian(torque, 0.3 * k * p["bend"])
-        return torque / hard + more * given, 1.0 / hard + more * slope
-
-    return winding(wind_up, hard)
+    given, slope = hertzian(torque, 0.3 * k * p["bend"])
+    return torque / hard + more * given, 1.0 / hard + more * slope
 
 
-def _cubic(p: Parameters, k: float, variable: str) -> Law:
+def _cubic(p: Parameters, k: float, e: Array) -> Curved:
     """Return the cubic of a fit to a test stand's range; straight on beyond it."""
     soft, more, end = k * p["soft"], k * (p["hard"] - p["soft"]), 2.0 * p["bend"]
-
-    def curve(e: Array) -> Curved:
-        inside, beyond = np.clip(e, -end, end), np.abs(e) > end
-        force = soft * e + more * (inside**3 / (3.0 * end**2) + np.where(beyond, e - inside, 0.0))
-        return force, soft + more * (inside / end) ** 2
-
-    return curved(curve)
+    inside, beyond = np.clip(e, -end, end), np.abs(e) > end
+    force = soft * e + more * (inside**3 / (3.0 * end**2) + np.where(beyond, e - inside, 0.0))
+    return force, soft + more * (inside / end) ** 2
 
 
 def _contacts(p: Parameters, _: float, variable: str) -> Law:
@@ -292,10 +276,10 @@ def _disc(truth: Truth, reality: Reality) -> Reality:
 
 
 FORMS = (
-    law("backlash", "arctan", _arctan, drives1.draw_backlash),
-    law("backlash", "planets", _planets, drives1.draw_backlash, spread=evenly(0.3, 0.8)),
-    law("hardening", "hertz", _hertz, drives1.draw_hardening),
-    law("hardening", "cubic", _cubic, drives1.draw_hardening),
+    wind_up("backlash", "arctan", _arctan, drives1.draw_backlash),
+    curve("backlash", "planets", _planets, drives1.draw_backlash, spread=evenly(0.3, 0.8)),
+    wind_up("hardening", "hertz", _hertz, drives1.draw_hardening),
+    curve("hardening", "cubic", _cubic, drives1.draw_hardening),
     law("joint-compliance", "hertz", _contacts,
         drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
     law("joint-compliance", "preloaded", _preloaded,

@@ -6,10 +6,10 @@ from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import stroke, turns
 from beamstiff.exam.draws import PHASE, SIGN, at_joint, by_ratio, evenly, signed, sized, whole
-from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, posed, varying, winding
 from beamstiff.exam.machine import Machine, Mesh
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
@@ -53,22 +53,18 @@ def _runout(truth: Truth, reality: Reality) -> Reality:
     return at_joints(truth, reality, lambda k: posed(lambda e, situation: curve(e, situation, k)))
 
 
-def _scissors(p: Parameters, k: float, variable: str) -> Law:
+def _scissors(p: Parameters, k: float, torque: Array) -> Curved:
     """Return a split gear whose halves a spring spreads: it holds both flanks.
 
     A torque above the spring's preload crosses the whole play, one way only. Anti-backlash gears, any
     textbook of machine elements; the preloads are an engineering estimate. `growth`: of the preload while the
     play is crossed.
     """
-
-    def wind_up(torque: Array) -> Curved:
-        width = p["growth"] * p["preload"] * k
-        x = (p["way"] * torque - p["preload"] * k) / width
-        root, before = np.hypot(1.0, x), 1.0 / p["growth"]
-        crossed = p["half"] * (x / root + before / np.hypot(1.0, before))
-        return torque / k + p["way"] * crossed, 1.0 / k + p["half"] / (width * root**3)
-
-    return winding(wind_up, k)
+    width = p["growth"] * p["preload"] * k
+    x = (p["way"] * torque - p["preload"] * k) / width
+    root, before = np.hypot(1.0, x), 1.0 / p["growth"]
+    crossed = p["half"] * (x / root + before / np.hypot(1.0, before))
+    return torque / k + p["way"] * crossed, 1.0 / k + p["half"] / (width * root**3)
 
 
 def levers(shortened: float) -> Array:
@@ -77,7 +73,7 @@ def levers(shortened: float) -> Array:
     return np.asarray(np.sin(angle) / np.sqrt(1.0 + shortened**2 - 2.0 * shortened * np.cos(angle)))
 
 
-def _lobes(p: Parameters, k: float, variable: str) -> Law:
+def _lobes(p: Parameters, k: float, e: Array) -> Curved:
     """Return a cycloid reducer: relieved flanks of its disc leave gaps at all pins but one.
 
     They close one after another as it winds up, so that ever more pins carry. The gaps are those of Yu and
@@ -85,30 +81,22 @@ def _lobes(p: Parameters, k: float, variable: str) -> Law:
     gears); the pins that carry from the start are an engineering estimate.
     """
     arm = levers(p["shortened"])
-
-    def curve(e: Array) -> Curved:
-        closed = np.abs(e)[:, None] * arm - p["bend"] * (1.0 - arm)
-        more = k * (p["hard"] - p["soft"]) / float(arm @ arm)
-        force = k * p["soft"] * e + np.sign(e) * more * (np.maximum(closed, 0.0) @ arm)
-        return force, k * p["soft"] + more * ((closed > 0.0) @ arm**2)
-
-    return curved(curve)
+    closed = np.abs(e)[:, None] * arm - p["bend"] * (1.0 - arm)
+    more = k * (p["hard"] - p["soft"]) / float(arm @ arm)
+    force = k * p["soft"] * e + np.sign(e) * more * (np.maximum(closed, 0.0) @ arm)
+    return force, k * p["soft"] + more * ((closed > 0.0) @ arm**2)
 
 
-def _hypoid(p: Parameters, k: float, variable: str) -> Law:
+def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
     """Return gears whose flanks have another pressure angle either way, as hypoid and bevel gears (Gleason).
 
     The stiffness rises both ways but from different torques. The curve is an engineering estimate.
     """
-
-    def wind_up(torque: Array) -> Curved:
-        more = (1.0 / p["soft"] - 1.0 / p["hard"]) / k
-        knee = 0.5 * k * p["bend"] * np.where(torque < 0.0, p["coast"], 1.0)
-        x = torque / knee
-        strain = torque / (k * p["hard"]) + more * knee * np.arcsinh(x)
-        return strain, 1.0 / (k * p["hard"]) + more / np.hypot(1.0, x)
-
-    return winding(wind_up, k * p["hard"])
+    more = (1.0 / p["soft"] - 1.0 / p["hard"]) / k
+    knee = 0.5 * k * p["bend"] * np.where(torque < 0.0, p["coast"], 1.0)
+    x = torque / knee
+    strain = torque / (k * p["hard"]) + more * knee * np.arcsinh(x)
+    return strain, 1.0 / (k * p["hard"]) + more / np.hypot(1.0, x)
 
 
 def _strands(truth: Truth, reality: Reality) -> Reality:
@@ -235,10 +223,10 @@ _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
 FORMS = (
     form("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
-    law("backlash", "scissors", _scissors, author1.draw_backlash,
-        preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
-    law("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
-    law("hardening", "hypoid", _hypoid, author1.draw_hardening, coast=_coast),
+    wind_up("backlash", "scissors", _scissors, author1.draw_backlash,
+            preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
+    curve("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
+    wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening, coast=_coast),
     form("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
     form("joint-compliance", "spokes", _spokes, author1.draw_compliance,
          spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),
