@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -131,7 +132,8 @@ def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, *
         def changed(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
             return change(truth.parameters, Seen(reality.machine, campaign, placed, truth.component), values)
 
-        return dataclasses.replace(reality, **{what: (*getattr(reality, what), changed)})
+        changes: dict[str, Any] = {what: (*getattr(reality, what), changed)}
+        return dataclasses.replace(reality, **changes)
 
     return form(effect, name, impose, *draws, **by_name)
 

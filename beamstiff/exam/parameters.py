@@ -40,11 +40,6 @@ class DrawRequest:
     form: str
     size: float
 
-    @property
-    def place(self) -> str:
-        """The component's name."""
-        return str(self.component)
-
     def sized(self, low: float, high: float) -> float:
         """Return the value at the wanted size from low to high, evenly by ratio."""
         return between(self.size, low, high)
