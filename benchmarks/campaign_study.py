@@ -32,9 +32,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.cases import Case, Exam, draw_case
 from beamstiff.exam.designs import planned, reachable
-from beamstiff.exam.effect import between
 from beamstiff.exam.forms import resized
 from beamstiff.exam.names import normal
+from beamstiff.exam.parameters import between
 from beamstiff.exam.robots import MAIN_AXIS
 from beamstiff.exam.simulate import simulate
 from beamstiff.exam.sizes import linear_fit, size_for, whitened_gap

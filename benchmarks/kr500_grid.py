@@ -25,7 +25,7 @@ import numpy as np
 from beamstiff import Robot, load_robot
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.forms import imposed
-from beamstiff.exam.laws import Situation, Stiffness
+from beamstiff.exam.laws import Situation, varying
 from beamstiff.exam.machine import TURN, machine_of
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import readings
@@ -71,7 +71,7 @@ def _rippling(robot: Robot, follows: Mapping[str, Sequence[str]]) -> Reality:
     for joint in robot.joints:
         phases = random.uniform(0, 2 * np.pi, len(WAVES))
         law = _ripple(follows[str(joint.variable)], joint.stiffness.torsional / SOFTER, phases)
-        machine = machine.with_law(joint.name, TURN, Stiffness(law))
+        machine = machine.with_law(joint.name, TURN, varying(law))
     return Reality(machine)
 
 

@@ -1,15 +1,17 @@
 """Machines with parts that the robot lacks: under the base, across a joint, before the tool."""
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from itertools import count
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.effect import in_the_middle
-from beamstiff.exam.laws import Law
-from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of
+from beamstiff.exam.components import in_the_middle, stiffness_of
+from beamstiff.exam.laws import Law, Situation, varying
+from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
+from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Mass, Node
@@ -174,10 +176,63 @@ def with_rod(
     )
 
 
+def turned(p: Parameters, variable: str, situation: Situation) -> Array:
+    """Return how far a balancer's crank has turned from the middle of the range, (P,), rad."""
+    return np.asarray(p["way"] * (situation.values[variable] - p["middle"]))
+
+
+def stretch(p: Parameters, variable: str, situation: Situation) -> Array:
+    """Return how much longer a balancer is than in the middle of the range, (P,), m."""
+    ways = (turned(p, variable, situation), 0.0)
+    now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in ways)
+    return np.asarray(now - middle)
+
+
+def crank_stiffness(p: Parameters, machine: Machine, variable: str) -> float:
+    """Return a balancer's stiffness against small strains, N/m."""
+    return p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2
+
+
 def with_balancer(
-    machine: Machine, variable: str, p: Mapping[str, float], stiffness: float, law: Law
+    p: Parameters,
+    machine: Machine,
+    variable: str,
+    rate: Callable[[Situation, float], Array],
+    pull: Callable[[Situation], Array],
 ) -> Machine:
-    """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p."""
+    """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p.
+
+    `rate`: stiffness, from the situation and that against small strains. `pull`: force in the pose.
+    """
+    strong = crank_stiffness(p, machine, variable)
+    law = varying(lambda situation: rate(situation, strong), pull)
     for name, _ in joints_of(machine.robot, variable):
-        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], stiffness, law)
+        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, law)
     return machine
+
+
+def about_x(angle: float) -> Array:
+    """Return the matrix (3, 3) that turns about x."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def ends_of(machine: Machine, nodes: tuple[str, str]) -> tuple[Placed, Array, Array]:
+    """Return the machine in the middle of its range, and where a link's nodes are there, (3,), base frame."""
+    placed = in_the_middle(machine.robot)
+    a, b = (placed.node(machine.node(name))[0] for name in nodes)
+    return placed, a, b
+
+
+def across_link(a: Array, b: Array, side: float) -> Array:
+    """Return a unit vector (3,) across the line from a to b, turned about it to a side, rad."""
+    along = (b - a) / np.linalg.norm(b - a)
+    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    across = across / np.linalg.norm(across)
+    return np.asarray(np.cos(side) * across + np.sin(side) * np.cross(along, across))
+
+
+def pair_of(machine: Machine, component: str) -> tuple[tuple[str, int], tuple[str, int], float, float]:
+    """Return two drives that are linked, as hinge and direction, and the stiffness of each."""
+    one, two = (joints_of(machine.robot, name)[0] for name in component.split("+"))
+    return one, two, own_stiffness(machine.robot, *one), own_stiffness(machine.robot, *two)

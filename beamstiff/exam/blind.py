@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -104,18 +104,9 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
     }
     # from here on the label is open
     gap, gaps = _gaps(drawn, examiner.baseline)
-    record = Record(
-        label=drawn.label,
-        answer=answer,
-        gap=gap,
-        gaps=gaps,
-        shrink=None if shifts is None else true_shrink(drawn, *shifts),
-        controls=controls,
-        label_sha256=seal,
-        report_sha256=report_seal,
-        seconds=outcome.seconds,
-        error=error,
-    )
+    shrink = None if shifts is None else true_shrink(drawn, *shifts)
+    seconds = outcome.seconds
+    record = Record(drawn.label, answer, gap, gaps, shrink, controls, seal, report_seal, seconds, error)
     return record, outcome.report
 
 
@@ -145,27 +136,37 @@ def unmeasured(robot: Robot, fresh: SimulatedCampaign) -> Measurements:
     return table_of(robot, fresh, **read)
 
 
+A = TypeVar("A")  # what is read of a report
+
+
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class Outcome(Generic[A]):
     """The result of a diagnosis: nothing but an error where it broke off."""
 
-    answer: Answer
+    answer: A
     diagnosis: Diagnosis | None
     report: dict[str, Any]
     seconds: float
     error: str | None
 
 
-def diagnosed(robot: Robot, rows: Measurements, withheld: Sequence[str], examiner: Examiner) -> Outcome:
-    """Return the outcome of the examined diagnosis on the rows; where it breaks off, why."""
+def attempted(ask: Callable[[], Diagnosis], read: Callable[[dict[str, Any]], A], failure: A) -> Outcome[A]:
+    """Return the outcome of a diagnosis, its report read; where it breaks off, why."""
     start = time.perf_counter()
     try:
-        diagnosis = examiner.diagnose(robot, rows, without=withheld, seed=0)
+        diagnosis = ask()
         report = diagnosis.to_dict()
-        answer = answer_of(report)
+        answer = read(report)
     except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
-        return Outcome(failed(), None, {}, time.perf_counter() - start, one_line(error))
+        return Outcome(failure, None, {}, time.perf_counter() - start, one_line(error))
     return Outcome(answer, diagnosis, report, time.perf_counter() - start, None)
+
+
+def diagnosed(
+    robot: Robot, rows: Measurements, withheld: Sequence[str], examiner: Examiner
+) -> Outcome[Answer]:
+    """Return the outcome of the examined diagnosis on the rows."""
+    return attempted(lambda: examiner.diagnose(robot, rows, without=withheld, seed=0), answer_of, failed())
 
 
 def control_verdict(method: Control, robot: Robot, rows: Measurements, withheld: Sequence[str]) -> str:

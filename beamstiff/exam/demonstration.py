@@ -48,13 +48,6 @@ def campaign(robot: Robot, poses: int, seed: int) -> Measurements:
     return measured(robot, np.repeat(postures, len(loads), axis=0), np.tile(loads, (poses, 1)), seed)
 
 
-def measured(
-    robot: Robot, q: Array, wrench: Array, seed: int, point: Sequence[str] | None = None
-) -> Measurements:
-    """Return displacements (N, 6) of the machine under loads (N, 6) at joint values (N, 6), with noise."""
-    return _read(robot, q, wrench, "displacement", SIGMA, seed, point)
-
-
 def reached(robot: Robot, commands: Array, near: Array, wrench: Array) -> Array:
     """Return where the machine's tool comes to rest (T, 3) that was sent to commands (T, 4, 4), m.
 
@@ -62,19 +55,22 @@ def reached(robot: Robot, commands: Array, near: Array, wrench: Array) -> Array:
     """
     kinematics = compile_kinematics(robot)
     q = inverse_geometry(kinematics, commands, start=near, restarts=0, tolerance=1e-9).q
-    return _read(robot, q, wrench, "absolute", 0.0, 0, None).position
+    return measured(robot, q, wrench, 0, kind="absolute", sigma=0.0).position
 
 
-def _read(
+def measured(
     robot: Robot,
     q: Array,
     wrench: Array,
-    kind: Literal["absolute", "displacement"],
-    sigma: float,
     seed: int,
-    point: Sequence[str] | None,
+    point: Sequence[str] | None = None,
+    kind: Literal["absolute", "displacement"] = "displacement",
+    sigma: float = SIGMA,
 ) -> Measurements:
-    """Return what is read of the machine that a robot file describes without its fault."""
+    """Return what is read of the machine under loads (N, 6) at joint values (N, 6), with noise.
+
+    `robot`: its file, without the fault.
+    """
     rows, real = len(q), robot.with_parameters({f"{name}.torsional": k for name, k in DRIVES.items()})
     tcp = np.full(rows, robot.tcp)
     states = SimulatedCampaign(

@@ -65,28 +65,21 @@ def _examined(examiner: Examiner, task: Set) -> tuple[Record, dict[str, Any]]:
     truths = [] if given["effect"] == NONE else [key_of(given["effect"], given["component"])]
     truths += [] if second is None else [key_of(second[0], second[1])]
     gap = float(given["gap_over_noise"])
+    label = Label(
+        case=at,
+        kind=_kind(given),
+        truths=tuple(truths),
+        sizes=(),
+        withheld=(),
+        robot=robot.name,
+        design="rich",
+        data=rows.kind,
+        claimed="true",
+        readings=6 if rows.measured_mask[:, 3:].any() else 3,
+    )
+    gaps, report_seal = (gap,) * len(truths), sha256(outcome.report)
     record = Record(
-        label=Label(
-            case=at,
-            kind=_kind(given),
-            truths=tuple(truths),
-            sizes=(),
-            withheld=(),
-            robot=robot.name,
-            design="rich",
-            data=rows.kind,
-            claimed="true",
-            readings=6 if rows.measured_mask[:, 3:].any() else 3,
-        ),
-        answer=outcome.answer,
-        gap=gap,
-        gaps=(gap,) * len(truths),
-        shrink=None,
-        controls=controls,
-        label_sha256=seal,
-        report_sha256=sha256(outcome.report),
-        seconds=outcome.seconds,
-        error=outcome.error,
+        label, outcome.answer, gap, gaps, None, controls, seal, report_seal, outcome.seconds, outcome.error
     )
     return record, outcome.report
 

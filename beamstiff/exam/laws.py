@@ -1,16 +1,17 @@
-"""What a constitutive law of the simulated machine is, and the plain linear one."""
+"""Constitutive laws of the simulated machine: springs, curves, wind-up, friction."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array
 
 Memory = tuple[Array, ...]
+Curved = tuple[Array, Array]  # a value and its slope, (P,) each
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,142 +39,63 @@ class Situation:
         return self.values.get(name, np.full(len(self.time), default))
 
 
-class Law(Protocol):
+@dataclass(frozen=True, eq=False)
+class Law:
     """Force against strain in one direction of a joint, or along a spring.
 
-    ``remembers`` says whether the answer depends on the states before; ``changes`` whether it depends on time
-    or temperature.
+    `respond`: force, tangent stiffness, (P,) each, and the memory after, from the strain (P,), the situation
+        and the memory.
+    `start`: memory of the machine at rest in so many new poses.
+    `changes`: whether the answer depends on time or temperature.
     """
 
-    @property
-    def remembers(self) -> bool: ...  # noqa: D102
-
-    @property
-    def changes(self) -> bool: ...  # noqa: D102
-
-    def start(self, situation: Situation) -> Memory:
-        """Return the memory of the machine at rest in a new pose."""
-        ...
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent stiffness, (P,) each, and the memory after, from the strain (P,)."""
-        ...
-
-
-class Forgetful:
-    """Base of laws that depend on the strain and the pose alone."""
-
-    remembers = False
-    changes = False
-
-    def start(self, situation: Situation) -> Memory:
-        """Return no memory."""
-        return ()
-
-
-class Remembering:
-    """Base of laws whose answer depends on the states before."""
-
-    remembers = True
-    changes = False
-
-
-@dataclass(frozen=True)
-class Friction(Remembering):
-    """Base of a spring with friction beside it, whose state runs after the motion from -1 to 1.
-
-    `friction`: its largest force.
-    `arrived`: its state after the move to the pose.
-    """
-
-    stiffness: float
-    friction: float
-    arrived: float
-
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state and its slope by the way, (P,) each, after a way from a state along the motion."""
-        raise NotImplementedError
-
-    def largest(self, strain: Array, state: Array) -> tuple[Array | float, Array | float]:
-        """Return the largest friction after a strain, and by how much friction at a state grows with it."""
-        return self.friction, 0.0
-
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and state after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.full(poses, self.arrived)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent, and strain and state after."""
-        before, held = memory
-        sign = np.where(strain >= before, 1.0, -1.0)
-        state, slope = self.run(sign * held, np.abs(strain - before))
-        most, growing = self.largest(strain, sign * state)
-        force = self.stiffness * strain + most * (sign * state)
-        return force, self.stiffness + most * slope + growing, (strain, sign * state)
-
-
-def fading(state: Array, way: Array, reach: float) -> tuple[Array, Array]:
-    """Return a friction's state and its slope after a way: it nears 1 exponentially (Dahl, exponent 1)."""
-    left = (1.0 - state) * np.exp(-way / reach)
-    return 1.0 - left, left / reach
-
-
-@dataclass(frozen=True)
-class Stiffness(Forgetful):
-    """A spring whose stiffness (and force at rest) depends on the situation.
-
-    `stiffness`: (P,) array from the situation, SI.
-    `preload`: force at the rest length, (P,).
-    """
-
-    stiffness: Callable[[Situation], Array]
-    preload: Callable[[Situation], Array] | None = None
+    respond: Callable[[Array, Situation, Memory], tuple[Array, Array, Memory]]
+    start: Callable[[int], Memory] = lambda poses: ()
     changes: bool = False
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, stiffness and no memory."""
-        k = self.stiffness(situation)
-        force = k * strain
-        if self.preload is not None:
-            force = force + self.preload(situation)
-        return force, k, memory
+    @property
+    def remembers(self) -> bool:
+        """Whether the answer depends on the states before."""
+        return bool(self.start(0))
 
 
-@dataclass(frozen=True)
-class Curve(Forgetful):
-    """A spring given by its force curve.
+def posed(curve: Callable[[Array, Situation], Curved], changes: bool = False) -> Law:
+    """Return a spring from its force and slope, (P,) each, at a strain (P,) in a situation."""
+    return Law(lambda strain, situation, memory: (*curve(strain, situation), memory), changes=changes)
 
-    `curve`: force and its slope, (P,) each, from the strain (P,).
+
+def curved(curve: Callable[[Array], Curved]) -> Law:
+    """Return a spring from its force and slope, (P,) each, at a strain (P,)."""
+    return posed(lambda strain, _: curve(strain))
+
+
+def varying(
+    stiffness: Callable[[Situation], Array],
+    preload: Callable[[Situation], Array] | None = None,
+    changes: bool = False,
+) -> Law:
+    """Return a spring from its stiffness, and its force at the rest length, (P,) each, in a situation."""
+
+    def curve(strain: Array, situation: Situation) -> Curved:
+        k = stiffness(situation)
+        return k * strain if preload is None else k * strain + preload(situation), k
+
+    return posed(curve, changes)
+
+
+def winding(wind_up: Callable[[Array], Curved], stiffest: float) -> Law:
+    """Return a spring from its strain, a growing function of the force, and its compliance, (P,) each.
+
+    Inverted by Newton's method. `stiffest`: upper bound of the stiffness; the search starts there.
     """
 
-    curve: Callable[[Array], tuple[Array, Array]]
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, slope and no memory."""
-        force, slope = self.curve(strain)
-        return force, slope, memory
-
-
-@dataclass(frozen=True)
-class WindUp(Forgetful):
-    """A spring given by its wind-up: strain as a growing function of the force, inverted by Newton's method.
-
-    `wind_up`: strain and its slope (compliance), (P,) each, from the force (P,).
-    `stiffest`: upper bound of the stiffness; the search starts there.
-    """
-
-    wind_up: Callable[[Array], tuple[Array, Array]]
-    stiffest: float
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, stiffness and no memory."""
+    def curve(strain: Array) -> Curved:
         # the curve is monotone: bracket the force, then Newton kept inside the bracket
-        bound = 2.0 * self.stiffest * np.abs(strain) + 1e-9
+        bound = 2.0 * stiffest * np.abs(strain) + 1e-9
         low, high = -bound, bound
         force = np.zeros_like(strain)
         for _ in range(60):
-            wound, slope = self.wind_up(force)
+            wound, slope = wind_up(force)
             gap = wound - strain
             low, high = np.where(gap < 0.0, force, low), np.where(gap > 0.0, force, high)
             step = force - gap / slope
@@ -183,4 +105,37 @@ class WindUp(Forgetful):
             force = new
             if done.all():
                 break
-        return force, 1.0 / self.wind_up(force)[1], memory
+        return force, 1.0 / wind_up(force)[1]
+
+    return curved(curve)
+
+
+def rubbing(
+    stiffness: float,
+    friction: float,
+    arrived: float,
+    run: Callable[[Array, Array], Curved],
+    largest: Callable[[Array, Array], tuple[Any, Any]] | None = None,
+) -> Law:
+    """Return a spring with friction beside it, whose state runs after the motion from -1 to 1.
+
+    `friction`: its largest force. `arrived`: its state after the move to the pose.
+    `run`: state and its slope by the way, (P,) each, after a way from a state along the motion.
+    `largest`: where it is not constant: the largest friction after a strain, and how friction grows with it.
+    """
+
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
+        before, held = memory
+        sign = np.where(strain >= before, 1.0, -1.0)
+        state, slope = run(sign * held, np.abs(strain - before))
+        most, growing = (friction, 0.0) if largest is None else largest(strain, sign * state)
+        force = stiffness * strain + most * (sign * state)
+        return force, stiffness + most * slope + growing, (strain, sign * state)
+
+    return Law(respond, lambda poses: (np.zeros(poses), np.full(poses, arrived)))
+
+
+def fading(state: Array, way: Array, reach: float) -> Curved:
+    """Return a friction's state and its slope after a way: it nears 1 exponentially (Dahl, exponent 1)."""
+    left = (1.0 - state) * np.exp(-way / reach)
+    return 1.0 - left, left / reach

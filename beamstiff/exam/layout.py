@@ -81,23 +81,16 @@ def topology_of(machine: Machine) -> Topology:
     body_of = bodies_of(machine)
     index = {node.name: at for at, node in enumerate(machine.nodes)}
 
-    members = _ends([*machine.hinges, *machine.bars], body_of)
+    body = np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64)
+    members, rods = _ends([*machine.hinges, *machine.bars], body_of), _ends(machine.rods, body_of)
     locked = np.ones(max(body_of.values()) + 1, dtype=np.bool_)
     locked[members.ravel()] = False
     joined = {name for _, nodes in machine.rigids for name in nodes}
     locked[[body_of[name] for name in joined]] = False
     carrying = [mass.node for mass in machine.masses] + [hose.node for hose in machine.hoses]
     carrying += [n for bar in machine.bars for n in bar.nodes]
-    return Topology(
-        machine=machine,
-        body=np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64),
-        index=index,
-        bodies=len(locked),
-        members=members,
-        rods=_ends(machine.rods, body_of),
-        locked=locked.astype(np.float64),
-        loads=np.array([body_of[name] for name in carrying], dtype=np.int64),
-    )
+    loads = np.array([body_of[name] for name in carrying], dtype=np.int64)
+    return Topology(machine, body, index, len(locked), members, rods, locked.astype(np.float64), loads)
 
 
 def lay_out(topology: Topology, placed: Placed) -> Layout:
@@ -128,22 +121,12 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
         axes[:, at] = _bar_axes(rest[:, at] / length[:, None], up)
         stiffness[:, at] = tip_stiffness(bar.profile, length)
         bending[:, at - len(hinges)] = _shortening(length)
-    load_arm, load, moment = _weights(machine, index, placed, nodes, arms)
+    first, second = (arms[:, end] for end in ends.T)
+    rod_first, rod_second = (arms[:, end] for end in rod_ends.T)
+    rod = nodes[:, rod_ends[:, 1]] - nodes[:, rod_ends[:, 0]]
+    weights = _weights(machine, index, placed, nodes, arms)
     return Layout(
-        arms=arms,
-        nodes=nodes,
-        axes=axes,
-        rest=rest,
-        first=arms[:, ends[:, 0]],
-        second=arms[:, ends[:, 1]],
-        stiffness=stiffness,
-        bending=bending,
-        rod=nodes[:, rod_ends[:, 1]] - nodes[:, rod_ends[:, 0]],
-        rod_first=arms[:, rod_ends[:, 0]],
-        rod_second=arms[:, rod_ends[:, 1]],
-        load_arm=load_arm,
-        load=load,
-        load_moment=moment,
+        arms, nodes, axes, rest, first, second, stiffness, bending, rod, rod_first, rod_second, *weights
     )
 
 

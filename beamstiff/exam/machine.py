@@ -164,6 +164,14 @@ class Machine:
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
 
+    def with_profile(self, name: str, change: Callable[[Profile], Profile]) -> Self:
+        """Return the machine with the profile of the bar of that name changed."""
+        bars = (
+            dataclasses.replace(bar, profile=change(bar.profile)) if bar.name == name else bar
+            for bar in self.bars
+        )
+        return dataclasses.replace(self, bars=tuple(bars))
+
     def plus(self, **parts: tuple[Any, ...]) -> Self:
         """Return the machine with further parts of some kinds, by the names of the attributes."""
         return dataclasses.replace(self, **{name: getattr(self, name) + more for name, more in parts.items()})
@@ -182,7 +190,6 @@ class Machine:
 
 def machine_of(robot: Robot) -> Machine:
     """Return the machine that is just as the robot's description says."""
-    nodes = {node.name: node for node in robot.nodes}
     hinges = [
         Hinge(
             joint.name,
@@ -196,31 +203,18 @@ def machine_of(robot: Robot) -> Machine:
     bars = []
     for beam in robot.beams:
         material, section = robot.materials[beam.material], section_properties(robot.sections[beam.section])
-        rigidity = [
-            material.E * section.A,
-            material.G * (math.inf if section.Ay is None else section.Ay),
-            material.G * (math.inf if section.Az is None else section.Az),
-            material.G * section.J,
-            material.E * section.Iy,
-            material.E * section.Iz,
-        ]
+        Ay, Az = (math.inf if area is None else area for area in (section.Ay, section.Az))
+        E, G = material.E, material.G
+        rigidity = [E * section.A, G * Ay, G * Az, G * section.J, E * section.Iy, E * section.Iz]
         profile = tapered(np.array(rigidity), lambda x: np.ones_like(x))
         up = None if beam.up is None else np.array(beam.up, dtype=np.float64)
         bars.append(Bar(beam.name, beam.nodes, profile, up, material.density * section.A))
     if sprung := [strut.name for strut in robot.struts if strut.EA is not None]:
         raise BeamstiffError(f"strut {sprung[0]!r}: found EA, which simulated machines do not know")
-    return Machine(
-        robot=robot,
-        nodes=tuple(nodes.values()),
-        rigids=tuple((rigid.name, rigid.nodes) for rigid in robot.rigids),
-        hinges=tuple(hinges),
-        bars=tuple(bars),
-        rods=tuple(Rod(strut.name, strut.nodes, strut.stiffness) for strut in robot.struts),
-        crosses=(),
-        masses=robot.masses,
-        fixed=robot.fixed,
-        tcp=robot.tcp,
-    )
+    rigids = tuple((rigid.name, rigid.nodes) for rigid in robot.rigids)
+    rods = tuple(Rod(strut.name, strut.nodes, strut.stiffness) for strut in robot.struts)
+    held = (robot.masses, robot.fixed, robot.tcp)
+    return Machine(robot, tuple(robot.nodes), rigids, tuple(hinges), tuple(bars), rods, (), *held)
 
 
 def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:

@@ -62,14 +62,6 @@ class Reality:
 
         return dataclasses.replace(self, encoders=(*self.encoders, change))
 
-    def with_load(self, change: LoadChange) -> Self:
-        """Return the same with one more change of the loads."""
-        return dataclasses.replace(self, loads=(*self.loads, change))
-
-    def with_reading(self, change: ReadingChange) -> Self:
-        """Return the same with one more change of the readings."""
-        return dataclasses.replace(self, readings=(*self.readings, change))
-
 
 def places_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
     """Return where the node of every row is, (N, 3), m, on the placed machine."""

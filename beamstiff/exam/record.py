@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, TypeAdapter
@@ -119,10 +120,8 @@ class Record:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for one line of JSON; a gap that is no number is null."""
-        data = asdict(self)
-        data["gap"] = _number(self.gap)
-        data["gaps"] = [_number(gap) for gap in self.gaps]
-        return data
+        gap, *gaps = (one if isfinite(one) else None for one in (self.gap, *self.gaps))
+        return {**asdict(self), "gap": gap, "gaps": gaps}
 
 
 def answer_of(report: Mapping[str, Any]) -> Answer:
@@ -155,19 +154,10 @@ def failed() -> Answer:
     return Answer(verdict=key_of(FAILED, None), probability=0.0, probabilities={})
 
 
-_RECORD = TypeAdapter(Record)
-
-
-def record_from(data: Mapping[str, Any]) -> Record:
-    """Return the record that `Record.to_dict` made plain data of."""
-    return _RECORD.validate_python(data)
+record_from = TypeAdapter(Record).validate_python  # of what `Record.to_dict` made
 
 
 def sha256(value: Any) -> str:
     """Return the SHA-256 of plain data, written as JSON with sorted keys and no blanks."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
-
-
-def _number(value: float) -> float | None:
-    return value if value == value and abs(value) != float("inf") else None

@@ -5,7 +5,7 @@ effect, as a name given on an effect outside the library.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from beamstiff.exam.rates import Figure, mean, median, rate
 from beamstiff.exam.record import Kind, Record
 
 Records = Sequence[Record]
+Score = Callable[[Records], Figure]
 
 CLEAR = 1.0  # gap over noise from which a cause has to be named
 PROMISING = 1.5  # and from which promises are compared
@@ -36,6 +37,11 @@ def clear_singles(records: Records) -> list[Record]:
     return between(of_kind(records, "single"), CLEAR)
 
 
+def clear_pairs(records: Records) -> list[Record]:
+    """Return the pairs of which each effect by itself leaves a gap of at least the noise."""
+    return [r for r in of_kind(records, "pair") if r.gaps and all(gap >= CLEAR for gap in r.gaps)]
+
+
 # --- what a case is
 
 
@@ -51,8 +57,8 @@ def is_exact(record: Record) -> bool:
 
 def is_family(record: Record) -> bool:
     """Tell whether the effect named first is of the right family, whatever its component."""
-    named = is_named(record.answer.verdict)
-    return named and family(effect_of(record.answer.verdict)) == family(effect_of(record.truth))
+    named, truth = effect_of(record.answer.verdict), effect_of(record.truth)
+    return is_named(record.answer.verdict) and family(named) == family(truth)
 
 
 def is_place(record: Record) -> bool:
@@ -74,6 +80,11 @@ def is_flagged(record: Record) -> bool:
     return is_unknown(record) or (is_named(record.answer.verdict) and len(record.verdict_set) > 1)
 
 
+def is_truly_flagged(record: Record) -> bool:
+    """Tell the same, strictly: ``unknown``, or the withheld effect is in the set by name."""
+    return is_unknown(record) or effect_of(record.label.truths[0]) in map(effect_of, record.verdict_set)
+
+
 def is_nameless(record: Record) -> bool:
     """Tell whether no effect was named: ``unknown`` or ``none``."""
     return effect_of(record.answer.verdict) in (NONE, UNKNOWN)
@@ -93,95 +104,49 @@ def is_right(record: Record) -> bool:
 # --- rates over cases
 
 
-def false_alarms(records: Records) -> Figure:
-    """Return the share of nulls whose verdict is anything but ``none``; ``unknown`` is an alarm too."""
-    return rate(effect_of(record.answer.verdict) != NONE for record in of_kind(records, "null"))
+def _rate(hit: Callable[[Record], bool], among: Callable[[Records], Records] = list) -> Score:
+    """Return the score that is the share of hits among some of the cases."""
+    return lambda records: rate(map(hit, among(records)))
 
 
-def detection(records: Records) -> Figure:
-    """Return the share of cases that were said to have a gap: by a name, or ``unknown``."""
-    return rate(is_named(record.answer.verdict) or is_unknown(record) for record in records)
+def _named(records: Records) -> Records:
+    return [record for record in records if is_named(record.answer.verdict)]
 
 
-def exact(records: Records) -> Figure:
-    """Return the share of cases with the right effect and component, and nothing else named."""
-    return rate(map(is_exact, records))
+def _clear(kind: Kind) -> Callable[[Records], Records]:
+    return lambda records: between(of_kind(records, kind), CLEAR)
 
 
-def right_family(records: Records) -> Figure:
-    """Return the share of cases whose first named effect is of the right family."""
-    return rate(map(is_family, records))
-
-
-def right_place(records: Records) -> Figure:
-    """Return the share of cases whose first named component is right."""
-    return rate(map(is_place, records))
-
-
-def coverage(records: Records) -> Figure:
-    """Return the share of cases whose verdict set holds the truth; ``none`` and ``unknown`` alone do not."""
-    return rate(map(is_covered, records))
-
-
-def coverage_of_names(records: Records) -> Figure:
-    """Return the same among the verdicts that name an effect."""
-    return rate(is_covered(record) for record in records if is_named(record.answer.verdict))
+# nulls whose verdict is anything but ``none``; ``unknown`` is an alarm too
+false_alarms = _rate(
+    lambda record: effect_of(record.answer.verdict) != NONE, lambda records: of_kind(records, "null")
+)
+# cases that were said to have a gap: by a name, or ``unknown``
+detection = _rate(lambda record: is_named(record.answer.verdict) or is_unknown(record))
+exact = _rate(is_exact)
+right_family = _rate(is_family)
+right_place = _rate(is_place)
+coverage = _rate(is_covered)  # ``none`` and ``unknown`` alone do not hold the truth
+coverage_of_names = _rate(is_covered, _named)  # the same among the verdicts that name an effect
+unknowns = _rate(is_unknown)
+false_seconds = _rate(lambda record: len(record.named) > 1)
+# of effects outside the library, and of those withheld from it; gap at least the noise
+not_named = _rate(is_nameless, _clear("outside"))
+flagged = _rate(is_flagged, _clear("removed"))
+truly_flagged = _rate(is_truly_flagged, _clear("removed"))
+# of clear pairs: both named, each with its component; no effect named that is not at work: none is not false
+both = _rate(lambda record: set(record.label.truths) <= set(record.named), clear_pairs)
+nothing_false = _rate(
+    lambda record: (
+        set(record.named) <= set(record.label.truths) and effect_of(record.answer.verdict) != FAILED
+    ),
+    clear_pairs,
+)
 
 
 def set_size(records: Records) -> Figure:
     """Return the mean number of members of the verdict set, among the verdicts that name an effect."""
-    return mean(len(record.verdict_set) for record in records if is_named(record.answer.verdict))
-
-
-def unknowns(records: Records) -> Figure:
-    """Return the share of ``unknown``."""
-    return rate(map(is_unknown, records))
-
-
-def false_seconds(records: Records) -> Figure:
-    """Return the share of cases whose verdict names more than one effect."""
-    return rate(len(record.named) > 1 for record in records)
-
-
-def not_named(records: Records) -> Figure:
-    """Return the share of effects outside the library, gap at least the noise, that got no name."""
-    return rate(map(is_nameless, between(of_kind(records, "outside"), CLEAR)))
-
-
-def flagged(records: Records) -> Figure:
-    """Return the share of effects withheld from the library, gap at least the noise, that were flagged."""
-    return rate(map(is_flagged, between(of_kind(records, "removed"), CLEAR)))
-
-
-def truly_flagged(records: Records) -> Figure:
-    """Return the same, strictly: ``unknown``, or the withheld effect is in the set by name."""
-    return rate(
-        is_unknown(record)
-        or effect_of(record.label.truths[0]) in {effect_of(key) for key in record.verdict_set}
-        for record in between(of_kind(records, "removed"), CLEAR)
-    )
-
-
-def clear_pairs(records: Records) -> list[Record]:
-    """Return the pairs of which each effect by itself leaves a gap of at least the noise."""
-    return [
-        record
-        for record in of_kind(records, "pair")
-        if record.gaps and all(gap >= CLEAR for gap in record.gaps)
-    ]
-
-
-def both(records: Records) -> Figure:
-    """Return the share of clear pairs whose two effects are both named, each with its component."""
-    return rate(set(record.label.truths) <= set(record.named) for record in clear_pairs(records))
-
-
-def nothing_false(records: Records) -> Figure:
-    """Return the share of clear pairs in which every effect named is at work; naming none is not false."""
-    return rate(
-        set(record.named) <= set(record.label.truths) and effect_of(record.answer.verdict) != FAILED
-        for record in clear_pairs(records)
-    )
+    return mean(len(record.verdict_set) for record in _named(records))
 
 
 def shrink_difference(records: Records) -> Figure:
@@ -210,11 +175,10 @@ def by_effect(records: Iterable[Record]) -> dict[str, list[Record]]:
 
 def worst_first(records: Records) -> list[tuple[str, list[Record]]]:
     """Return the clear singles by effect: fewest exact first, of equals the fewest in the family."""
-
-    def badness(item: tuple[str, list[Record]]) -> tuple[float, float, str]:
-        return (exact(item[1]).value or 0.0, right_family(item[1]).value or 0.0, item[0])
-
-    return sorted(by_effect(clear_singles(records)).items(), key=badness)
+    return sorted(
+        by_effect(clear_singles(records)).items(),
+        key=lambda item: (exact(item[1]).value or 0.0, right_family(item[1]).value or 0.0, item[0]),
+    )
 
 
 def confusion(records: Records) -> dict[str, Counter[str]]:

@@ -172,7 +172,7 @@ def solve(
     rest_situation = situation.at(rest_states)
     nothing = some(load, rest_rows)
     nothing = Load(nothing.body, nothing.arm, np.zeros_like(nothing.wrench))
-    memory: tuple[Memory, ...] = tuple(law.start(rest_situation) for law in laws)
+    memory: tuple[Memory, ...] = tuple(law.start(len(rest_rows)) for law in laws)
     still = at_rest(topology, rows, len(rest_rows))
     begin = still if start is None else _from(start.unloaded, rest_rows, still)
     remembers = any(law.remembers for law in laws)

@@ -14,9 +14,9 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import between
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.machine import machine_of
+from beamstiff.exam.parameters import between
 from beamstiff.exam.reality import Reality
 from beamstiff.exam.record import Kind
 from beamstiff.exam.simulate import read, simulate, solve

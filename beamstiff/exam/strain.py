@@ -128,28 +128,14 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
         rates[:, -bars:, 0] += (slope[..., None, :] @ plain[:, -bars:])[..., 0, :]
 
     longer, rod_rates, along, length = _rods_of(topology, layout, state)
-    return Strain(
-        rows=np.concatenate([shortened.reshape(poses, -1), longer], axis=1),
-        rates=rates,
-        plain=plain,
-        axes=axes,
-        rate=rate,
-        second=second,
-        from_first=from_first,
-        bent=e,
-        rod_rates=rod_rates,
-        along=along,
-        length=length,
-    )
+    rows = np.concatenate([shortened.reshape(poses, -1), longer], axis=1)
+    return Strain(rows, rates, plain, axes, rate, second, from_first, e, rod_rates, along, length)
 
 
 def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array]:
     """Return the rods' change of length, its rates, and their present directions and lengths."""
     c, d = topology.rods.T
     poses = len(state.moved)
-    if not len(c):
-        none = np.zeros((poses, 0))
-        return none, np.zeros((poses, 0, 12)), np.zeros((poses, 0, 3)), none
     stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
     span = layout.rod + stretch
     length = np.linalg.norm(span, axis=-1)

@@ -1,7 +1,7 @@
 """The exam's table: each figure with what is required and aimed at, over all cases and groups of them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from beamstiff.exam import score
@@ -159,10 +159,7 @@ def table_dict(records: Records) -> dict[str, object]:
         ],
         "bands": {name: {"count": len(cases), **_figures(cases)} for name, cases in banded(told)},
         "confusion": {truth: dict(row) for truth, row in score.confusion(told).items()},
-        "reliability": [
-            {"low": item.low, "high": item.high, "said": item.said, "right": _figure(item.right)}
-            for item in reliability(told)
-        ],
+        "reliability": [asdict(item) for item in reliability(told)],
     }
 
 
@@ -184,7 +181,7 @@ def effect_figures(records: Records) -> dict[str, Figure]:
 
 
 def _figures(records: Records) -> dict[str, object]:
-    return {name: _figure(figure) for name, figure in effect_figures(records).items()}
+    return {name: asdict(figure) for name, figure in effect_figures(records).items()}
 
 
 def _rows(rows: list[Row]) -> dict[str, object]:
@@ -193,8 +190,4 @@ def _rows(rows: list[Row]) -> dict[str, object]:
 
 def row_dict(row: Row) -> dict[str, object]:
     """Return a figure as plain data."""
-    return {**_figure(row.figure), "required": row.required, "aim": row.aim, "met": row.met}
-
-
-def _figure(figure: Figure) -> dict[str, float | int | None]:
-    return {"value": figure.value, "low": figure.low, "high": figure.high, "count": figure.count}
+    return {**asdict(row.figure), "required": row.required, "aim": row.aim, "met": row.met}

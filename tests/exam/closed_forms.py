@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.forms.author2.tool import strutted
+from beamstiff.exam.forms.author2.structure import strutted
 from tests.exam.campaigns import LONG
 
 FIRST_ORDER = 2e-4  # what rotations of 1e-4 rad add to the linear answer

@@ -39,7 +39,7 @@ ALLOWED = {
 }
 SIMULATOR = [
     "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium", "reality",
-    "effect", "added_parts", "simulate", "sizes", "record", "names",
+    "components", "draws", "parameters", "effect", "added_parts", "simulate", "sizes", "record", "names",
 ]  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,20 +11,10 @@ from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.designs import Wish, draw_campaign
-from beamstiff.exam.effect import DrawRequest, Effect
-from beamstiff.exam.forms import (
-    AUTHORS,
-    EFFECTS,
-    INSIDE,
-    LATER,
-    OUTSIDE,
-    author3,
-    author_of,
-    components,
-    draw_truth,
-    resized,
-)
+from beamstiff.exam.forms import AUTHORS, EFFECTS, INSIDE, OUTSIDE, author_of, components, draw_truth, resized
 from beamstiff.exam.names import EFFECTS as NAMES
+from beamstiff.exam.names import LATER
+from beamstiff.exam.parameters import DrawRequest
 from beamstiff.exam.robots import exam_robot
 from beamstiff.exam.simulate import simulate
 from beamstiff.robot.description import Robot
@@ -139,7 +128,7 @@ def test_another_size_changes_the_size_only(effect: str, form: str) -> None:
         left = []
         for size in (0.2, 0.8):  # nothing more is drawn for a larger one
             rng = np.random.default_rng(8)
-            EFFECTS[effect].draw(DrawRequest(rng, robot, place, form, size))
+            EFFECTS[effect].forms[form].draw(DrawRequest(rng, robot, place, form, size))
             left.append(rng.random())
         assert left[0] == left[1]
 
@@ -205,26 +194,20 @@ def test_every_form_of_an_effect_is_drawn() -> None:
     assert found == set(EFFECTS["backlash"].forms)
 
 
-@pytest.mark.parametrize("author", AUTHORS, ids=["author1", "author2", "author3", "author4"])
-def test_no_author_takes_the_name_of_anothers_form(author: ModuleType) -> None:
-    def of_table(some: ModuleType) -> tuple[Effect, ...]:
-        return (*some.EFFECTS, *getattr(some, "LATER", ()))
-
-    assert {effect.name for effect in author.EFFECTS} <= set(NAMES)
-    for effect in of_table(author):
-        others = [e for other in AUTHORS if other is not author for e in of_table(other)]
-        taken = {form for e in others if e.name == effect.name for form in e.forms}
-        assert not set(effect.forms) & taken
-    assert not {effect.name for effect in author.OUTSIDE} & set(NAMES)
+def test_no_author_takes_the_name_of_anothers_form() -> None:
+    named = [(form.effect, form.name) for author in AUTHORS for form in author.FORMS]
+    assert len(named) == len(set(named))
+    assert {effect for effect, _ in named} == set(EFFECTS)
+    assert not {name for author in AUTHORS[1:] for name in author.PLACES} & {*NAMES, *LATER}
 
 
 def test_the_third_author_has_forms_of_every_effect() -> None:
-    assert {effect.name for effect in author3.EFFECTS} == set(NAMES)
-    assert all(len(effect.forms) == (1 if effect.name == "outliers" else 2) for effect in author3.EFFECTS)
-    assert len(author3.OUTSIDE) == 3
+    forms = [len(EFFECTS[name].authors[2]) for name in NAMES]
+    assert forms == [1 if name == "outliers" else 2 for name in NAMES]
+    assert len(AUTHORS[2].PLACES) == 3
 
 
 def test_truths_carry_their_label() -> None:
     assert Truth("backlash", "q3", "sharp").label == "backlash:q3"
     assert Truth("base-compliance", None, "block").label == "base-compliance:null"
-    assert set(EFFECTS) == {effect.name for effect in (*INSIDE, *LATER, *OUTSIDE)}
+    assert set(EFFECTS) == {*NAMES, *LATER, *(effect.name for effect in OUTSIDE)}

@@ -11,27 +11,26 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.forms import author4, components, draw_truth, resized
 from beamstiff.exam.forms.author4.drives import (
-    EccentricMesh,
-    MeshFriction,
-    WormFriction,
+    driven_back,
+    eccentric_mesh,
     engaging,
     scissor,
+    screw,
+    slotted,
     soft_zone,
     spline,
+    tooth_friction,
 )
-from beamstiff.exam.forms.author4.ends import bracket, rubber, short_foot
-from beamstiff.exam.forms.author4.joint_errors import cardan, dragged
-from beamstiff.exam.forms.author4.levers import screw, slotted
+from beamstiff.exam.forms.author4.geometry import cardan, dragged
 from beamstiff.exam.forms.author4.measurement import BALLS, by_marks, hall
-from beamstiff.exam.forms.author4.outside import BeddingIn, Drum
-from beamstiff.exam.forms.author4.structure import lifting, windowed
-from beamstiff.exam.laws import Law, Memory, Situation
+from beamstiff.exam.forms.author4.outside import bedding_in, drum
+from beamstiff.exam.forms.author4.structure import bracket, lifting, rubber, short_foot, windowed
+from beamstiff.exam.laws import Law, Situation
 from beamstiff.exam.simulate import readings, reality_of
 from tests.exam.campaigns import loaded_robot
 
 K = 2e6  # N m/rad
-OWN = (*author4.EFFECTS, *author4.LATER, *author4.OUTSIDE)
-FORMS = [(effect.name, form) for effect in OWN for form in effect.forms]
+FORMS = [(form.effect, form.name) for form in author4.FORMS]
 ABSOLUTE = {
     "geometry-error", "payload-error", "gravity-compensator", "angle-curve", "approach-direction",
     "target-slip",
@@ -71,7 +70,7 @@ def situation(angle: Array) -> Situation:
 
 def along(law: Law, strains: Array) -> Array:
     """Return the forces of one sample of a law along a way of strains."""
-    memory: Memory = law.start(situation(np.zeros(1)))
+    memory = law.start(1)
     found = []
     for strain in strains:
         force, _, memory = law.respond(np.array([strain]), situation(np.zeros(1)), memory)
@@ -85,7 +84,10 @@ SPRINGS: dict[str, tuple[Law, bool]] = {  # odd or not
     "engaging teeth, skew": (engaging(K, 0.8, 2e-4, 0.4), False),
     "spline": (spline(K, 1.3, 1e-4), True),
     "scissor gear": (scissor(K, -1.0, 6e-5, 2e-4, 0.05), False),
-    "eccentric mesh": (EccentricMesh(K, 1e-4, 0.4, 0.3, 0.03, "q"), True),
+    "eccentric mesh": (
+        eccentric_mesh({"half_width": 1e-4, "runout": 0.4, "phase": 0.3, "grease": 0.03}, K, "q"),
+        True,
+    ),
     "lifting rim": (lifting(K, 1e-4, 0.4), True),
     "short foot": (short_foot(K, 6e-5), False),
     "rubber": (rubber(K, 6e-5, 0.4), True),
@@ -111,10 +113,20 @@ def test_springs_store_energy_and_tell_their_slope(name: str) -> None:
     assert np.allclose(force, -force[::-1], atol=1e-9 * K) == odd
 
 
+def toothed(friction: float, reach: float, share: float, arrived: float = 0.0) -> Law:
+    p = {"friction": friction, "reach": reach, "share": share, "arrived": arrived}
+    return tooth_friction(p, K, "q")
+
+
+def driven(friction: float, reach: float, power: float, skew: float, arrived: float = 0.0) -> Law:
+    p = {"friction": friction, "reach": reach, "power": power, "skew": skew, "arrived": arrived}
+    return driven_back(p, K, "q")
+
+
 FRICTION: dict[str, Law] = {
-    "tooth friction": MeshFriction(K, K * 2e-5, 0.4, 3e-5, 0.15),
-    "driven back": WormFriction(K, K * 4e-5, -0.3, 4e-5, 1.6, 0.4),
-    "drum": Drum(0.0, 200.0, 0.1, 1000.0, 3e-5),
+    "tooth friction": toothed(2e-5, 3e-5, 0.15, arrived=0.4),
+    "driven back": driven(4e-5, 4e-5, 1.6, 0.4, arrived=-0.3),
+    "drum": drum(1000.0, 200.0, 0.1, 3e-5),
 }
 
 
@@ -130,7 +142,7 @@ def test_friction_loses_work_in_a_cycle(name: str, middle: float) -> None:
 
 
 def test_tooth_friction_widens_with_the_torque() -> None:
-    law = MeshFriction(K, K * 1e-5, 0.0, 1e-5, 0.2)
+    law = toothed(1e-5, 1e-5, 0.2)
     way = np.concatenate([np.linspace(0.0, 4e-4, 400), np.linspace(4e-4, 0.0, 400)])
     force = along(law, way)
     at = [np.searchsorted(way[:400], strain) for strain in (1e-4, 3e-4)]
@@ -139,7 +151,7 @@ def test_tooth_friction_widens_with_the_torque() -> None:
 
 
 def test_what_is_driven_back_slides_unlike_either_way() -> None:
-    law = WormFriction(K, K * 1e-5, 0.0, 1e-6, 1.3, 0.5)
+    law = driven(1e-5, 1e-6, 1.3, 0.5)
     out = along(law, np.linspace(0.0, 1e-3, 200))[-1] - K * 1e-3
     back = along(law, np.linspace(0.0, -1e-3, 200))[-1] + K * 1e-3
     assert out == pytest.approx(1.5 * K * 1e-5, rel=0.01)
@@ -149,7 +161,7 @@ def test_what_is_driven_back_slides_unlike_either_way() -> None:
 def test_what_beds_in_is_softer_the_second_time_and_loses_work_the_first_time_only() -> None:
     there = np.linspace(0.0, 3e-4, 301)
     cycle = np.concatenate([there, there[::-1]])
-    law = BeddingIn(K, 0.4, 1e-4)
+    law = bedding_in({"softer": 0.4, "from_": 1e-4}, K, "q")
     force = along(law, np.concatenate([cycle, cycle]))
     first, back, again = force[:301], force[301:602], force[602:903]
     np.testing.assert_allclose(again, back[::-1])

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.forms.author2.tool import strutted
+from beamstiff.exam.forms.author2.structure import strutted
 from beamstiff.exam.forms.author3.structure import carriage, girder
 from beamstiff.robot.parts import Beam, Material
 from beamstiff.robot.sections import Section

@@ -1,13 +1,12 @@
 """One crowded case examined blind: sealed, diagnosed by all from the rows alone, and only then opened."""
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.blind import Diagnosis, Examiner, one_line, plain, unmeasured
+from beamstiff.exam.blind import Diagnosis, Examiner, attempted, one_line, plain, unmeasured
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.crowded.cases import CrowdedCase, CrowdedExam
 from beamstiff.exam.crowded.record import EXAMINED, CrowdedRecord, Reply
@@ -41,20 +40,14 @@ def examined_crowded(
 
 def _answer(ask: Callable[[], Diagnosis], drawn: CrowdedCase) -> tuple[Reply, Report, Shifts | None]:
     """Return what was said of the rows, and what it says of the fresh poses if it names anything."""
-    start = time.perf_counter()
+    found = attempted(ask, reply_of, Reply(normal(FAILED)))
+    reply = replace(found.answer, seconds=found.seconds, error=found.error)
+    if found.diagnosis is None or not reply.named:
+        return reply, found.report, None
     try:
-        diagnosis = ask()
-        report = diagnosis.to_dict()
-        reply = replace(reply_of(report), seconds=time.perf_counter() - start)
-    except Exception as error:  # whatever it is: the case counts as failed, the exam goes on
-        seconds = time.perf_counter() - start
-        return Reply(normal(FAILED), seconds=seconds, error=one_line(error)), {}, None
-    if not reply.named:
-        return reply, report, None
-    try:
-        return reply, report, diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
+        return reply, found.report, found.diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
     except Exception as error:  # the names stand; its promise is compared with no gain
-        return replace(reply, error=one_line(error)), report, None
+        return replace(reply, error=one_line(error)), found.report, None
 
 
 def reply_of(report: Report) -> Reply:

@@ -13,10 +13,10 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
 from beamstiff.exam.designs import Data, draw_crowded, largest_force
-from beamstiff.exam.effect import between
-from beamstiff.exam.forms import LATER, OUTSIDE, author_of, came_to_rest, draw_truth, resized
+from beamstiff.exam.forms import OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
-from beamstiff.exam.names import EFFECTS
+from beamstiff.exam.names import EFFECTS, LATER
+from beamstiff.exam.parameters import between
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
@@ -32,7 +32,7 @@ ROBOTS = {RANDOM_ARM: 0.6, "kr240-2": 0.25, "kr500": 0.15}  # serial ones, whose
 ABSOLUTE = 0.8  # share of the campaigns; geometry shows in no other
 # what a calibration takes up in any case, and what is no effect
 NOT_DRAWN = ("geometry-error", "tool-offset", "frame-misalignment", "outliers")
-INSIDE = (*(name for name in EFFECTS if name not in NOT_DRAWN), *(effect.name for effect in LATER))
+INSIDE = (*(name for name in EFFECTS if name not in NOT_DRAWN), *LATER)
 BEYOND = tuple(effect.name for effect in OUTSIDE)
 BY_ANGLE = ("angle-curve", "gravity-compensator")
 LARGEST = (0.3e-3, 2e-3)  # m, RMS that the largest effect contributes

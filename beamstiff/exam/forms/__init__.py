@@ -11,29 +11,24 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, joined
+from beamstiff.exam.effect import Effect
 from beamstiff.exam.forms import author1, author2, author3, author4
 from beamstiff.exam.forms.author1 import tool
-from beamstiff.exam.forms.author4 import joint_errors
+from beamstiff.exam.forms.author4 import geometry
+from beamstiff.exam.names import EFFECTS as NAMED
+from beamstiff.exam.names import LATER
+from beamstiff.exam.parameters import DrawRequest
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 AUTHORS = (author1, author2, author3, author4)
-_OTHERS = tuple(
-    {effect.name: effect for effect in (*author.EFFECTS, *getattr(author, "LATER", ()))}
-    for author in AUTHORS[1:]
-)
-
-
-def _joined(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Return the first author's effects with the forms of all others."""
-    return tuple(joined(effect, *(forms.get(effect.name) for forms in _OTHERS)) for effect in effects)
-
-
-INSIDE: tuple[Effect, ...] = _joined(author1.EFFECTS)
-OUTSIDE: tuple[Effect, ...] = tuple(effect for author in AUTHORS for effect in author.OUTSIDE)
-LATER: tuple[Effect, ...] = _joined(author1.LATER)
-EFFECTS = {effect.name: effect for effect in (*INSIDE, *LATER, *OUTSIDE)}
+EFFECTS = {
+    name: Effect(name, places, tuple(tuple(f for f in some.FORMS if f.effect == name) for some in AUTHORS))
+    for author in AUTHORS
+    for name, places in author.PLACES.items()
+}
+INSIDE = tuple(EFFECTS[name] for name in NAMED)
+OUTSIDE = tuple(effect for name, effect in EFFECTS.items() if name not in (*NAMED, *LATER))
 
 
 def components(robot: Robot, effect: str) -> list[str | None]:
@@ -67,9 +62,11 @@ def draw_truth(
     place = possible[int(rng.integers(len(possible)))] if component is None else component
     kind = known.draw_form(rng, authors) if form is None else form
     if kind not in known.forms:
-        raise BeamstiffError(f"effect {effect!r}: found the form {kind!r}, expected one of {known.forms}")
+        raise BeamstiffError(
+            f"effect {effect!r}: found the form {kind!r}, expected one of {tuple(known.forms)}"
+        )
     measure = float(rng.uniform()) if size is None else size
-    return Truth(effect, place, kind, known.draw(DrawRequest(rng, robot, place, kind, measure)))
+    return Truth(effect, place, kind, known.forms[kind].draw(DrawRequest(rng, robot, place, kind, measure)))
 
 
 def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
@@ -78,14 +75,11 @@ def resized(truth: Truth, robot: Robot, size: float, seed: int) -> Truth:
     What else it has is drawn anew from the seed: with the same seed only the size differs.
     """
     request = DrawRequest(np.random.default_rng(seed), robot, truth.component, truth.form, size)
-    return replace(truth, parameters=_known(truth.effect).draw(request))
+    return replace(truth, parameters=_known(truth.effect).forms[truth.form].draw(request))
 
 
 def author_of(truth: Truth) -> int:
     """Return who wrote the form of an effect: 1 for who writes the diagnosis; the others have not read it."""
-    for number, author in enumerate(AUTHORS, start=1):
-        if any(effect.name == truth.effect for effect in author.OUTSIDE):
-            return number
     return _known(truth.effect).author_of(truth.form)
 
 
@@ -98,13 +92,13 @@ def came_to_rest(truth: Truth, campaign: SimulatedCampaign) -> Truth:
     if truth.effect == "target-slip" and author == 1:
         return tool.came_to_rest(truth)
     if truth.effect == "target-slip" and author == 4:
-        return joint_errors.came_to_rest(truth, len(campaign))
+        return geometry.came_to_rest(truth, len(campaign))
     raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:
     """Return a reality with one more effect."""
-    return _known(truth.effect).impose(truth, reality)
+    return _known(truth.effect).forms[truth.form].impose(truth, reality)
 
 
 def _known(effect: str) -> Effect:

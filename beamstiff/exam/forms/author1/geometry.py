@@ -5,9 +5,13 @@ import dataclasses
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, nowhere, stroke, turning_drives, vector
-from beamstiff.exam.placing import Placed, place, skeleton_of
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import stroke, turning_drives
+from beamstiff.exam.draws import PHASE, SIGN, always, evenly, sized, whole
+from beamstiff.exam.effect import Change, Seen, built, form, reading
+from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
+from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
@@ -20,7 +24,6 @@ SAME = 1e-3  # share of an error's effect that another leaves of it, below which
 MASS = (1.5, 60.0)  # kg
 AWAY = (8e-3, 0.25)  # m
 AMPLITUDE = (2e-5, 2e-3)  # rad
-ALONE = "order"  # form of one order; the other one has a second order beside it
 
 
 def geometry_places(robot: Robot) -> list[str | None]:
@@ -58,8 +61,8 @@ def _told_apart(robot: Robot, names: list[str]) -> list[str]:
         errors = {name: STEP}
         moved = place(skeleton_of(robot, {k: v for k, v in errors.items() if "." in k}), q, errors)
         columns[name] = ((moved.node(tcp) - at) / STEP).reshape(-1)
-    turned = np.stack([np.cross(np.eye(3)[i], at).reshape(-1) for i in range(3)], axis=-1)
-    offset = np.stack([axes[:, :, i].reshape(-1) for i in range(3)], axis=-1)
+    turned = np.stack([np.cross(unit, at).reshape(-1) for unit in np.eye(3)], axis=-1)
+    offset = axes.reshape(-1, 3)
     apart = []
     for name, column in columns.items():
         size = float(np.linalg.norm(column))
@@ -97,7 +100,6 @@ def _kind(robot: Robot, component: str) -> str:
 
 
 def _geometry(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with wrong kinematics."""
     component, p = str(truth.component), truth.parameters
     errors = {component: p["error"]}
     if p.get("other"):
@@ -120,17 +122,14 @@ def _draw_payload(request: DrawRequest) -> dict[str, float]:
     return {"mass": more} | request.direction(away)
 
 
-def _payload(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with another payload."""
-    p, machine = truth.parameters, reality.machine
-    away = vector(p)
+def _payload(p: Parameters, machine: Machine, _: str) -> Machine:
     carried = [mass for mass in machine.masses if mass.node == machine.tcp]
     rest = [mass for mass in machine.masses if mass.node != machine.tcp]
     kilograms = sum(mass.mass for mass in carried)
     centre = sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / (kilograms or 1.0)
-    at = tuple(map(float, centre + away))
+    at = tuple(map(float, centre + vector(p)))
     payload = Mass(node=machine.tcp, mass=kilograms + p["mass"], at=at)  # type: ignore[arg-type]
-    return reality.with_machine(dataclasses.replace(machine, masses=(*rest, payload)))
+    return dataclasses.replace(machine, masses=(*rest, payload))
 
 
 def turning_axes(robot: Robot) -> list[str | None]:
@@ -139,69 +138,56 @@ def turning_axes(robot: Robot) -> list[str | None]:
     return [] if robot.loops else [*every] if turning_drives(robot) else []
 
 
-def _draw_curve(request: DrawRequest) -> dict[str, float]:
-    found = {"amplitude": request.sized(*AMPLITUDE), "order": request.integer(1, 5)}
-    found["phase"] = request.uniform(0.0, 2 * np.pi)
-    found["second"] = 0.0 if request.form == ALONE else request.uniform(0.3, 0.7)
-    return found
+def _curve(p: Parameters, seen: Seen, angle: Array) -> Array:
+    first = np.sin(p["order"] * angle + p["phase"])
+    second = p["second"] * np.cos((p["order"] + 1.0) * angle + 2.0 * p["phase"])
+    return np.asarray(p["amplitude"] * (first + second))
 
 
-def _curve(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
+def _approach(play: bool) -> Change:
+    """Return where in its play the joint stands: dragged along, or at the end by which it came."""
 
-    def error(campaign: SimulatedCampaign, angle: Array) -> Array:
-        first = np.sin(p["order"] * angle + p["phase"])
-        second = p["second"] * np.cos((p["order"] + 1.0) * angle + 2.0 * p["phase"])
-        return np.asarray(p["amplitude"] * (first + second))
-
-    return _turned(reality, variable, error)
-
-
-def _draw_approach(request: DrawRequest) -> dict[str, float]:
-    return {"half": request.sized(*AMPLITUDE), "first": request.sign(), "way": request.sign()}
-
-
-def _approach(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
-
-    def error(campaign: SimulatedCampaign, angle: Array) -> Array:
-        """Return where in its play the joint stands: dragged along, or at the end by which it came."""
-        order = np.lexsort((campaign.step, campaign.time))
+    def error(p: Parameters, seen: Seen, angle: Array) -> Array:
+        order = np.lexsort((seen.campaign.step, seen.campaign.time))
         result, at, before = np.empty(len(angle)), p["first"] * p["half"], angle[order[0]]
         for row in order:
             moved = angle[row] - before
             dragged = float(np.clip(at - moved, -p["half"], p["half"]))
-            at = dragged if truth.form == "play" or moved == 0.0 else -np.sign(moved) * p["half"]
+            at = dragged if play or moved == 0.0 else -np.sign(moved) * p["half"]
             result[row], before = p["way"] * at, angle[row]
         return result
 
-    return _turned(reality, variable, error)
+    return error
 
 
-def _turned(reality: Reality, variable: str, error) -> Reality:  # type: ignore[no-untyped-def]
-    """Return the reality whose readings are turned about a joint's axis by an error, rad."""
-    frames = skeleton_of(reality.machine.robot).frames
-    frame = next(n for n, _, p in frames if "theta" in p and variable in p["theta"].coefficients)
+def _turned(error: Change) -> Change:
+    """Return the readings turned about a joint's axis by an error, rad, from the joint's angles (N,)."""
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        if campaign.kind != "absolute":  # the same before the load and under it
+    def change(p: Parameters, seen: Seen, values: Array) -> Array:
+        if not seen.absolute:  # the same before the load and under it
             return values
-        by = error(campaign, placed.values[variable])[:, None]
-        axis = placed.rotations[frame][:, :, 2]
-        arm = values[:, :3] - placed.origins[frame]
+        variable, rotations = str(seen.component), seen.placed.rotations
+        frames = skeleton_of(seen.machine.robot).frames
+        frame = next(
+            n for n, _, found in frames if "theta" in found and variable in found["theta"].coefficients
+        )
+        by = error(p, seen, seen.placed.values[variable])[:, None]
+        axis, arm = rotations[frame][:, :, 2], values[:, :3] - seen.placed.origins[frame]
         across = np.cross(axis, arm)
         moved = np.sin(by) * across + (1.0 - np.cos(by)) * np.cross(axis, across)
         return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
-    return reality.with_reading(read)
+    return change
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("geometry-error", ("single", "skewed"), geometry_places, draw_geometry, _geometry),
-    Effect("payload-error", ("mass", "centre", "both"), nowhere, _draw_payload, _payload),
-)
-# in the table since the exam of crowded machines, which alone draws them: others keep their cases
-LATER: tuple[Effect, ...] = (
-    Effect("angle-curve", (ALONE, "two-orders"), turning_axes, _draw_curve, _curve),
-    Effect("approach-direction", ("flank", "play"), turning_axes, _draw_approach, _approach),
-)
+_ORDER: dict[str, Draw] = {"amplitude": sized(*AMPLITUDE), "order": whole(1, 5), "phase": PHASE}
+_HALF: dict[str, Draw] = {"half": sized(*AMPLITUDE), "first": SIGN, "way": SIGN}
+FORMS = (
+    form("geometry-error", "single", _geometry, draw_geometry),
+    form("geometry-error", "skewed", _geometry, draw_geometry),
+    *(built("payload-error", name, _payload, _draw_payload) for name in ("mass", "centre", "both")),
+    reading("angle-curve", "order", _turned(_curve), **_ORDER, second=always(0.0)),
+    reading("angle-curve", "two-orders", _turned(_curve), **_ORDER, second=evenly(0.3, 0.7)),
+    reading("approach-direction", "flank", _turned(_approach(False)), **_HALF),
+    reading("approach-direction", "play", _turned(_approach(True)), **_HALF),
+)  # fmt: skip

@@ -1,23 +1,19 @@
 """Rods whose lever arm about the axis changes with the joint angle, and spring balancers across an axis."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import axis_in_the_middle, lever, with_balancer, with_rod
+from beamstiff.exam.added_parts import axis_in_the_middle, lever, stretch, with_balancer, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import (
-    DrawRequest,
-    Effect,
-    at_joints,
-    in_the_middle,
-    stiffness_of,
-    stroke,
-    turning_drives,
-)
-from beamstiff.exam.laws import Situation, Stiffness
-from beamstiff.exam.machine import joints_of, machine_of
+from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turning_drives
+from beamstiff.exam.effect import at_joints, built, form
+from beamstiff.exam.laws import Situation, varying
+from beamstiff.exam.machine import Machine, joints_of, machine_of
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import turned_by
 from beamstiff.robot.description import Robot
 
 SWING = (1.15, 4.0)  # stiffness at the middle over that at an end of the range
@@ -65,7 +61,6 @@ def draw_lever(request: DrawRequest) -> dict[str, float]:
 
 
 def _lever(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with the joint driven through a lever."""
     p, variable = truth.parameters, str(truth.component)
     joint_stiffness = stiffness_of(reality.machine.robot, variable)
     arm = float(lever(p["crank"], p["frame"], p["start"])[0])
@@ -81,11 +76,16 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
         return reality.with_machine(machine)
 
     def stiffness(situation: Situation) -> Array:
-        angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
-        angle = np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR)
+        angle = angle_of(p, variable, situation)
         return np.asarray(joint_stiffness * (lever(p["crank"], p["frame"], angle)[0] / arm) ** 2)
 
-    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
+    return at_joints(truth, reality, lambda _: varying(stiffness))
+
+
+def angle_of(p: Parameters, variable: str, situation: Situation) -> Array:
+    """Return the crank's angle to the frame, (P,), rad, kept clear of its dead centres."""
+    angle = p["start"] + p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
+    return np.asarray(np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR))
 
 
 def balanced_axes(robot: Robot) -> list[str | None]:
@@ -128,44 +128,32 @@ def _way(robot: Robot, variable: str) -> float:
     """Return whether the joint turns with or against its axis when the variable grows."""
     machine = machine_of(robot)
     hinge = machine.hinge(joints_of(robot, variable)[0][0])
-
     here, there = in_the_middle(robot), in_the_middle(robot, **{variable: 1e-3})
     a, b = (machine.node(n).frame for n in hinge.nodes)
     relative = [p.rotations[a][0].T @ p.rotations[b][0] for p in (here, there)]
-    turned = relative[1] @ relative[0].T
-    spin = here.rotations[a][0] @ np.array(
-        [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
-    )
+    spin = here.rotations[a][0] @ turned_by(relative[1] @ relative[0].T)
     return float(np.sign(spin @ (here.rotations[hinge.frame][0] @ hinge.axes[:, 0])))
 
 
-def _balancer(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with the balancer."""
-    p, variable, machine = truth.parameters, str(truth.component), reality.machine
-    strong = p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2  # N/m
-
-    def longer(situation: Situation) -> Array:
-        turned = p["way"] * (situation.values[variable] - p["middle"])
-        now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in (turned, 0.0))
-        return np.asarray(now - middle)
-
+def _balancer(gas: bool, p: Parameters, machine: Machine, variable: str) -> Machine:
     def pull(situation: Situation) -> Array:
-        if truth.form == "gas":  # polytropic, squeezed where the rod is drawn out
-            column = 1.3 * p["pull"] / p["growth"]
-            squeezed = 1.0 - np.minimum(longer(situation) / column, 0.7)
+        longer = stretch(p, variable, situation)
+        if gas:  # polytropic, squeezed where the rod is drawn out
+            squeezed = 1.0 - np.minimum(longer / (1.3 * p["pull"] / p["growth"]), 0.7)
             return np.asarray(p["pull"] * squeezed**-1.3)
-        return p["pull"] + p["growth"] * longer(situation)
+        return p["pull"] + p["growth"] * longer
 
-    def stiffness(situation: Situation) -> Array:
-        if truth.form == "gas":
+    def rate(situation: Situation, strong: float) -> Array:
+        if gas:
             return strong * pull(situation) / p["pull"]
         return np.full(len(situation.time), strong)
 
-    law = Stiffness(stiffness, pull)
-    return reality.with_machine(with_balancer(machine, variable, p, strong, law))
+    return with_balancer(p, machine, variable, rate, pull)
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("actuator-lever", ("rod", "geared"), rod_drives, draw_lever, _lever),
-    Effect("gravity-compensator", ("coil", "gas"), balanced_axes, draw_balancer, _balancer),
+FORMS = (
+    form("actuator-lever", "rod", _lever, draw_lever),
+    form("actuator-lever", "geared", _lever, draw_lever),
+    built("gravity-compensator", "coil", partial(_balancer, False), draw_balancer),
+    built("gravity-compensator", "gas", partial(_balancer, True), draw_balancer),
 )

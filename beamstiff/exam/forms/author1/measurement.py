@@ -1,11 +1,13 @@
 """Loads that are not what the table says, and readings: a wrong frame, drift, a few bad rows."""
 
+from functools import partial
+
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
-from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, axes_of, places_of
+from beamstiff.exam.campaign import Array, SimulatedCampaign
+from beamstiff.exam.draws import SEED, always, direction, evenly, signed, sized
+from beamstiff.exam.effect import Seen, load, reading
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import turn, turned_by
 
 GAIN = (0.008, 0.25)
@@ -15,47 +17,45 @@ REGISTERED = 0.01  # share that remains where the frame was fitted to absolute p
 DRIFT = (8e-6, 2e-3)  # m, over the campaign
 PAUSE = 30.0  # s
 SIZE = (1e-4, 3e-3)  # m
+USUAL = 1500.0  # N, at which a gain that grows with the load is told
 
 
-def _draw_load(request: DrawRequest) -> dict[str, float]:
-    """Return by how much the load is misread."""
-    if request.form == "direction":
-        return request.direction(request.sized(*LOAD_ANGLE))
-    gain = request.sized(*GAIN)
-    if request.form == "sensor":
-        error = request.rng.standard_normal((3, 3))
-        error -= np.eye(3) * np.trace(error) / 3.0  # an equal gain of all would be a softer machine
-        error *= gain / np.linalg.norm(error, 2)
-        return {f"{a}{b}": float(error[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
-    if request.form == "quadratic":
-        return {"gain": gain * request.sign(), "reference": 1500.0}
-    return {"gain": gain}
+def _along(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    turned = turn(vector(p))
+    return np.concatenate([wrench[:, :3] @ turned.T, wrench[:, 3:] @ turned.T], axis=1)
 
 
-def _load(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with loads misread."""
-    p = truth.parameters
+def matrix_of(p: Parameters) -> Array:
+    """Return the matrix (3, 3) of parameters ``xx``, ``xy``, ..."""
+    return np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
 
-    def along(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        turned = turn(vector(p))
-        return np.concatenate([wrench[:, :3] @ turned.T, wrench[:, 3:] @ turned.T], axis=1)
 
-    def sensor(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        error = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
-        axes = axes_of(reality.machine, campaign.load_point, placed)
-        wrong = axes @ error @ np.swapaxes(axes, -1, -2)
-        more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
-        return np.asarray(wrench + np.concatenate(more, axis=1))
+def by_pairs(matrix: Array) -> dict[str, float]:
+    """Return a matrix (3, 3) as such parameters."""
+    return {f"{a}{b}": float(matrix[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
 
-    def quadratic(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
-        return np.asarray(wrench * (1.0 + p["gain"] * size / p["reference"]))
 
-    def pulley(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        return wrench * (1.0 - p["gain"] * _growing(campaign, wrench))[:, None]
+def _draw_sensor(request: DrawRequest) -> dict[str, float]:
+    gain, error = request.sized(*GAIN), request.rng.standard_normal((3, 3))
+    error -= np.eye(3) * np.trace(error) / 3.0  # an equal gain of all would be a softer machine
+    error *= gain / np.linalg.norm(error, 2)
+    return by_pairs(error)
 
-    change = {"direction": along, "sensor": sensor, "quadratic": quadratic, "pulley": pulley}[truth.form]
-    return reality.with_load(change)
+
+def _sensor(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    axes = seen.load_axes
+    wrong = axes @ matrix_of(p) @ np.swapaxes(axes, -1, -2)
+    more = [(wrong @ part[..., None])[..., 0] for part in (wrench[:, :3], wrench[:, 3:])]
+    return np.asarray(wrench + np.concatenate(more, axis=1))
+
+
+def _quadratic(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
+    return np.asarray(wrench * (1.0 + p["gain"] * size / p["reference"]))
+
+
+def _pulley(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    return wrench * (1.0 - p["gain"] * _growing(seen.campaign, wrench))[:, None]
 
 
 def _growing(campaign: SimulatedCampaign, wrench: Array) -> Array:
@@ -88,53 +88,41 @@ def _draw_frame(request: DrawRequest) -> dict[str, float]:
     return found
 
 
-def _frame(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality read in a wrong frame."""
-    p = truth.parameters
+def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
+    share = REGISTERED if seen.absolute else 1.0
+    shear = np.eye(3)
+    for name, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
+        shear[i, j] += share * p.get(name, 0.0)
+    R = turn(share * vector(p))
+    matrix = (1.0 + share * p.get("scale", 0.0)) * R @ shear
+    return np.concatenate([values[:, :3] @ matrix.T, seen_turned(R, seen, values)], axis=1)
 
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        share = 1.0 if campaign.kind == "displacement" else REGISTERED
-        shear = np.eye(3)
-        for name, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
-            shear[i, j] += share * p.get(name, 0.0)
-        R = turn(share * vector(p))
-        matrix = (1.0 + share * p.get("scale", 0.0)) * R @ shear
-        turned = turn(values[:, 3:])
-        turned = R @ turned @ R.T if campaign.kind == "displacement" else R @ turned
-        return np.concatenate([values[:, :3] @ matrix.T, turned_by(turned)], axis=1)
 
-    return reality.with_reading(read)
+def seen_turned(R: Array, seen: Seen, values: Array) -> Array:
+    """Return the rotations (N, 3) of values seen in a frame that is turned by R."""
+    turned = R @ turn(values[:, 3:])
+    return turned_by(turned if seen.absolute else turned @ np.swapaxes(R, -1, -2))
 
 
 def _draw_drift(request: DrawRequest) -> dict[str, float]:
-    """Return the whole drift, m, its direction, and its lag as a share of the campaign's time."""
-    found = {"drift": request.sized(*DRIFT), "lag": request.uniform(0.1, 0.7)}
-    found |= request.direction()
-    found["turn"] = request.uniform(0.0, 0.3)  # rad per metre of drift
-    return found
+    found = request.drawn(drift=sized(*DRIFT), lag=evenly(0.1, 0.7)) | request.direction()
+    return found | {"turn": request.uniform(0.0, 0.3)}
 
 
-def _drift(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with readings that drift.
+def _drift(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return readings that drift.
 
     All drift counts from the start of the campaign, but where the rows of a pose share one unloaded reading,
-    from that reading.
+    from that reading. `lag`: share of the campaign's time; `turn`: rad per metre of drift.
     """
-    p = truth.parameters
     along = vector(p)
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        share = since_rest(campaign, _course(truth.form, campaign, p["lag"]))
-        if truth.form == "growth":  # the machine grows: away from its base
-            reach = places_of(reality.machine, campaign.point, placed)
-            ways = reach / np.maximum(np.linalg.norm(reach, axis=1, keepdims=True), 1e-9)
-        else:
-            ways = np.broadcast_to(along, (len(values), 3))
-        drift = p["drift"] * share[:, None] * ways
-        turned = p["turn"] * p["drift"] * share[:, None] * np.roll(along, 1)
-        return np.asarray(values + np.concatenate([drift, turned], axis=1))
-
-    return reality.with_reading(read)
+    share = since_rest(seen.campaign, _course(form, seen.campaign, p["lag"]))
+    ways = np.broadcast_to(along, (len(values), 3))
+    if form == "growth":  # the machine grows: away from its base
+        ways = seen.places / np.maximum(np.linalg.norm(seen.places, axis=1, keepdims=True), 1e-9)
+    drift = p["drift"] * share[:, None] * ways
+    turned = p["turn"] * p["drift"] * share[:, None] * np.roll(along, 1)
+    return np.asarray(values + np.concatenate([drift, turned], axis=1))
 
 
 def _course(form: str, campaign: SimulatedCampaign, lag: float) -> Array:
@@ -166,6 +154,12 @@ def since_start(campaign: SimulatedCampaign) -> Array:
     return since
 
 
+def part_of(campaign: SimulatedCampaign) -> Array:
+    """Return which part of the campaign's time has passed in each row, (N,)."""
+    time = since_start(campaign)
+    return np.asarray(time / (float(time.max()) or 1.0))
+
+
 def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
     """Return the share (N,) of a drift less that at the unloaded reading, where a pose's rows share one.
 
@@ -180,37 +174,29 @@ def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
     return np.asarray(share - result)
 
 
-def _draw_outliers(request: DrawRequest) -> dict[str, float]:
-    """Return the size of the errors, m, the share of bad rows and the seed that says which they are."""
-    return {
-        "size": request.sized(*SIZE),
-        "share": request.uniform(0.01, 0.05),
-        "seed": request.integer(0, 2**31),
-    }
+def _outliers(spikes: bool, p: Parameters, seen: Seen, values: Array) -> Array:
+    rng = np.random.default_rng(int(p["seed"]))
+    count = max(1, round(p["share"] * len(values)))
+    rows = rng.choice(len(values), size=count, replace=False)
+    values = values.copy()
+    if spikes:  # one component each
+        values[rows, rng.integers(3, size=count)] += p["size"] * rng.choice([-1.0, 1.0], size=count)
+    else:  # the reflector was touched, or the beam broken
+        jump = rng.standard_normal((count, 6)) * np.repeat([p["size"], 2.0 * p["size"]], 3) / np.sqrt(3.0)
+        values[rows] += jump * rng.uniform(0.5, 1.5, size=(count, 1))
+    return values
 
 
-def _outliers(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with bad rows."""
-    p = truth.parameters
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        rng = np.random.default_rng(int(p["seed"]))
-        count = max(1, round(p["share"] * len(values)))
-        rows = rng.choice(len(values), size=count, replace=False)
-        values = values.copy()
-        if truth.form == "spikes":  # one component each
-            values[rows, rng.integers(3, size=count)] += p["size"] * rng.choice([-1.0, 1.0], size=count)
-        else:  # the reflector was touched, or the beam broken
-            jump = rng.standard_normal((count, 6)) * np.repeat([p["size"], 2.0 * p["size"]], 3) / np.sqrt(3.0)
-            values[rows] += jump * rng.uniform(0.5, 1.5, size=(count, 1))
-        return values
-
-    return reality.with_reading(read)
-
-
-EFFECTS: tuple[Effect, ...] = (
-    Effect("load-error", ("direction", "sensor", "quadratic", "pulley"), nowhere, _draw_load, _load),
-    Effect("frame-misalignment", ("turned", "scaled", "sheared"), nowhere, _draw_frame, _frame),
-    Effect("thermal-drift", ("lagged-time", "lagged-temperature", "growth"), nowhere, _draw_drift, _drift),
-    Effect("outliers", ("spikes", "jumps"), nowhere, _draw_outliers, _outliers),
-)
+_GAIN, _SIZE, _SHARE = sized(*GAIN), sized(*SIZE), evenly(0.01, 0.05)
+FORMS = (
+    load("load-error", "direction", _along, direction(sized(*LOAD_ANGLE))),
+    load("load-error", "sensor", _sensor, _draw_sensor),
+    load("load-error", "quadratic", _quadratic,
+         gain=signed(_GAIN), reference=always(USUAL)),
+    load("load-error", "pulley", _pulley, gain=_GAIN),
+    *(reading("frame-misalignment", name, _frame, _draw_frame) for name in ("turned", "scaled", "sheared")),
+    *(reading("thermal-drift", name, partial(_drift, name), _draw_drift)
+      for name in ("lagged-time", "lagged-temperature", "growth")),
+    reading("outliers", "spikes", partial(_outliers, True), size=_SIZE, share=_SHARE, seed=SEED),
+    reading("outliers", "jumps", partial(_outliers, False), size=_SIZE, share=_SHARE, seed=SEED),
+)  # fmt: skip

@@ -2,202 +2,138 @@
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, nowhere, stiffness_of, turns, vector
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import drives, nowhere, turns
+from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
+from beamstiff.exam.effect import built, law
 from beamstiff.exam.forms.author1.structure import bearings
-from beamstiff.exam.laws import Curve, Forgetful, Memory, Remembering, Situation, Stiffness, WindUp
-from beamstiff.exam.machine import axes_from, joints_of
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
+from beamstiff.exam.machine import Machine, axes_from, joints_of
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
-Curved = tuple[Array, Array]
-
-
-def _draw_ripple(request: DrawRequest) -> dict[str, float]:
-    per_metre = 1.0 if turns(request.robot, request.component) else 6.0
-    return {
-        "depth": request.sized(0.08, 0.75),
-        "waves": per_metre * request.uniform(5.0, 12.0),  # a rad or m, over 2 pi of the sine
-        "phase": request.uniform(0.0, 2 * np.pi),
-    }
+FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
+BLUNT = 2e-5  # m over which a stop is met
 
 
-def _ripple(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, truth.component
-    k = stiffness_of(reality.machine.robot, variable)
+def _waves(low: float, high: float, per_metre: float) -> Draw:
+    """Draw how often something waves on a turn, over 2 pi, or on a metre."""
 
+    def draw(request: DrawRequest) -> float:
+        return request.uniform(low, high) * (1.0 if turns(request.robot, request.component) else per_metre)
+
+    return draw
+
+
+def _ripple(steep: bool, p: Parameters, k: float, variable: str) -> Law:
     def stiffness(situation: Situation) -> Array:
-        wave = np.sin(p["waves"] * situation.value(str(variable)) + p["phase"])
-        wave = wave if truth.form == "sine" else np.tanh(3.0 * wave)
+        wave = np.sin(p["waves"] * situation.value(variable) + p["phase"])
+        wave = np.tanh(3.0 * wave) if steep else wave
         return np.asarray(k * np.exp(p["depth"] * wave))
 
-    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
+    return varying(stiffness)
 
 
-def _draw_warm_up(request: DrawRequest) -> dict[str, float]:
-    return {
-        "softer": request.sized(0.1, 3.0),  # compliance gained, over that when cold
-        "lag": request.uniform(600.0, 3000.0),
-    }
-
-
-def _warm_up(truth: Truth, reality: Reality) -> Reality:
-    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
+def _warm_up(lagged: bool, p: Parameters, k: float, variable: str) -> Law:
+    """Return a spring that warms up; `softer`: compliance gained, over that when cold."""
 
     def stiffness(situation: Situation) -> Array:
         time = situation.time
-        warm = 1.0 - np.exp(-time / p["lag"]) if truth.form == "lagged" else time / (time + p["lag"])
+        warm = 1.0 - np.exp(-time / p["lag"]) if lagged else time / (time + p["lag"])
         return np.asarray(k / (1.0 + p["softer"] * warm))
 
-    return at_joints(truth, reality, lambda _: Stiffness(stiffness, changes=True))
+    return varying(stiffness, changes=True)
 
 
-def _draw_transmission(request: DrawRequest) -> dict[str, float]:
-    teeth = request.uniform(300.0, 1500.0) * (1.0 if turns(request.robot, request.component) else 10.0)
-    return {
-        "teeth": teeth,
-        "depth": request.sized(0.1, 0.9),  # of the tangent
-        "phase": request.uniform(0.0, 2 * np.pi),
-    }
+def _toothed(p: Parameters, k: float, variable: str) -> Law:
+    """Return a gear whose error of transmission runs on as it winds up: torque waves over the strain."""
+
+    def curve(strain: Array, situation: Situation) -> Curved:
+        before = p["teeth"] * situation.value(variable) + p["phase"]
+        wave = p["depth"] / p["teeth"] * (np.sin(before + p["teeth"] * strain) - np.sin(before))
+        slope = p["depth"] * np.cos(before + p["teeth"] * strain)
+        return k * (strain + wave), k * (1.0 + slope)
+
+    return posed(curve)
 
 
-@dataclass(frozen=True)
-class Toothed(Forgetful):
-    """A gear whose error of transmission runs on as it winds up: torque waves over the strain."""
+def _creeping(p: Parameters, k: float, variable: str) -> Law:
+    """Return a spring in series with a spring and damper side by side (Kelvin and Voigt).
 
-    stiffness: float
-    teeth: float
-    depth: float
-    phase: float
-    variable: str
+    `creep`: slow compliance over the prompt one.
+    """
 
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent and no memory."""
-        before = self.teeth * situation.value(self.variable) + self.phase
-        wave = self.depth / self.teeth * (np.sin(before + self.teeth * strain) - np.sin(before))
-        slope = self.depth * np.cos(before + self.teeth * strain)
-        return self.stiffness * (strain + wave), self.stiffness * (1.0 + slope), memory
-
-
-def _transmission(truth: Truth, reality: Reality) -> Reality:
-    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
-    law = Toothed(k, p["teeth"], p["depth"], p["phase"], str(truth.component))
-    return at_joints(truth, reality, lambda _: law)
-
-
-def _draw_creep(request: DrawRequest) -> dict[str, float]:
-    return {
-        "creep": request.sized(0.08, 1.5),  # slow compliance over the prompt one
-        "time": request.uniform(60.0, 400.0),
-    }
-
-
-@dataclass(frozen=True)
-class Creeping(Remembering):
-    """A spring in series with a spring and damper side by side (Kelvin and Voigt)."""
-
-    stiffness: float
-    creep: float
-    time: float
-
-    def start(self, situation: Situation) -> Memory:
-        """Return the crept strain at rest."""
-        return (np.zeros(len(situation.time)),)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent and the crept strain after the state has lasted."""
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         crept = memory[0]
-        fade = np.exp(-situation.lasted / self.time)
+        fade = np.exp(-situation.lasted / p["time"])
         # crept' = fade crept + (1 - fade) creep F / k,  F = k (strain - crept')
-        share = (1.0 - fade) * self.creep
-        force = self.stiffness * (strain - fade * crept) / (1.0 + share)
-        return force, self.stiffness / (1.0 + share), (fade * crept + share * force / self.stiffness,)
+        share = (1.0 - fade) * p["creep"]
+        force = k * (strain - fade * crept) / (1.0 + share)
+        return force, k / (1.0 + share), (fade * crept + share * force / k,)
+
+    return Law(respond, lambda poses: (np.zeros(poses),))
 
 
-def _creep(truth: Truth, reality: Reality) -> Reality:
-    p, k = truth.parameters, stiffness_of(reality.machine.robot, truth.component)
-    return at_joints(truth, reality, lambda _: Creeping(k, p["creep"], p["time"]))
-
-
-def _draw_bolt(request: DrawRequest) -> dict[str, float]:
-    return {
-        "tilt": request.sized(1.5e-8, 6e-7),
-        "firm": 2e-10,
-        "angle": request.uniform(0.0, 2.0 * math.pi),
-        "blunt": request.uniform(30.0, 300.0),  # N m over which the gap opens
-    }
-
-
-def _bolt(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-    machine = on_pedestal(reality.machine, np.full(6, math.inf))
+def _bolt(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine on a foot that opens about one axis; `blunt`: N m over which the gap opens."""
+    machine = on_pedestal(machine, np.full(6, math.inf))
 
     def wind_up(moment: Array) -> Curved:
         root = np.sqrt(moment**2 + p["blunt"] ** 2)
         opened, share = 0.5 * (moment + root - p["blunt"]), 0.5 * (1.0 + moment / root)
         return p["firm"] * moment + p["tilt"] * opened, p["firm"] + p["tilt"] * share
 
-    foot = machine.hinges[-1]
     axes = axes_from(np.array([math.cos(p["angle"]), math.sin(p["angle"]), 0.0]))
-    foot = dataclasses.replace(foot, axes=axes, laws={3: WindUp(wind_up, 1.0 / p["firm"])})
-    return reality.with_machine(machine.with_hinge(foot))
+    laws = {3: winding(wind_up, 1.0 / p["firm"])}
+    return machine.with_hinge(dataclasses.replace(machine.hinges[-1], axes=axes, laws=laws))
 
 
-def _draw_play(request: DrawRequest) -> dict[str, float]:
-    return {"half": request.sized(3e-5, 5e-4), "crossing": request.log_uniform(20.0, 200.0), "tilt": 1e-8}
-
-
-def _play(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-
+def _play(p: Parameters, machine: Machine, component: str) -> Machine:
     def wind_up(moment: Array) -> Curved:
         x = moment / p["crossing"]
         root = np.sqrt(1.0 + x**2)
         return p["tilt"] * moment + p["half"] * x / root, p["tilt"] + p["half"] / (p["crossing"] * root**3)
 
-    for name, _ in joints_of(machine.robot, str(truth.component)):
-        hinge = machine.hinge(name)
-        law = WindUp(wind_up, 1.0 / p["tilt"])
-        machine = machine.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, 4: law, 5: law}))
-    return reality.with_machine(machine)
+    law = winding(wind_up, 1.0 / p["tilt"])
+    for name, _ in joints_of(machine.robot, component):
+        machine = machine.with_law(name, 4, law).with_law(name, 5, law)
+    return machine
 
 
-def _draw_contact(request: DrawRequest) -> dict[str, float]:
-    found = request.direction()
-    return found | {
-        "stiffness": request.sized(2e5, 2e7),  # N/m
-        "gap": request.uniform(0.0, 2e-4),
-        "way": request.sign(),
-    }
-
-
-def _contact(truth: Truth, reality: Reality) -> Reality:
+def _stop(p: Parameters, machine: Machine, _: str) -> Machine:
     """Something at the tool that stops it one way."""
-    p, blunt = truth.parameters, 2e-5
 
     def curve(e: Array) -> Curved:
         z = p["way"] * e - p["gap"]
-        root = np.sqrt(z**2 + blunt**2)
-        rest = 0.5 * (math.hypot(p["gap"], blunt) - p["gap"])
-        return (
-            p["way"] * p["stiffness"] * (0.5 * (z + root) - rest),
-            p["stiffness"] * 0.5 * (1.0 + z / root),
-        )
+        root = np.sqrt(z**2 + BLUNT**2)
+        rest = 0.5 * (math.hypot(p["gap"], BLUNT) - p["gap"])
+        return p["way"] * p["stiffness"] * (0.5 * (z + root) - rest), p["stiffness"] * 0.5 * (1.0 + z / root)
 
-    stopped = tied_to_ground(reality.machine, "stop", vector(p), np.zeros(6), {0: Curve(curve)})
-    return reality.with_machine(stopped)
+    return tied_to_ground(machine, "stop", vector(p), np.zeros(6), {0: curved(curve)})
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("stiffness-ripple", ("sine", "steep"), drives, _draw_ripple, _ripple),
-    Effect("warm-up", ("lagged", "slow"), drives, _draw_warm_up, _warm_up),
-    Effect("transmission-error", ("toothed",), drives, _draw_transmission, _transmission),
-    Effect("creep", ("kelvin-voigt",), drives, _draw_creep, _creep),
-    Effect("loose-bolt", ("gaping",), nowhere, _draw_bolt, _bolt),
-    Effect("bearing-play", ("tilting",), bearings, _draw_play, _play),
-    Effect("tool-contact", ("one-sided",), nowhere, _draw_contact, _contact),
-)
+PLACES = {
+    **dict.fromkeys(("stiffness-ripple", "warm-up", "transmission-error", "creep"), drives),
+    "loose-bolt": nowhere, "bearing-play": bearings, "tool-contact": nowhere,
+}  # fmt: skip
+_RIPPLE: dict[str, Draw] = {"depth": sized(0.08, 0.75), "waves": _waves(5.0, 12.0, 6.0), "phase": PHASE}
+_WARMING: dict[str, Draw] = {"softer": sized(0.1, 3.0), "lag": evenly(600.0, 3000.0)}
+FORMS = (
+    law("stiffness-ripple", "sine", partial(_ripple, False), **_RIPPLE),
+    law("stiffness-ripple", "steep", partial(_ripple, True), **_RIPPLE),
+    law("warm-up", "lagged", partial(_warm_up, True), **_WARMING),
+    law("warm-up", "slow", partial(_warm_up, False), **_WARMING),
+    law("transmission-error", "toothed", _toothed,
+        teeth=_waves(300.0, 1500.0, 10.0), depth=sized(0.1, 0.9), phase=PHASE),
+    law("creep", "kelvin-voigt", _creeping, creep=sized(0.08, 1.5), time=evenly(60.0, 400.0)),
+    built("loose-bolt", "gaping", _bolt,
+          tilt=sized(1.5e-8, 6e-7), firm=always(FIRM), angle=PHASE, blunt=evenly(30.0, 300.0)),
+    built("bearing-play", "tilting", _play,
+          half=sized(3e-5, 5e-4), crossing=by_ratio(20.0, 200.0), tilt=always(TILT)),
+    built("tool-contact", "one-sided", _stop,
+          direction(), stiffness=sized(2e5, 2e7), gap=evenly(0.0, 2e-4), way=SIGN),
+)  # fmt: skip

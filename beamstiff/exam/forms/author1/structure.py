@@ -2,17 +2,19 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import node_at, on_pedestal, seen_from_foot
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, between, in_the_middle, nowhere, slender
-from beamstiff.exam.laws import Curve
+from beamstiff.exam.added_parts import about_x, across_link, ends_of, node_at, on_pedestal, seen_from_foot
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.draws import evenly, sized, softer
+from beamstiff.exam.effect import built
+from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.machine import (
     Bar,
-    Hinge,
     Machine,
     Profile,
     bodies_of,
@@ -21,16 +23,16 @@ from beamstiff.exam.machine import (
     own_stiffness,
     tapered,
 )
+from beamstiff.exam.parameters import DrawRequest, Parameters, between, vector
 from beamstiff.exam.placing import skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 SHORTEST = 0.02  # m
 SOFTEST, STIFFEST = 3e6, 6e7  # N m^2, of a large robot
-Curved = tuple[Array, Array]
 BEARING_TILT = (4e-8, 6e-7)  # rad/(N m)
 RADIAL = 4e-2  # m^2: radial compliance over tilting compliance, of rollers on a ring of 0.3 m
 BASE_TILT = (8e-9, 2.5e-7)  # rad/(N m)
+STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
 
 
 def links(robot: Robot) -> list[str | None]:
@@ -80,64 +82,54 @@ def draw_link(request: DrawRequest) -> dict[str, float]:
     return shape | {"offset": request.uniform(0.05, 0.2), "side": request.uniform(0.0, 2 * np.pi)}
 
 
-def _link(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with the link bending."""
-    machine, p = reality.machine, truth.parameters
+def rigidity_of(p: Parameters) -> Array:
+    """Return a link's rigidity (6,) at its thick end: stiff in shear, and as slender whatever its size."""
+    return np.asarray(p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0]))
+
+
+def _link(
+    bend: Callable[[Parameters, Array], Profile] | None, p: Parameters, machine: Machine, name: str
+) -> Machine:
+    """Return the machine with a link that bends by a profile of parameters and rigidity; None: an elbow."""
     if "softer" in p:
-        bars = tuple(_softer(bar, p) if bar.name == truth.component else bar for bar in machine.bars)
-        return reality.with_machine(dataclasses.replace(machine, bars=bars))
-    nodes = next(nodes for name, nodes in machine.rigids if name == truth.component)
-    rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
-    machine = machine.without(str(truth.component))
-    up = up_of(machine, nodes)
-    if truth.form == "elbow":
-        halves = _elbow(machine, str(truth.component), nodes, rigidity, p["offset"], p["side"])
-        return reality.with_machine(halves)
-    profile = (
-        tapered(rigidity, lambda x: 1.0 - p["taper"] * x)
-        if truth.form == "tapered"
-        else _hinged(rigidity, p["first"], p["second"])
-    )
-    return reality.with_machine(machine.plus(bars=(Bar(str(truth.component), nodes, profile, up),)))
+        return machine.with_profile(name, lambda profile: _softer(profile, p))
+    nodes = dict(machine.rigids)[name]
+    machine = machine.without(name)
+    if bend is None:
+        return _elbow(p, machine, name, nodes)
+    return machine.plus(bars=(Bar(name, nodes, bend(p, rigidity_of(p)), up_of(machine, nodes)),))
 
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    placed = in_the_middle(machine.robot)
-    a, b = (placed.node(machine.node(n))[0] for n in nodes)
+    placed, a, b = ends_of(machine, nodes)
     up = np.eye(3)[np.argmin(np.abs(b - a))]
-    fixed: Array = placed.rotations[machine.node(nodes[0]).frame][0].T @ up
-    return fixed
+    return np.asarray(placed.rotations[machine.node(nodes[0]).frame][0].T @ up)
 
 
-def _softer(bar: Bar, p: Mapping[str, float]) -> Bar:
-    swell = (1.0 - p["taper"] * bar.profile.stations) ** -3
-    swell = swell * p["softer"] / np.average(swell, weights=bar.profile.compliance[:, 0])
-    profile = Profile(bar.profile.stations, bar.profile.compliance * swell[:, None])
-    return dataclasses.replace(bar, profile=profile)
+def _softer(profile: Profile, p: Parameters) -> Profile:
+    swell = (1.0 - p["taper"] * profile.stations) ** -3
+    swell = swell * p["softer"] / np.average(swell, weights=profile.compliance[:, 0])
+    return Profile(profile.stations, profile.compliance * swell[:, None])
 
 
-def _hinged(rigidity: Array, first: float, second: float) -> Profile:
+def _tapered(p: Parameters, rigidity: Array) -> Profile:
+    return tapered(rigidity, lambda x: 1.0 - p["taper"] * x)
+
+
+def _hinged(p: Parameters, rigidity: Array) -> Profile:
     """Two links that bend, in a link that is stiff elsewhere (a hollow casting with flanges)."""
     with np.errstate(divide="ignore"):
         compliance = 1.0 / rigidity
-    return Profile(np.array([first, second]), np.array([0.6, 0.4])[:, None] * compliance)
+    return Profile(np.array([p["first"], p["second"]]), np.array([0.6, 0.4])[:, None] * compliance)
 
 
-def _elbow(
-    machine: Machine, name: str, nodes: tuple[str, str], rigidity: Array, offset: float, side: float
-) -> Machine:
+def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    placed = in_the_middle(machine.robot)
-    a, b = (placed.node(machine.node(n))[0] for n in nodes)
-    along = (b - a) / np.linalg.norm(b - a)
-    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    across = across / np.linalg.norm(across)
-    corner = 0.5 * (a + b) + offset * np.linalg.norm(b - a) * (
-        np.cos(side) * across + np.sin(side) * np.cross(along, across)
-    )
+    placed, a, b = ends_of(machine, nodes)
+    corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
     node = node_at(machine, placed, machine.node(nodes[0]).frame, corner, "elbow")
-    up = up_of(machine, nodes)
+    up, rigidity = up_of(machine, nodes), rigidity_of(p)
     halves = (
         Bar(f"{name} before", (nodes[0], node.name), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
         Bar(f"{name} behind", (node.name, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
@@ -177,106 +169,81 @@ def draw_bearing(request: DrawRequest) -> dict[str, float]:
     return found
 
 
-def _bearing(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with soft bearings."""
-    machine, p = reality.machine, truth.parameters
+def _bearing(p: Parameters, machine: Machine, component: str) -> Machine:
     added = np.array([p["axial"], p["radial"], p["radial"], 0.0, p["tilt"], p["tilt"] * p["other"]])
-    for name, own in joints_of(machine.robot, str(truth.component)):
+    for name, own in joints_of(machine.robot, component):
         hinge = machine.hinge(name)
-        c, s = math.cos(p["turned"]), math.sin(p["turned"])
-        axes = hinge.axes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         k = hinge.stiffness.copy()
         others = [d for d in range(6) if d != own and k.ndim == 1 and k[d] > 0.0 and added[d] > 0.0]
         k[others] = 1.0 / (added[others] + 1.0 / k[others])
-        hinge = dataclasses.replace(hinge, axes=axes, stiffness=k)
-        if p.get("offset", 0.0):
-            hinge = dataclasses.replace(hinge, stiffness=_moved(hinge, p["offset"]))
+        laws = dict(hinge.laws)
         if "strain" in p:
-            stiffer = {d: Curve(_contact(float(k[d]), p["strain"])) for d in others if d >= 4}
-            hinge = dataclasses.replace(hinge, laws={**hinge.laws, **stiffer})
-        machine = machine.with_hinge(hinge)
-    return reality.with_machine(machine)
+            laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
+        if p.get("offset", 0.0):
+            k = _moved(k, p["offset"])
+        axes = hinge.axes @ about_x(p["turned"])
+        machine = machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
+    return machine
 
 
-def with_tilting(truth: Truth, reality: Reality, curve: Callable[[Array, float], Curved]) -> Reality:
-    """Return the reality with soft bearings whose tilting follows a curve of the strain and the stiffness."""
-    machine = _bearing(truth, reality).machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
+def with_tilting(
+    curve: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, component: str
+) -> Machine:
+    """Return the machine with soft bearings whose tilting follows a curve of stiffness and strain."""
+    machine = _bearing(p, machine, component)
+    for name, own in joints_of(machine.robot, component):
         for d in (4, 5):
             k = float(machine.hinge(name).stiffness[d])
             if d != own and 0.0 < k < math.inf:
-                machine = machine.with_law(name, d, Curve(lambda e, k=k: curve(e, k)))  # type: ignore[misc]
-    return reality.with_machine(machine)
+                machine = machine.with_law(name, d, curved(partial(curve, p, k)))
+    return machine
 
 
-def _moved(hinge: Hinge, offset: float) -> Array:
-    """Return the stiffness of springs that sit `offset` along the axis from the joint's node."""
-    k = np.where(np.isinf(hinge.stiffness), 1e12, hinge.stiffness)  # a full matrix knows no rigid ones
+def _moved(k: Array, offset: float) -> Array:
+    """Return the stiffness of springs (6,) that sit `offset` along the axis from the joint's node."""
     X = np.eye(6)
     X[1, 5], X[2, 4] = offset, -offset  # displacement at the springs: t + r x (offset, 0, 0)
-    moved: Array = X.T @ np.diag(k) @ X
-    return moved
+    return np.asarray(X.T @ np.diag(np.where(np.isinf(k), STIFF, k)) @ X)
 
 
-def _contact(k: float, strain: float):  # type: ignore[no-untyped-def]
+def _contact(k: float, strain: float, e: Array) -> Curved:
     """Stiffer under load, as rolling contacts are."""
-
-    def curve(e: Array) -> tuple[Array, Array]:
-        root = np.sqrt(1.0 + (e / strain) ** 2)
-        return 0.7 * k * e * root, 0.7 * k * (root + (e / strain) ** 2 / root)
-
-    return curve
+    root = np.sqrt(1.0 + (e / strain) ** 2)
+    return 0.7 * k * e * root, 0.7 * k * (root + (e / strain) ** 2 / root)
 
 
-def _draw_base(request: DrawRequest) -> dict[str, float]:
-    """Return the compliance about x, rad/(N m), and the shape of the base."""
-    found = {"tilt": request.sized(*BASE_TILT) * slender(request.robot)}
-    if request.form == "block":
-        return found | {
-            "about_y": request.uniform(0.4, 1.2),
-            "about_z": request.uniform(0.1, 0.6),
-            "shift": request.uniform(0.1, 0.5),  # m: of the translations, as a lever
-            "x": request.uniform(-0.2, 0.2),
-            "y": request.uniform(-0.2, 0.2),
-            "z": request.uniform(-0.6, 0.0),
-        }
-    return (
-        found
-        | {f"bolt{i}": request.uniform(0.3, 1.0) for i in range(4)}
-        | {"span": request.uniform(0.5, 0.9), "across": request.uniform(0.3, 0.8)}
+def _block(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Springs at an elastic centre beside the machine's foot; `shift`, m: of the translations, as a lever."""
+    about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
+    along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
+    return on_pedestal(
+        machine, seen_from_foot(vector(p), np.diag(np.concatenate([1.0 / along, 1.0 / about])))
     )
 
 
-def _base(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a soft base."""
-    p = truth.parameters
-    K = _block(p) if truth.form == "block" else _bolts(p)
-    return reality.with_machine(on_pedestal(reality.machine, K))
-
-
-def _block(p: Mapping[str, float]) -> Array:
-    """Springs at an elastic centre beside the machine's foot."""
-    about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
-    along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
-    k = np.concatenate([1.0 / along, 1.0 / about])
-    return seen_from_foot(np.array([p["x"], p["y"], p["z"]]), np.diag(k))
-
-
-def _bolts(p: Mapping[str, float]) -> Array:
+def _bolts(p: Parameters, machine: Machine, _: str) -> Machine:
     """Four bolted feet, none as stiff as the other."""
-    half = 0.5 * p["span"]
-    corners = half * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    corners = (
+        0.5 * p["span"] * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    )
     shares = np.array([p[f"bolt{i}"] for i in range(4)])
     k = 1.0 / (p["tilt"] * np.sum(shares * corners[:, 1] ** 2))
-    feet = [
-        seen_from_foot(corner, np.diag(k * share * np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])))
-        for corner, share in zip(corners, shares, strict=True)
-    ]
-    return np.asarray(np.sum(feet, axis=0))
+    each = np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])
+    feet = [seen_from_foot(at, np.diag(k * share * each)) for at, share in zip(corners, shares, strict=True)]
+    return on_pedestal(machine, np.sum(feet, axis=0))
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("link-bending", ("tapered", "hinged", "elbow"), links, draw_link, _link),
-    Effect("bearing-tilt", ("anisotropic", "off-centre", "contact"), bearings, draw_bearing, _bearing),
-    Effect("base-compliance", ("block", "bolts"), nowhere, _draw_base, _base),
-)
+TILT = softer(sized(*BASE_TILT))  # about x, rad/(N m)
+FORMS = (
+    built("link-bending", "tapered", partial(_link, _tapered), draw_link),
+    built("link-bending", "hinged", partial(_link, _hinged), draw_link),
+    built("link-bending", "elbow", partial(_link, None), draw_link),
+    *(built("bearing-tilt", name, _bearing, draw_bearing)
+      for name in ("anisotropic", "off-centre", "contact")),
+    built("base-compliance", "block", _block,
+          tilt=TILT, about_y=evenly(0.4, 1.2), about_z=evenly(0.1, 0.6), shift=evenly(0.1, 0.5),
+          x=evenly(-0.2, 0.2), y=evenly(-0.2, 0.2), z=evenly(-0.6, 0.0)),
+    built("base-compliance", "bolts", _bolts,
+          tilt=TILT, **{f"bolt{i}": evenly(0.3, 1.0) for i in range(4)}, span=evenly(0.5, 0.9),
+          across=evenly(0.3, 0.8)),
+)  # fmt: skip

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 
 from beamstiff.exam.added_parts import behind_flange, free_name
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, nowhere, vector
-from beamstiff.exam.machine import Bar, Hinge, tapered
-from beamstiff.exam.placing import Placed
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.draws import always, direction, each, evenly, sized
+from beamstiff.exam.effect import Seen, built, form, reading
+from beamstiff.exam.machine import Bar, Hinge, Machine, tapered
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node
@@ -20,74 +21,58 @@ CALIBRATED = 0.02
 SLIP = (5e-5, 1e-2)  # m
 
 
-def _draw_soft(request: DrawRequest) -> dict[str, float]:
-    """Return the tilting compliance, rad/(N m), its distance behind the TCP, m, and the tool's shape."""
-    found = {"tilt": request.sized(*TURN), "behind": request.uniform(0.02, 0.12)}
-    found["about"] = request.uniform(0.3, 1.5)
-    if request.form == "series":
-        found |= {"share": request.uniform(0.2, 0.6), "other": request.uniform(0.6, 1.0)}
-    return found
+def _node(machine: Machine, behind: float) -> Node:
+    """Return a new node behind the TCP, whose frame's z is the tool's own axis."""
+    tcp = machine.node(machine.tcp)
+    at = (tcp.at[0], tcp.at[1], tcp.at[2] - behind)
+    return Node(name=free_name(machine, "tool"), frame=tcp.frame, at=at)
 
 
-def _soft(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a soft tool; its own axis is z of the TCP's frame."""
-    machine, flange = behind_flange(reality.machine)
-    p, tcp = truth.parameters, machine.node(machine.tcp)
+def _cantilever(p: Parameters, machine: Machine, _: str) -> Machine:
+    machine, flange = behind_flange(machine)
+    length = 2.0 * p["behind"]  # two thirds behind the middle of a beam make a lever of half its length
+    root, EI = _node(machine, length), length / p["tilt"]
+    rigidity = EI * np.array([1 / 0.03**2, np.inf, np.inf, 1 / p["about"], 1.0, 1.0])
+    bar = Bar("tool", (root.name, machine.tcp), tapered(rigidity, lambda x: 1.15 - 0.3 * x), None)
+    return machine.plus(nodes=(root,), rigids=(("tool root", (flange, root.name)),), bars=(bar,))
 
-    def node(behind: float) -> Node:
-        at = (tcp.at[0], tcp.at[1], tcp.at[2] - behind)
-        return Node(name=free_name(machine, "tool"), frame=tcp.frame, at=at)
 
-    if truth.form == "cantilever":
-        # two thirds behind the middle of a beam make a lever of half its length
-        length = 2.0 * p["behind"]
-        root = node(length)
-        EI = length / p["tilt"]
-        rigidity = EI * np.array([1 / 0.03**2, np.inf, np.inf, 1 / p["about"], 1.0, 1.0])
-        bar = Bar("tool", (root.name, tcp.name), tapered(rigidity, lambda x: 1.15 - 0.3 * x), None)
-        return reality.with_machine(
-            machine.plus(nodes=(root,), rigids=(("tool root", (flange, root.name)),), bars=(bar,))
-        )
-    compliance = p["tilt"] * np.array([1.0, p["other"], p["about"]])
-    axes = np.eye(3)
-    previous = flange
+def about_tool(p: Parameters) -> Array:
+    """Return compliances (3,), rad/(N m), about the tool's axes."""
+    return np.asarray(p["tilt"] * np.array([1.0, p["other"], p["about"]]))
+
+
+def sprung_about(about: Array) -> Array:
+    """Return the springs (6,) of compliances about the axes; those along them have a lever of 50 mm."""
+    return np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
+
+
+def _series(p: Parameters, machine: Machine, _: str) -> Machine:
+    machine, previous = behind_flange(machine)
+    frame = machine.node(machine.tcp).frame
     for share, behind in ((p["share"], p["behind"]), (1.0 - p["share"], 0.4 * p["behind"])):
-        first = node(behind)
+        first = _node(machine, behind)
         machine = machine.plus(nodes=(first,))
-        second = node(behind)
-        about = share * compliance
-        k = np.concatenate([1.0 / (about * 0.05**2), 1.0 / about])
-        machine = machine.plus(
-            nodes=(second,),
-            rigids=((f"to {first.name}", (previous, first.name)),),
-            hinges=(Hinge(first.name, (first.name, second.name), tcp.frame, axes, k),),
-        )
+        second, k = _node(machine, behind), sprung_about(share * about_tool(p))
+        hinge = Hinge(first.name, (first.name, second.name), frame, np.eye(3), k)
+        tie = (f"to {first.name}", (previous, first.name))
+        machine = machine.plus(nodes=(second,), rigids=(tie,), hinges=(hinge,))
         previous = second.name
-    tie = ("to the tip", (previous, tcp.name))
-    return reality.with_machine(machine.plus(rigids=(tie,)))
+    return machine.plus(rigids=(("to the tip", (previous, machine.tcp)),))
 
 
 def _draw_offset(request: DrawRequest) -> dict[str, float]:
     """Return where the wrench acts (x, y, z) and the reflector sits (u, v, w), m, in the node's frame."""
     away, found = request.sized(*AWAY), dict.fromkeys("xyzuvw", 0.0)
-    if request.form in ("wrench", "both"):
-        found |= request.direction(away)
-    if request.form in ("target", "both"):
-        found |= request.direction(away, "uvw")
+    for names in {"wrench": ["xyz"], "target": ["uvw"]}.get(request.form, ["xyz", "uvw"]):
+        found |= request.direction(away, names)
     return found
 
 
 def _offset(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with the tool offset."""
-    p = truth.parameters
-    x, y, z = reality.lever
-    u, v, w = reality.target
-    return dataclasses.replace(
-        reality,
-        lever=(x + p["x"], y + p["y"], z + p["z"]),
-        target=(u + p["u"], v + p["v"], w + p["w"]),
-        marked=(CALIBRATED * p["u"], CALIBRATED * p["v"], CALIBRATED * p["w"]),
-    )
+    lever, target = vector(truth.parameters), vector(truth.parameters, "uvw")
+    moved = {"lever": reality.lever + lever, "target": reality.target + target, "marked": CALIBRATED * target}
+    return dataclasses.replace(reality, **{n: tuple(at.tolist()) for n, at in moved.items()})  # type: ignore[arg-type]
 
 
 def reflectors(robot: Robot) -> list[str | None]:
@@ -99,27 +84,16 @@ def reflectors(robot: Robot) -> list[str | None]:
     return [name for name in found if name != robot.tcp] or [None]
 
 
-def _draw_slip(request: DrawRequest) -> dict[str, float]:
-    """Return when it slips, as a share of the rows, and by how much in the tool's frame, m."""
-    again = request.uniform(0.0, 0.5) if request.form == "twice" else 0.0
-    return {"when": request.uniform(0.2, 0.8), "again": again} | request.direction(request.sized(*SLIP))
-
-
-def _slip(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with the slip; of a second one the way is the same."""
-    p, point = truth.parameters, truth.component or reality.machine.tcp
-    frame = reality.machine.node(point).frame
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        if campaign.kind != "absolute":
-            return values
-        row = np.argsort(np.lexsort((campaign.step, campaign.time))) / len(values)
-        again = p["when"] + 0.5 * (1.0 - p["when"])
-        share = (campaign.point == point) * ((row >= p["when"]) + p["again"] * (row >= again))
-        moved = placed.rotations[frame] @ vector(p) * share[:, None]
-        return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
-
-    return reality.with_reading(read)
+def _slip(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return the readings after a slip; of a second one the way is the same."""
+    if not seen.absolute:
+        return values
+    campaign, point = seen.campaign, seen.component or seen.machine.tcp
+    row = np.argsort(np.lexsort((campaign.step, campaign.time))) / len(values)
+    again = p["when"] + 0.5 * (1.0 - p["when"])
+    share = (campaign.point == point) * ((row >= p["when"]) + p["again"] * (row >= again))
+    moved = seen.placed.rotations[seen.machine.node(point).frame] @ vector(p) * share[:, None]
+    return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
 
 def came_to_rest(truth: Truth) -> Truth:
@@ -129,9 +103,12 @@ def came_to_rest(truth: Truth) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("tool-compliance", ("series", "cantilever"), nowhere, _draw_soft, _soft),
-    Effect("tool-offset", ("wrench", "target", "both"), nowhere, _draw_offset, _offset),
-)
-# in the table since the exam of crowded machines, which alone draws them: others keep their cases
-LATER: tuple[Effect, ...] = (Effect("target-slip", ("once", "twice"), reflectors, _draw_slip, _slip),)
+_SOFT: dict[str, Draw] = {"tilt": sized(*TURN), "behind": evenly(0.02, 0.12), "about": evenly(0.3, 1.5)}
+FORMS = (
+    built("tool-compliance", "series", _series, **_SOFT, share=evenly(0.2, 0.6), other=evenly(0.6, 1.0)),
+    built("tool-compliance", "cantilever", _cantilever, **_SOFT),
+    *(form("tool-offset", name, _offset, _draw_offset) for name in ("wrench", "target", "both")),
+    # when it slips, and again, as shares of the rows, and by how much in the tool's frame, m
+    *(reading("target-slip", name, _slip, each(again=again, when=evenly(0.2, 0.8)), direction(sized(*SLIP)))
+      for name, again in (("once", always(0.0)), ("twice", evenly(0.0, 0.5)))),
+)  # fmt: skip

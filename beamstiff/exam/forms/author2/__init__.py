@@ -1,9 +1,7 @@
 """Forms of a second author, who has not read the diagnosis; who writes the diagnosis must not read these."""
 
-from beamstiff.exam.effect import Effect
-from beamstiff.exam.forms.author2 import drives, geometry, levers, measurement, outside, structure, tool
+from beamstiff.exam.forms.author2 import drives, measurement, outside, structure
 
-EFFECTS: tuple[Effect, ...] = tuple(
-    effect for module in (drives, geometry, levers, measurement, structure, tool) for effect in module.EFFECTS
-)
-OUTSIDE: tuple[Effect, ...] = outside.EFFECTS
+MODULES = (drives, measurement, structure, outside)
+FORMS = tuple(form for module in MODULES for form in module.FORMS)
+PLACES = outside.PLACES

@@ -1,19 +1,26 @@
-"""Further forms of drives: play, hardening, joints that are not stiff, friction, and coupling of two."""
-
-import dataclasses
-from dataclasses import dataclass
+"""Further forms of drives, their levers and balancers: play, hardening, friction, linkages, coils, a disc."""
 
 import numpy as np
 
+from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch, turned, with_balancer
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, at_joints, drives, stiffness_of
-from beamstiff.exam.forms.author1 import drives as author1
-from beamstiff.exam.laws import Curve, Friction, Law, Memory, Remembering, Situation, Stiffness, WindUp
-from beamstiff.exam.machine import Cross, Mesh, joints_of
+from beamstiff.exam.components import stroke
+from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
+from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.forms.author1 import drives as drives1
+from beamstiff.exam.forms.author1 import levers as levers1
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
+from beamstiff.exam.machine import Cross, Machine, Mesh
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
 
-Curved = tuple[Array, Array]
 SLIDERS = 5
+REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
+MARGIN = np.deg2rad(4.0)
+TRIED = 300
+FLAT = 0.2  # sine of the least angle between coupler and crank or lever
+DEAD = 0.6  # of the shortest length between a screw's ends: what the nut and bearings take
+BLUNT = 0.02  # m over which a second coil engages
 
 
 def hertzian(torque: Array, scale: float) -> Curved:
@@ -36,201 +43,257 @@ def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
 
 
-def _draw_play(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_backlash(request)
-    if request.form == "planets":
-        found["spread"] = request.uniform(0.3, 0.8)  # of the half play, from planet to planet
-    return found
+def _arctan(p: Parameters, k: float, torque: Array) -> Curved:
+    h, left, share = p["half"], p["left"], 2.0 / np.pi
+    x = torque / (2.0 * left * k * h)
+    return torque / k + h * share * np.arctan(x), 1.0 / k + share / (2.0 * left * k * (1.0 + x**2))
 
 
-def _play(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
+def _planets(p: Parameters, k: float, e: Array) -> Curved:
+    """Return the play of three planets, whose flanks are spread by a share of the half play."""
     h, left = p["half"], p["left"]
-
-    def arctan(torque: Array, k: float) -> Curved:
-        x = torque / (2.0 * left * k * h)
-        share = 2.0 / np.pi
-        return torque / k + h * share * np.arctan(x), 1.0 / k + share / (2.0 * left * k * (1.0 + x**2))
-
-    def planets(e: Array, k: float) -> Curved:
-        force, slope = left * k * e, np.full_like(e, left * k)
-        each = (1.0 - left) * k / 3.0
-        for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
-            for side in (1.0, -1.0):
-                z = side * e - flank
-                root = np.sqrt(z**2 + (0.02 * h) ** 2)
-                force = force + side * each * 0.5 * (z + root)
-                slope = slope + each * 0.5 * (1.0 + z / root)
-        return force, slope
-
-    if truth.form == "arctan":
-        return at_joints(truth, reality, lambda k: WindUp(lambda torque: arctan(torque, k), k))
-    return at_joints(truth, reality, lambda k: Curve(lambda e: planets(e, k)))
+    force, slope = left * k * e, np.full_like(e, left * k)
+    each = (1.0 - left) * k / 3.0
+    for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
+        for side in (1.0, -1.0):
+            z = side * e - flank
+            root = np.sqrt(z**2 + (0.02 * h) ** 2)
+            force = force + side * each * 0.5 * (z + root)
+            slope = slope + each * 0.5 * (1.0 + z / root)
+    return force, slope
 
 
-def _hardening(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-
-    def hertz(torque: Array, k: float) -> Curved:
-        soft, hard = k * p["soft"], k * p["hard"]
-        more = 1.0 / soft - 1.0 / hard
-        given, slope = hertzian(torque, 0.3 * k * p["bend"])
-        return torque / hard + more * given, 1.0 / hard + more * slope
-
-    def cubic(e: Array, k: float) -> Curved:
-        # the cubic of a fit to a test stand's range; straight on beyond it
-        soft, more, end = k * p["soft"], k * (p["hard"] - p["soft"]), 2.0 * p["bend"]
-        inside, beyond = np.clip(e, -end, end), np.abs(e) > end
-        force = soft * e + more * (inside**3 / (3.0 * end**2) + np.where(beyond, e - inside, 0.0))
-        return force, soft + more * (inside / end) ** 2
-
-    if truth.form == "hertz":
-        return at_joints(truth, reality, lambda k: WindUp(lambda torque: hertz(torque, k), k * p["hard"]))
-    return at_joints(truth, reality, lambda k: Curve(lambda e: cubic(e, k)))
+def _hertz(p: Parameters, k: float, torque: Array) -> Curved:
+    soft, hard = k * p["soft"], k * p["hard"]
+    more = 1.0 / soft - 1.0 / hard
+    given, slope = hertzian(torque, 0.3 * k * p["bend"])
+    return torque / hard + more * given, 1.0 / hard + more * slope
 
 
-def _draw_compliance(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_compliance(request)
-    found["from"] = request.log_uniform(1e-4, 1e-3)  # strain about which it changes
-    if request.form == "hertz":
-        found["more"] = request.uniform(0.5, 2.0)  # give of the contacts over the spring's
-    else:
-        found["loose"] = request.uniform(0.3, 0.6)
-    return found
+def _cubic(p: Parameters, k: float, e: Array) -> Curved:
+    """Return the cubic of a fit to a test stand's range; straight on beyond it."""
+    soft, more, end = k * p["soft"], k * (p["hard"] - p["soft"]), 2.0 * p["bend"]
+    inside, beyond = np.clip(e, -end, end), np.abs(e) > end
+    force = soft * e + more * (inside**3 / (3.0 * end**2) + np.where(beyond, e - inside, 0.0))
+    return force, soft + more * (inside / end) ** 2
 
 
-def _compliance(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
+def _contacts(p: Parameters, _: float, variable: str) -> Law:
+    """Return a spring with contacts, which give `more` than it at no torque."""
     k, start = p["stiffness"], p["from"]
 
-    def hertz(torque: Array) -> Curved:
+    def wind_up(torque: Array) -> Curved:
         given, slope = hertzian(torque, k * start)
         return (torque + p["more"] * given) / k, (1.0 + p["more"] * slope) / k
 
-    law: Law = (
-        WindUp(hertz, k) if truth.form == "hertz" else Curve(lambda e: slackening(e, k, p["loose"], start))
-    )
-    return at_joints(truth, reality, lambda _: law)
+    return winding(wind_up, k)
 
 
-def _draw_friction(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_friction(request)
-    found["arrived"] = request.uniform(-0.9, 0.9)  # friction left over from the move to the pose
-    if request.form == "maxwell-slip":
-        found["ratio"] = request.uniform(1.8, 3.5)  # of a slider's yield strain to the one before
-        found["fall"] = request.uniform(0.3, 1.2)  # power by which later ones are softer
-    return found
+def _preloaded(p: Parameters, _: float, variable: str) -> Law:
+    return curved(lambda e: slackening(e, p["stiffness"], p["loose"], p["from"]))
 
 
-def _friction(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-    if truth.form == "dahl":
-        return at_joints(truth, reality, lambda k: Dahl(k, k * p["friction"], p["arrived"], p["sliding"]))
-    return at_joints(
-        truth,
-        reality,
-        lambda k: MaxwellSlip(k, k * p["friction"], p["sliding"], p["ratio"], p["fall"], p["arrived"]),
-    )
-
-
-@dataclass(frozen=True)
-class Dahl(Friction):
-    """Dahl's friction with exponent 2, integrated in closed form along each step.
+def _dahl(p: Parameters, k: float, variable: str) -> Law:
+    """Return Dahl's friction with exponent 2, integrated in closed form along each step.
 
     ``dz/de = (1 - z sign(de))^2 / e_slip``, beside a spring (P. R. Dahl, A solid friction model, 1968).
     """
+    friction = k * p["friction"]
+    slip = friction * (1.0 - p["sliding"]) / (k * p["sliding"])
 
-    sliding: float
-
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state and its slope after a way."""
-        slip = self.friction * (1.0 - self.sliding) / (self.stiffness * self.sliding)
+    def run(state: Array, way: Array) -> Curved:
         short = 1.0 - state  # of sliding freely
         short = short / (1.0 + short * way / slip)
         return 1.0 - short, short**2 / slip
 
+    return rubbing(k, friction, p["arrived"], run)
 
-@dataclass(frozen=True)
-class MaxwellSlip(Remembering):
-    """A few sliders beside a spring, each behind a spring of its own, whose yield strains grow by a ratio.
+
+def _maxwell_slip(p: Parameters, stiffness: float, variable: str) -> Law:
+    """Return a few sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
 
     The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
-    2005). Later ones are softer; together they hold the friction torque.
+    2005). Later ones are softer, by the power `fall`; together they hold the friction torque.
     """
+    yields = p["ratio"] ** np.arange(SLIDERS)
+    k = yields ** -p["fall"]
+    k = k * stiffness * p["sliding"] / ((1.0 - p["sliding"]) * k.sum())
+    most = k * yields
+    most = most * (stiffness * p["friction"]) / most.sum()
 
-    stiffness: float
-    friction: float
-    sliding: float
-    ratio: float
-    fall: float
-    arrived: float
-
-    def start(self, situation: Situation) -> Memory:
-        """Return strain and the sliders' forces after the move to the pose."""
-        poses = len(situation.time)
-        return np.zeros(poses), np.tile(self.arrived * self._sliders()[1], (poses, 1))
-
-    def _sliders(self) -> tuple[Array, Array]:
-        """Return the stiffness and the largest force of every slider."""
-        yields = self.ratio ** np.arange(SLIDERS)
-        k = yields**-self.fall
-        k = k * self.stiffness * self.sliding / ((1.0 - self.sliding) * k.sum())
-        most = k * yields
-        return k, most * self.friction / most.sum()
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent and the sliders after."""
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         before, held = memory
-        k, most = self._sliders()
         tried = held + k * (strain - before)[:, None]
         now = np.clip(tried, -most, most)
         sticking = np.abs(tried) <= most
-        return self.stiffness * strain + now.sum(axis=1), self.stiffness + sticking @ k, (strain, now)
+        return stiffness * strain + now.sum(axis=1), stiffness + sticking @ k, (strain, now)
+
+    return Law(respond, lambda poses: (np.zeros(poses), np.tile(p["arrived"] * most, (poses, 1))))
 
 
-def _draw_coupling(request: DrawRequest) -> dict[str, float]:
-    found = {"share": request.sign() * request.sized(*author1.SHARE), "ratio": request.uniform(0.6, 1.6)}
-    if request.form == "belt":
-        found["slack"] = request.log_uniform(1e-4, 1e-3)  # strain where a strand is slack
-    if request.form == "eccentric":
-        found |= {"depth": request.uniform(0.3, 0.8), "phase": request.uniform(0.0, 2.0 * np.pi)}
-    return found
+def strong_of(p: Parameters) -> float:
+    """Return the spring, over the first drive, that couples by the wanted share where weights are equal."""
+    return abs(p["share"]) / (1.0 - abs(p["share"]))
 
 
-def _coupling(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    names = str(truth.component).split("+")
-    first, second = (stiffness_of(machine.robot, name) for name in names)
-    one, two = (joints_of(machine.robot, name)[0] for name in names)
-    # with equal weights a spring of this over the first drive's stiffness couples by the wanted share
-    strong = abs(p["share"]) / (1.0 - abs(p["share"]))
-    if truth.form == "bracket":
-        gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
-        soft = np.diag([1.0 / first, 1.0 / second]) + strong / first * np.outer(gives, gives)
-        added = np.asarray(np.linalg.inv(soft) - np.diag([first, second]), dtype=np.float64)
-        crosses = (*machine.crosses, Cross(one, two, added))
-        return reality.with_machine(dataclasses.replace(machine, crosses=crosses))
-    weights = (1.0, float(-np.sign(p["share"]) * p["ratio"] * np.sqrt(second / first)))
+def equal_of(p: Parameters, first: float, second: float) -> float:
+    """Return the second drive's weight in such a spring, the first one's being 1."""
+    return float(-np.sign(p["share"]) * p["ratio"] * np.sqrt(second / first))
+
+
+def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
+    one, two, first, second = pair_of(machine, pair)
+    gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
+    soft = np.diag([1.0 / first, 1.0 / second]) + strong_of(p) / first * np.outer(gives, gives)
+    return machine.plus(
+        crosses=(Cross(one, two, np.asarray(np.linalg.inv(soft) - np.diag([first, second]))),)
+    )
+
+
+def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:
+    """Return the machine with a belt, a strand of which hangs slack from a strain on."""
+    one, two, first, second = pair_of(machine, pair)
+    law = curved(lambda e: slackening(e, strong_of(p) * first, 0.5, p["slack"]))
+    return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), law),))
+
+
+def _eccentric(p: Parameters, machine: Machine, pair: str) -> Machine:
+    one, two, first, second = pair_of(machine, pair)
 
     def meshing(situation: Situation) -> Array:
-        wave = np.sin(situation.values[names[0]] + p["phase"])
-        return np.asarray(strong * first * (1.0 + p["depth"] * wave))
+        wave = np.sin(situation.values[pair.split("+")[0]] + p["phase"])
+        return np.asarray(strong_of(p) * first * (1.0 + p["depth"] * wave))
 
-    law: Law = (
-        Curve(lambda e: slackening(e, strong * first, 0.5, p["slack"]))
-        if truth.form == "belt"
-        else Stiffness(meshing)
-    )
-    mesh = Mesh(one, two, weights, law)
-    return reality.with_machine(machine.plus(meshes=(mesh,)))
+    return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), varying(meshing)),))
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("backlash", ("arctan", "planets"), drives, _draw_play, _play),
-    Effect("hardening", ("hertz", "cubic"), drives, author1.draw_hardening, _hardening),
-    Effect("joint-compliance", ("hertz", "preloaded"), author1.rigid_joints, _draw_compliance, _compliance),
-    Effect("hysteresis", ("dahl", "maxwell-slip"), drives, _draw_friction, _friction),
-    Effect(
-        "joint-coupling", ("belt", "eccentric", "bracket"), author1.coupled_drives, _draw_coupling, _coupling
-    ),
-)
+_FROM = by_ratio(1e-4, 1e-3)  # strain about which the stiffness changes
+_ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
+_COUPLED: dict[str, Draw] = {"share": signed(sized(*drives1.SHARE)), "ratio": evenly(0.6, 1.6)}
+
+
+def _linkage(swing: Array, p: Parameters) -> tuple[Array, Array]:
+    """Return the crank's turn over the lever's (length 1), and how far the linkage is from flat or open."""
+    end = np.stack([np.cos(swing), np.sin(swing)], axis=-1)
+    apart = end - np.array([p["base"], 0.0])
+    distance = np.linalg.norm(apart, axis=-1)
+    cosine = (p["crank"] ** 2 + distance**2 - p["coupler"] ** 2) / (2.0 * p["crank"] * distance)
+    angle = np.arctan2(apart[..., 1], apart[..., 0]) + np.arccos(np.clip(cosine, -1.0, 1.0))
+    pin = np.array([p["base"], 0.0]) + p["crank"] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    along = (end - pin) / p["coupler"]
+    arms = [along[..., 1] * np.cos(a) - along[..., 0] * np.sin(a) for a in (swing, angle)]
+    clear = np.where(np.abs(cosine) < 1.0, np.minimum(np.abs(arms[0]), np.abs(arms[1])), 0.0)
+    ratio = np.abs(arms[0]) / (p["crank"] * np.maximum(np.abs(arms[1]), 1e-3))
+    return ratio, clear
+
+
+def _draw_linkage(request: DrawRequest) -> dict[str, float]:
+    middle, half = stroke(request.robot, request.component)
+    swing = request.sized(*levers1.SWING)
+    even = np.linspace(-1.0, 1.0, 31)
+    best, found = np.inf, dict[str, float]()
+    for crank, base, longer, start, share in request.rng.uniform(
+        [0.6, 1.5, 0.8, 0.3, 0.0], [1.2, 3.0, 1.3, 2.8, 1.0], (TRIED, 5)
+    ):
+        reach = min(half, REACH[0] + share * (REACH[1] - REACH[0]))
+        tried = {"crank": crank, "base": base, "coupler": base * longer, "start": start, "reach": reach}
+        ratio, clear = _linkage(start + (reach + MARGIN) * even, tried)
+        miss = abs(float(np.log((ratio.max() / ratio.min()) ** 2 / swing)))
+        miss += 100.0 * max(0.0, FLAT - float(clear.min()))
+        if miss < best:
+            best, found = miss, {name: float(value) for name, value in tried.items()}
+    return found | {"gear": found["reach"] / half, "way": request.sign(), "middle": middle}
+
+
+def _four_bar(p: Parameters, k: float, variable: str) -> Law:
+    def stiffness(situation: Situation) -> Array:
+        turn = p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
+        turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
+        ratio, _ = _linkage(p["start"] + turn, p)
+        return np.asarray(k * (ratio / _linkage(np.array(p["start"]), p)[0]) ** 2)
+
+    return varying(stiffness)
+
+
+def _triangle(p: Parameters, angle: Array | float) -> tuple[Array, Array]:
+    arm, length = lever(p["crank"], p["frame"], angle)
+    return arm, length - DEAD * (p["frame"] - p["crank"])
+
+
+def _screw(p: Parameters, k: float, variable: str) -> Law:
+    """Return a screw's; `shaft`: give of its free length over that of nut and bearings, at mid-range."""
+
+    def stiffness(situation: Situation) -> Array:
+        (arm, shaft), (arm0, shaft0) = (
+            _triangle(p, levers1.angle_of(p, variable, situation)),
+            _triangle(p, p["start"]),
+        )
+        return np.asarray(k * ((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0)))
+
+    return varying(stiffness)
+
+
+def _nested(p: Parameters, machine: Machine, variable: str) -> Machine:
+    """Return the machine with two coils: from a stretch on, m, a second one with a share of the rate."""
+
+    def beyond(situation: Situation) -> Array:
+        return stretch(p, variable, situation) - p["engages"]
+
+    def pull(situation: Situation) -> Array:
+        z = beyond(situation)
+        second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
+        return np.asarray(p["pull"] + p["growth"] * (stretch(p, variable, situation) + second))
+
+    def rate(situation: Situation, strong: float) -> Array:
+        z = beyond(situation)
+        return np.asarray(strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))))
+
+    return with_balancer(p, machine, variable, rate, pull)
+
+
+def _disc(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a strap over a disc that turns with the joint, off its middle."""
+    p, variable = truth.parameters, str(truth.component)
+    strong = crank_stiffness(p, reality.machine, variable)
+
+    def shape(situation: Situation) -> tuple[Array, Array, Array]:
+        """Return the strap's pull, its arm and how that grows with the angle."""
+        angle = turned(p, variable, situation)
+        wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
+        strap = np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0)
+        arm = p["crank"] * (1.0 + p["eccentric"] * np.cos(angle - p["phase"]))
+        return strap, arm, -p["crank"] * p["eccentric"] * np.sin(angle - p["phase"])
+
+    def torque(situation: Situation) -> Array:
+        strap, arm, _ = shape(situation)
+        return p["side"] * strap * arm
+
+    def stiffness(situation: Situation, drive: float) -> Array:
+        strap, arm, slope = shape(situation)
+        return drive + (strong * arm**2 + p["side"] * strap * slope)
+
+    return at_joints(truth, reality, lambda k: varying(lambda situation: stiffness(situation, k), torque))
+
+
+FORMS = (
+    wind_up("backlash", "arctan", _arctan, drives1.draw_backlash),
+    curve("backlash", "planets", _planets, drives1.draw_backlash, spread=evenly(0.3, 0.8)),
+    wind_up("hardening", "hertz", _hertz, drives1.draw_hardening),
+    curve("hardening", "cubic", _cubic, drives1.draw_hardening),
+    law("joint-compliance", "hertz", _contacts,
+        drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
+    law("joint-compliance", "preloaded", _preloaded,
+        drives1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
+    law("hysteresis", "dahl", _dahl, drives1.draw_friction, arrived=_ARRIVED),
+    law("hysteresis", "maxwell-slip", _maxwell_slip,
+        drives1.draw_friction, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
+    built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
+    built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
+    built("joint-coupling", "bracket", _bracket, **_COUPLED),
+    law("actuator-lever", "four-bar", _four_bar, _draw_linkage),
+    law("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
+    built("gravity-compensator", "nested", _nested,
+          levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
+    form("gravity-compensator", "disc", _disc,
+         levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
+)  # fmt: skip

@@ -1,96 +1,135 @@
-"""Further forms of wrong loads and readings."""
+"""Further forms of wrong geometry and payload, loads and readings."""
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, named, nowhere, vector
-from beamstiff.exam.forms.author1 import measurement as author1
-from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, axes_of, places_of
-from beamstiff.exam.rotations import turn, turned_by
+from beamstiff.exam.added_parts import with_loose_mass
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import drive_of, stroke
+from beamstiff.exam.draws import PHASE, direction, each, evenly, sized
+from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.forms.author1 import geometry as geometry1
+from beamstiff.exam.forms.author1 import measurement as measurement1
+from beamstiff.exam.machine import Hose, Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import turn
 from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import FRAME_PARAMETERS
 
-USUAL = 1500.0  # N: a gain of one in a hundred is 15 N
+BESIDE = 0.08  # of the named error's size: others that come with it
+HEIGHT = 1.5  # m: the size of a hose is what hangs from there
+GRAVITY = 9.81
+FURTHEST = 0.12  # m that a loose part slides under its weight
 MOMENT_ARM = 0.5  # m: a moment misread by a force, for a gain of 1
 SMALL = 50.0  # N about which a load cell's gain changes from push to pull
 SHORTEST = 0.1  # m of a link that grows
 STAND = 3.0  # m from where drift is told to where a stand tilts
 
 
-def _tracker(rng: np.random.Generator) -> dict[str, float]:
+def _draw_geometry(request: DrawRequest) -> dict[str, float]:
+    component = str(request.component)
+    plain = geometry1.draw_geometry(request)
+    angle, length = (BESIDE * request.sized(*r) for r in (geometry1.ANGLE, geometry1.LENGTH))
+    if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
+        size = abs(plain["error"])
+        if request.form == "eccentric":
+            return plain | {
+                "runout": size * request.uniform(0.3, 0.8),
+                "phase": request.uniform(0.0, 2.0 * np.pi),
+            }
+        return plain | {"scale": size * request.sign() * request.uniform(0.1, 0.4)}
+    if request.robot.loops:  # a rigid loop would not close with other errors
+        return plain
+    if request.form == "eccentric":
+        return plain | {"runout": angle, "phase": request.uniform(0.0, 2.0 * np.pi)}
+    own = component.rsplit(".", 1)[1]
+    for parameter in ("d", "r", "alpha", "beta"):
+        if parameter != own:
+            kind = FRAME_PARAMETERS[parameter]
+            plain[parameter] = request.sign() * (angle if kind == "angle" else length)
+    return plain
+
+
+def _geometry(truth: Truth, reality: Reality) -> Reality:
+    component, p = str(truth.component), truth.parameters
+    others = {f"{component.rsplit('.', 1)[0]}.{n}": p[n] for n in ("d", "r", "alpha", "beta") if n in p}
+    reality = reality.with_errors({component: p["error"]} | others)
+    robot = reality.machine.robot
+    drive = drive_of(robot, component)
+    if drive is None or not {"runout", "scale"} & set(p):
+        return reality
+    middle, _ = stroke(robot, drive)
+
+    def encoder(q: Array) -> Array:
+        return p.get("runout", 0.0) * np.sin(q + p.get("phase", 0.0)) + p.get("scale", 0.0) * (q - middle)
+
+    return reality.with_encoder(drive, encoder)
+
+
+def _hose(p: Parameters, machine: Machine, _: str) -> Machine:
+    return machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),))
+
+
+def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a part of the payload that sits loose along an axis."""
+    held = np.full(6, np.inf)
+    held[0] = p["mass"] * GRAVITY / p["slides"]
+    return with_loose_mass(machine, vector(p), p["away"], p["mass"], held)
+
+
+def _tracker(request: DrawRequest) -> dict[str, float]:
     """Return where a tracker stands, m, base frame."""
-    angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(3.0, 6.0)
-    return named(np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.8, 1.8)]), "uvw")
+    angle, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 6.0)
+    return named(np.array([away * np.cos(angle), away * np.sin(angle), request.uniform(0.8, 1.8)]), "uvw")
 
 
-def _draw_frame(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*author1.FRAME_ANGLE)
-    found = request.direction(angle) | _tracker(request.rng)
-    if request.form == "depth":
-        found["deeper"] = angle * request.sign() * request.uniform(0.3, 0.8)
-    return found
+def _draw_depth(request: DrawRequest) -> dict[str, float]:
+    angle = request.sized(*measurement1.FRAME_ANGLE)
+    found = request.direction(angle) | _tracker(request)
+    return found | {"deeper": angle * request.sign() * request.uniform(0.3, 0.8)}
 
 
-def _frame(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality read by a tracker whose axes are turned where it stands.
+def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values read by a tracker whose axes are turned where it stands.
 
     Or by a camera there, which misjudges depth more than what lies across its view.
     """
-    p, place = truth.parameters, vector(truth.parameters, "uvw")
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        displaced = campaign.kind == "displacement"
-        share = 1.0 if displaced else author1.REGISTERED
-        R = turn(share * vector(p))
-        view = place / np.linalg.norm(place)
-        matrix = R @ (np.eye(3) + share * p.get("deeper", 0.0) * np.outer(view, view))
-        about = np.zeros(3) if displaced or truth.form == "depth" else place
-        turned = turn(values[:, 3:])
-        turned = R @ turned @ R.T if displaced else R @ turned
-        return np.concatenate([about + (values[:, :3] - about) @ matrix.T, turned_by(turned)], axis=1)
-
-    return reality.with_reading(read)
+    place, share = vector(p, "uvw"), measurement1.REGISTERED if seen.absolute else 1.0
+    R = turn(share * vector(p))
+    view = place / np.linalg.norm(place)
+    matrix = R @ (np.eye(3) + share * p.get("deeper", 0.0) * np.outer(view, view))
+    about = place if seen.absolute and "deeper" not in p else np.zeros(3)
+    moved = about + (values[:, :3] - about) @ matrix.T
+    return np.concatenate([moved, measurement1.seen_turned(R, seen, values)], axis=1)
 
 
-def _draw_load(request: DrawRequest) -> dict[str, float]:
-    gain = request.sized(*author1.GAIN)
-    if request.form == "hanger":
-        return {"tare": gain * USUAL}
-    if request.form == "push-pull":
-        return request.direction(gain * np.sqrt(3.0))
-    mixed = request.rng.standard_normal((3, 3))
+def _hanger(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads with a hanger that is not counted in."""
+    size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
+    return np.asarray(wrench * (1.0 + p["tare"] / np.where(size > 0.0, size, np.inf)))
+
+
+def _push_pull(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return the loads that a cell misreads whose gain differs from push to pull."""
+    axes = seen.load_axes
+    own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
+    more = np.einsum("nij,nj->ni", axes, own * vector(p) * np.tanh(own / SMALL))
+    return np.concatenate([wrench[:, :3] + more, wrench[:, 3:]], axis=1)
+
+
+def _draw_crosstalk(request: DrawRequest) -> dict[str, float]:
+    gain, mixed = request.sized(*measurement1.GAIN), request.rng.standard_normal((3, 3))
     mixed = mixed + mixed.T  # its odd part would be a load beside the tool
     mixed -= np.eye(3) * np.trace(mixed) / 3.0
     mixed *= MOMENT_ARM * gain / np.linalg.norm(mixed, 2)
-    return {f"{a}{b}": float(mixed[i, j]) for i, a in enumerate("xyz") for j, b in enumerate("xyz")}
+    return measurement1.by_pairs(mixed)
 
 
-def _load(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with loads misread.
-
-    By a hanger that is not counted in, by a load cell whose gain differs from push to pull, or by one that
-    takes forces for moments.
-    """
-    p = truth.parameters
-
-    def hanger(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        size = np.linalg.norm(wrench[:, :3], axis=1, keepdims=True)
-        return np.asarray(wrench * (1.0 + p["tare"] / np.where(size > 0.0, size, np.inf)))
-
-    def push_pull(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        axes = axes_of(reality.machine, campaign.load_point, placed)
-        own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
-        more = np.einsum("nij,nj->ni", axes, own * vector(p) * np.tanh(own / SMALL))
-        return np.concatenate([wrench[:, :3] + more, wrench[:, 3:]], axis=1)
-
-    def crosstalk(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        axes = axes_of(reality.machine, campaign.load_point, placed)
-        mixed = np.array([[p[f"{a}{b}"] for b in "xyz"] for a in "xyz"])
-        moment = np.einsum("nij,jk,nlk,nl->ni", axes, mixed, axes, wrench[:, :3])
-        return np.concatenate([wrench[:, :3], wrench[:, 3:] + moment], axis=1)
-
-    change = {"hanger": hanger, "push-pull": push_pull, "crosstalk": crosstalk}[truth.form]
-    return reality.with_load(change)
+def _crosstalk(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return the loads of a cell that takes forces for moments."""
+    axes = seen.load_axes
+    moment = np.einsum("nij,jk,nlk,nl->ni", axes, measurement1.matrix_of(p), axes, wrench[:, :3])
+    return np.concatenate([wrench[:, :3], wrench[:, 3:] + moment], axis=1)
 
 
 def links(robot: Robot) -> list[tuple[str, str]]:
@@ -106,62 +145,61 @@ def links(robot: Robot) -> list[tuple[str, str]]:
     return long or found
 
 
-def _draw_drift(request: DrawRequest) -> dict[str, float]:
-    rng = request.rng
-    found = {"drift": request.sized(*author1.DRIFT)}
-    if request.form == "link":
-        return found | {
-            "link": float(rng.integers(len(links(request.robot)))),
-            "fast": request.uniform(0.02, 0.15),  # lags, as shares of the campaign's time
-            "slow": request.uniform(0.4, 1.5),
-            "prompt": request.uniform(0.3, 0.7),
-        }
-    found |= request.direction()
-    if request.form == "swing":
-        return found | {
-            "period": request.uniform(0.4, 1.5),  # over the campaign's time
-            "phase": request.uniform(0.0, 2.0 * np.pi),
-        }
-    return found | _tracker(rng) | {"slow": request.uniform(0.2, 1.5)}
+def _drifted(p: Parameters, seen: Seen, values: Array, share: Array, moved: Array, turned: Array) -> Array:
+    share = p["drift"] * measurement1.since_rest(seen.campaign, np.asarray(share))[:, None]
+    return np.asarray(values + share * np.concatenate([moved, turned], axis=1))
 
 
-def _drift(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with readings that drift: a link grows, the hall swings, the stand tilts."""
-    p, machine = truth.parameters, reality.machine
-
-    def course(campaign: SimulatedCampaign) -> Array:
-        time = author1.since_start(campaign)
-        part = time / (float(time.max()) or 1.0)
-        if truth.form == "swing":
-            turns = 2.0 * np.pi / p["period"]
-            share = 0.5 * (np.sin(turns * part + p["phase"]) - np.sin(p["phase"]))
-        elif truth.form == "link":
-            share = -p["prompt"] * np.expm1(-part / p["fast"])
-            share = share - (1.0 - p["prompt"]) * np.expm1(-part / p["slow"])
-        else:
-            share = np.expm1(-part / p["slow"]) / np.expm1(-1.0 / p["slow"])
-        return author1.since_rest(campaign, np.asarray(share))
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        moved, turned = np.zeros((len(values), 3)), np.zeros((len(values), 3))
-        if truth.form == "swing":
-            moved[:] = vector(p)
-        elif truth.form == "link":
-            a, b = links(machine.robot)[int(p["link"])]
-            ways = placed.node(machine.node(b)) - placed.node(machine.node(a))
-            size = np.linalg.norm(ways, axis=1, keepdims=True)
-            moved = ways / np.where(size > 1e-9, size, np.inf)
-        else:
-            turned[:] = vector(p) / STAND
-            moved = np.cross(turned, places_of(machine, campaign.point, placed) - vector(p, "uvw"))
-        share = p["drift"] * course(campaign)[:, None]
-        return np.asarray(values + share * np.concatenate([moved, turned], axis=1))
-
-    return reality.with_reading(read)
+def _link(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return readings of a machine of which a link grows, promptly and slowly."""
+    part, machine, placed = measurement1.part_of(seen.campaign), seen.machine, seen.placed
+    share = -p["prompt"] * np.expm1(-part / p["fast"])
+    share = share - (1.0 - p["prompt"]) * np.expm1(-part / p["slow"])
+    a, b = links(machine.robot)[int(p["link"])]
+    ways = placed.node(machine.node(b)) - placed.node(machine.node(a))
+    size = np.linalg.norm(ways, axis=1, keepdims=True)
+    moved = ways / np.where(size > 1e-9, size, np.inf)
+    return _drifted(p, seen, values, share, moved, np.zeros_like(moved))
 
 
-EFFECTS = (
-    Effect("frame-misalignment", ("tracker", "depth"), nowhere, _draw_frame, _frame),
-    Effect("load-error", ("hanger", "push-pull", "crosstalk"), nowhere, _draw_load, _load),
-    Effect("thermal-drift", ("link", "swing", "stand"), nowhere, _draw_drift, _drift),
+def _swing(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return readings in a hall whose temperature swings."""
+    turns = 2.0 * np.pi / p["period"]
+    share = 0.5 * (np.sin(turns * measurement1.part_of(seen.campaign) + p["phase"]) - np.sin(p["phase"]))
+    moved = np.tile(vector(p), (len(values), 1))
+    return _drifted(p, seen, values, share, moved, np.zeros_like(moved))
+
+
+def _stand(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return readings from a stand that tilts."""
+    share = np.expm1(-measurement1.part_of(seen.campaign) / p["slow"]) / np.expm1(-1.0 / p["slow"])
+    turned = np.tile(vector(p) / STAND, (len(values), 1))
+    return _drifted(p, seen, values, share, np.cross(turned, seen.places - vector(p, "uvw")), turned)
+
+
+_ANGLE, _DRIFT, _GAIN = (
+    sized(*size) for size in (measurement1.FRAME_ANGLE, measurement1.DRIFT, measurement1.GAIN)
 )
+
+
+FORMS = (
+    form("geometry-error", "eccentric", _geometry, _draw_geometry),
+    form("geometry-error", "crooked", _geometry, _draw_geometry),
+    built("payload-error", "hose", _hose,
+          per_metre=lambda request: request.sized(*geometry1.MASS) / HEIGHT, low=evenly(-0.3, 0.3)),
+    built("payload-error", "loose", _loose, direction(),
+          mass=sized(*geometry1.MASS), slides=lambda request: FURTHEST * request.uniform(0.3, 1.0),
+          away=evenly(0.0, 0.1)),
+    reading("frame-misalignment", "tracker", _frame, direction(_ANGLE), _tracker),
+    reading("frame-misalignment", "depth", _frame, _draw_depth),
+    load("load-error", "hanger", _hanger, tare=lambda request: _GAIN(request) * measurement1.USUAL),
+    load("load-error", "push-pull", _push_pull, direction(lambda request: _GAIN(request) * np.sqrt(3.0))),
+    load("load-error", "crosstalk", _crosstalk, _draw_crosstalk),
+    reading("thermal-drift", "link", _link,
+            drift=_DRIFT, link=lambda request: request.rng.integers(len(links(request.robot))),
+            fast=evenly(0.02, 0.15), slow=evenly(0.4, 1.5), prompt=evenly(0.3, 0.7)),
+    reading("thermal-drift", "swing", _swing,
+            each(drift=_DRIFT), direction(), period=evenly(0.4, 1.5), phase=PHASE),
+    reading("thermal-drift", "stand", _stand,
+            each(drift=_DRIFT), direction(), _tracker, slow=evenly(0.2, 1.5)),
+)  # fmt: skip

@@ -1,215 +1,222 @@
-"""Further forms of soft structure: base, bearings and links."""
+"""Further forms of soft structure, base to tool, and a load that finds its own place."""
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import on_pedestal
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
-from beamstiff.exam.forms.author1 import structure as author1
-from beamstiff.exam.laws import Curve
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, ends_of, on_pedestal, sprung
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import slender
+from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
+from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.forms.author1 import structure as structure1
+from beamstiff.exam.forms.author1 import tool as tool1
+from beamstiff.exam.forms.author2.drives import slackening
+from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
-from beamstiff.exam.machine import Bar, Hinge, Profile, joints_of, tapered
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.parameters import Draw, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn
 
-Curved = tuple[Array, Array]
-STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
+STIFF = structure1.STIFF
+NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
 
 
-def _draw_base(request: DrawRequest) -> dict[str, float]:
-    found = {"tilt": request.sized(*author1.BASE_TILT) * slender(request.robot)}
-    if request.form == "three-feet":
-        return (
-            found
-            | {f"foot{i}": request.uniform(0.3, 1.0) for i in range(3)}
-            | {
-                "first": request.uniform(0.0, 2.0 * math.pi),
-                "radius": request.uniform(0.3, 0.6),
-                "across": request.uniform(0.2, 0.6),
-            }
-        )
-    if request.form == "column":
-        return found | {
-            "height": request.uniform(0.3, 1.2),
-            "flat": request.uniform(0.5, 1.0),
-            "twist": request.uniform(0.4, 0.8),
-            "taper": request.uniform(0.0, 0.3),
-            "turned": request.uniform(0.0, math.pi),
-        }
-    return found | {
-        "about_y": request.uniform(0.5, 1.0),
-        "about_z": request.uniform(0.1, 0.5),
-        "lever": request.uniform(0.1, 0.3),  # m, of the translations
-        "moment": 4e3 * request.uniform(0.5, 2.0) / slender(request.robot) ** 2,
-        "more": request.uniform(0.8, 2.5),  # stiffness gained
-    }
+def _three_feet(p: Parameters, machine: Machine, _: str) -> Machine:
+    angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
+    feet = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
+    shares = np.array([p[f"foot{i}"] for i in range(3)])
+    k = 1.0 / (p["tilt"] * float(shares @ feet[:, 1] ** 2))
+    K = np.zeros((6, 6))
+    for foot, share in zip(feet, shares, strict=True):
+        X = np.concatenate([np.eye(3), -cross_matrix(foot)], axis=1)  # what the foot moves by
+        K += X.T @ np.diag(k * share * np.array([p["across"], p["across"], 1.0])) @ X
+    return on_pedestal(machine, K)
 
 
-def _base(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    if truth.form == "three-feet":
-        angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
-        feet = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
-        shares = np.array([p[f"foot{i}"] for i in range(3)])
-        k = 1.0 / (p["tilt"] * float(shares @ feet[:, 1] ** 2))
-        K = np.zeros((6, 6))
-        for foot, share in zip(feet, shares, strict=True):
-            X = np.concatenate([np.eye(3), -cross_matrix(foot)], axis=1)  # what the foot moves by
-            K += X.T @ np.diag(k * share * np.array([p["across"], p["across"], 1.0])) @ X
-        return reality.with_machine(on_pedestal(machine, K))
-    if truth.form == "column":
-        return reality.with_machine(on_pedestal(machine, _column(p)))
+def _rubber(stiffness: float, p: Parameters, e: Array) -> Curved:
+    x = np.abs(e) * stiffness / p["moment"]
+    share = x / (1.0 + x)
+    slope = stiffness * (1.0 + p["more"] * (share + x / (1.0 + x) ** 2))
+    return stiffness * e * (1.0 + p["more"] * share), slope
 
-    # rubber under the feet: it stiffens where it is squeezed
+
+def _mounts(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine on rubber, which stiffens where it is squeezed; `lever`: m, of the translations."""
     about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
     springs = np.concatenate([1.0 / (about * p["lever"] ** 2), 1.0 / about])
-
-    def rubber(e: Array, stiffness: float) -> Curved:
-        x = np.abs(e) * stiffness / p["moment"]
-        share = x / (1.0 + x)
-        slope = stiffness * (1.0 + p["more"] * (share + x / (1.0 + x) ** 2))
-        return stiffness * e * (1.0 + p["more"] * share), slope
-
-    laws = {d: Curve(lambda e, d=d: rubber(e, float(springs[d]))) for d in (3, 4)}  # type: ignore[misc]
-    return reality.with_machine(on_pedestal(machine, springs, laws))
+    laws = {d: curved(partial(_rubber, float(springs[d]), p)) for d in (3, 4)}
+    return on_pedestal(machine, springs, laws)
 
 
-def _column(p: Mapping[str, float]) -> Array:
-    """Return the stiffness, base axes, of the top of an upright hollow column that is clamped below."""
+def _column(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine on an upright hollow column that is clamped below."""
     EI = p["height"] / p["tilt"]
     EA = EI / 0.15**2
     rigidity = np.array([EA, 0.15 * EA, 0.15 * EA, p["twist"] * EI, EI * p["flat"], EI])
     profile = tapered(rigidity, lambda x: 1.0 + p["taper"] * (0.5 - x), 3.0)
     K = tip_stiffness(profile, np.array([p["height"]]))[0]
     c, s = math.cos(p["turned"]), math.sin(p["turned"])
-    axes = np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]])
-    turned = np.kron(np.eye(2), axes)
-    return np.asarray(turned @ K @ turned.T)
+    turned = np.kron(np.eye(2), np.array([[0.0, c, -s], [0.0, s, c], [1.0, 0.0, 0.0]]))
+    return on_pedestal(machine, turned @ K @ turned.T)
 
 
-def _draw_bearing(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_bearing(request)
-    if request.form == "hertz":
-        return found | {"moment": 2e3 * request.uniform(0.3, 1.5)}
-    return found | {
-        "span": request.uniform(0.1, 0.3),
-        "uneven": request.uniform(0.4, 1.0),  # second bearing's stiffness over the first's
-        "shift": request.uniform(-0.1, 0.1),
-    }
-
-
-def _bearing(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-    if truth.form == "hertz":
-        return author1.with_tilting(truth, reality, lambda e, k: _hertz(e, k, p["moment"] * p["tilt"]))
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_hinge(_pair(machine.hinge(name), own, p))
-    return reality.with_machine(machine)
-
-
-def _hertz(e: Array, k: float, strain: float) -> Curved:
+def _hertz(p: Parameters, k: float, e: Array) -> Curved:
     """Balls on a ring: as each one's force grows with its approach's power 3/2, past a light preload."""
+    strain = p["moment"] * p["tilt"]
     root = np.sqrt(1.0 + np.abs(e) / strain)
     return 0.8 * k * e * root, 0.8 * k * (root + 0.5 * np.abs(e) / strain / root)
 
 
-def _pair(hinge: Hinge, own: int, p: Mapping[str, float]) -> Hinge:
-    """Return the joint held by two bearings a span apart, in series with what it had."""
-    c, s = math.cos(p["turned"]), math.sin(p["turned"])
-    axes = hinge.axes @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+def _pairs(p: Parameters, machine: Machine, component: str) -> Machine:
+    for name, own in joints_of(machine.robot, component):
+        machine = machine.with_hinge(_pair(machine.hinge(name), own, p))
+    return machine
+
+
+def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
+    """Return the joint held by two bearings a span apart, in series with what it had.
+
+    `uneven`: second bearing's stiffness over the first's.
+    """
     k = 2.0 / (p["tilt"] * p["span"] ** 2)
     K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
-    for place, each in ((0.5, k), (-0.5, p["uneven"] * k)):
+    for place, stiffness in ((0.5, k), (-0.5, p["uneven"] * k)):
         z = p["shift"] + place * p["span"]
         for moved, turned, way in ((1, 5, z), (2, 4, -z)):
             row = np.zeros(6)
             row[moved], row[turned] = 1.0, way
-            K += each * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
+            K += stiffness * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
     held = [d for d in range(6) if d != own and hinge.stiffness[d] > 0.0]
     before = np.where(np.isinf(hinge.stiffness), STIFF, hinge.stiffness)
     result = np.diag(before)
     soft = np.linalg.inv(K[np.ix_(held, held)]) + np.diag(1.0 / before[held])
     result[np.ix_(held, held)] = np.linalg.inv(soft)
+    axes = hinge.axes @ about_x(p["turned"])
     return dataclasses.replace(hinge, axes=axes, stiffness=0.5 * (result + result.T))
 
 
-def _draw_link(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_link(request)
-    if request.form == "hollow":
-        found |= {
-            "shear": request.uniform(0.1, 0.25),  # G A over E A, what of it stands against shear
-            "skew": request.uniform(0.0, math.pi),
-            "narrower": request.uniform(0.1, 0.5),
-        }
-    else:
-        found |= {
-            "end": request.integer(0, 2),
-            "joint": request.uniform(0.3, 0.6),  # share of the bolted joint in the bending
-            "opens": request.uniform(0.3, 0.8),  # its give about the other axis
-        }
-    return found
-
-
-def _link(truth: Truth, reality: Reality) -> Reality:
-    machine, p = reality.machine, truth.parameters
+def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
+    """Return the machine with a thin-walled conical link; `shear`: over E A, what stands against it."""
     if "softer" in p:
-        bars = tuple(_softer(bar, truth) if bar.name == truth.component else bar for bar in machine.bars)
-        return reality.with_machine(dataclasses.replace(machine, bars=bars))
-    nodes = next(nodes for name, nodes in machine.rigids if name == truth.component)
-    machine = machine.without(str(truth.component))
-    up = author1.up_of(machine, nodes)
+        return machine.with_profile(name, lambda was: _thinner(p, was))
+    nodes = dict(machine.rigids)[name]
+    machine = machine.without(name)
     EI, EA = p["EI"], p["EI"] / 0.12**2
-    if truth.form == "hollow":
-        rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
-        profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
-        placed_up = _skewed(reality, nodes, up, p["skew"])
-        bar = Bar(str(truth.component), nodes, profile, placed_up)
-    else:
-        rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
-        even = tapered(rigidity, lambda x: np.ones_like(x))
-        bar = Bar(str(truth.component), nodes, _bolted(even, 1.0 / rigidity, p), up)
-    return reality.with_machine(machine.plus(bars=(bar,)))
-
-
-def _skewed(reality: Reality, nodes: tuple[str, str], up: Array, angle: float) -> Array:
-    """Return a direction across a link, turned about it by an angle; the frame of its first node."""
-    machine = reality.machine
-    placed = in_the_middle(machine.robot)
-    a, b = (placed.node(machine.node(n))[0] for n in nodes)
+    rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
+    profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
+    placed, a, b = ends_of(machine, nodes)
     axes = placed.rotations[machine.node(nodes[0]).frame][0]
     along = axes.T @ (b - a) / np.linalg.norm(b - a)
-    return np.asarray(turn(angle * along) @ up)
+    up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
+    return machine.plus(bars=(Bar(name, nodes, profile, up),))
 
 
-def _bolted(even: Profile, soft: Array, p: Mapping[str, float]) -> Profile:
-    """Return a beam's profile with part of its bending in a joint at one end, that opens about one axis."""
-    joint = p["joint"] * soft * np.array([0.0, 0.0, 0.0, 0.5, p["opens"], 1.0])
-    rest = (1.0 - p["joint"]) * even.compliance
-    return Profile(np.append(even.stations, p["end"]), np.concatenate([rest, joint[None]]))
+def _thinner(p: Parameters, was: Profile) -> Profile:
+    swell = (1.0 - p["narrower"] * was.stations) ** -3
+    swell = 1.0 + (p["softer"] - 1.0) * swell / np.average(swell, weights=was.compliance[:, 0])
+    share = np.array([0.5, 1.0, 1.0, 1.0, 1.0, 1.0])  # walls that buckle bend more than they stretch
+    return Profile(was.stations, was.compliance * (1.0 + share * (swell[:, None] - 1.0)))
 
 
-def _softer(bar: Bar, truth: Truth) -> Bar:
-    """Return a beam of the model that is softer than it says: thin-walled and conical, or bolted."""
-    p, was = truth.parameters, bar.profile
-    if truth.form == "hollow":
-        swell = (1.0 - p["narrower"] * was.stations) ** -3
-        swell = 1.0 + (p["softer"] - 1.0) * swell / np.average(swell, weights=was.compliance[:, 0])
-        share = np.array([0.5, 1.0, 1.0, 1.0, 1.0, 1.0])  # walls that buckle bend more than they stretch
-        more = 1.0 + share * (swell[:, None] - 1.0)
-        return dataclasses.replace(bar, profile=Profile(was.stations, was.compliance * more))
-    whole = was.compliance.sum(axis=0)
-    joint = (p["softer"] - 1.0) * whole * np.array([0.0, 0.0, 0.0, 0.5, p["opens"], 1.0])
-    stations = np.append(was.stations, p["end"])
-    return dataclasses.replace(bar, profile=Profile(stations, np.concatenate([was.compliance, joint[None]])))
+def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
+    """Return the machine with a link that is bolted at one `end`, a `joint` that `opens` about one axis.
+
+    `joint`: its share of the bending.
+    """
+    if "softer" in p:
+        more = p["softer"] - 1.0
+        return machine.with_profile(name, lambda was: _with_joint(p, was, more * was.compliance.sum(axis=0)))
+    nodes = dict(machine.rigids)[name]
+    machine = machine.without(name)
+    EI, EA = p["EI"], p["EI"] / 0.12**2
+    rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
+    even = tapered(rigidity, lambda x: np.ones_like(x))
+    rest = Profile(even.stations, (1.0 - p["joint"]) * even.compliance)
+    profile = _with_joint(p, rest, p["joint"] * (1.0 / rigidity))
+    return machine.plus(bars=(Bar(name, nodes, profile, structure1.up_of(machine, nodes)),))
 
 
-EFFECTS = (
-    Effect("base-compliance", ("three-feet", "column", "mounts"), nowhere, _draw_base, _base),
-    Effect("bearing-tilt", ("hertz", "pair"), author1.bearings, _draw_bearing, _bearing),
-    Effect("link-bending", ("hollow", "bolted"), author1.links, _draw_link, _link),
-)
+def _with_joint(p: Parameters, was: Profile, soft: Array) -> Profile:
+    joint = soft * np.array([0.0, 0.0, 0.0, 0.5, p["opens"], 1.0])
+    return Profile(np.append(was.stations, p["end"]), np.concatenate([was.compliance, joint[None]]))
+
+
+def strutted(p: Parameters) -> Array:
+    """Return the stiffness (6, 6) of a load cell on six struts, about its middle height."""
+    K = np.zeros((6, 6))
+    for i in range(6):
+        # two struts from either end of a foot's pair lean towards the same place above
+        low = p["first"] + math.pi / 3.0 * (i - i % 2) + (0.2 if i % 2 else -0.2)
+        high = p["first"] + math.pi / 3.0 * (i - i % 2) + math.pi / 3.0 * (1 if i % 2 else -1)
+        a = np.array([p["lower"] * math.cos(low), p["lower"] * math.sin(low), -0.5 * p["height"]])
+        b = np.array([p["upper"] * math.cos(high), p["upper"] * math.sin(high), 0.5 * p["height"]])
+        along = (b - a) / np.linalg.norm(b - a)
+        row = np.concatenate([along, np.cross(a, along)])
+        K += p[f"strut{i}"] * np.outer(row, row)
+    return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
+
+
+def _struts(p: Parameters, machine: Machine, _: str) -> Machine:
+    return sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p))
+
+
+def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a flange that opens from a moment, N m, about x, and a `later` one about y."""
+    k = tool1.sprung_about(tool1.about_tool(p))
+    ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
+    laws = {
+        d: curved(partial(slackening, k=float(k[d]), loose=p["loose"], at=end)) for d, end in ends.items()
+    }
+    return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
+
+
+def _shackle(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads in a shackle, whose eye slides to where the ring about the TCP is nearest them."""
+    force, normal = wrench[:, :3], seen.tool_axes @ vector(p)
+    flat = force - np.sum(normal * force, axis=1, keepdims=True) * normal
+    size = np.sum(flat**2, axis=1) + NARROW**2 * np.sum(force**2, axis=1)
+    return seen.with_arm(wrench, p["away"] * flat / np.sqrt(np.maximum(size, 1e-12))[:, None])
+
+
+def _strap(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads that hang below the tool whichever way that is turned."""
+    g = np.array(seen.machine.robot.gravity)
+    down = g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, -1.0])
+    return seen.with_arm(wrench, np.broadcast_to(p["away"] * down, (len(wrench), 3)))
+
+
+_SOFT: dict[str, Draw] = {"tilt": sized(*tool1.TURN), "behind": evenly(0.02, 0.12)}
+_AWAY = each(away=sized(*tool1.AWAY))
+
+
+FORMS = (
+    built("base-compliance", "three-feet", _three_feet,
+          tilt=structure1.TILT, **{f"foot{i}": evenly(0.3, 1.0) for i in range(3)},
+          first=evenly(0.0, 2.0 * math.pi), radius=evenly(0.3, 0.6), across=evenly(0.2, 0.6)),
+    built("base-compliance", "column", _column,
+          tilt=structure1.TILT, height=evenly(0.3, 1.2), flat=evenly(0.5, 1.0), twist=evenly(0.4, 0.8),
+          taper=evenly(0.0, 0.3), turned=evenly(0.0, math.pi)),
+    built("base-compliance", "mounts", _mounts,
+          tilt=structure1.TILT, about_y=evenly(0.5, 1.0), about_z=evenly(0.1, 0.5), lever=evenly(0.1, 0.3),
+          moment=lambda request: 4e3 * request.uniform(0.5, 2.0) / slender(request.robot) ** 2,
+          more=evenly(0.8, 2.5)),
+    built("bearing-tilt", "hertz", partial(structure1.with_tilting, _hertz),
+          structure1.draw_bearing, moment=lambda request: 2e3 * request.uniform(0.3, 1.5)),
+    built("bearing-tilt", "pair", _pairs,
+          structure1.draw_bearing, span=evenly(0.1, 0.3), uneven=evenly(0.4, 1.0), shift=evenly(-0.1, 0.1)),
+    built("link-bending", "hollow", _hollow, structure1.draw_link,
+          shear=evenly(0.1, 0.25), skew=evenly(0.0, math.pi), narrower=evenly(0.1, 0.5)),
+    built("link-bending", "bolted", _bolted,
+          structure1.draw_link, end=whole(0, 2), joint=evenly(0.3, 0.6), opens=evenly(0.3, 0.8)),
+    built("tool-compliance", "struts", _struts, **_SOFT,
+          **{f"strut{i}": evenly(0.6, 1.0) for i in range(6)},
+          lower=evenly(0.04, 0.06), upper=evenly(0.02, 0.04), height=evenly(0.03, 0.06), first=PHASE),
+    built("tool-compliance", "opening", _opening, **_SOFT,
+          other=evenly(0.6, 1.0), about=evenly(0.3, 1.0), opens=by_ratio(20.0, 200.0),
+          later=evenly(1.0, 2.5), loose=evenly(0.25, 0.6)),
+    load("tool-offset", "shackle", _shackle, _AWAY, direction()),
+    load("tool-offset", "strap", _strap, _AWAY),
+)  # fmt: skip

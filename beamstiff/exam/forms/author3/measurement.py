@@ -1,28 +1,127 @@
-"""Third forms of wrong loads and readings."""
+"""Third forms of wrong geometry and payload, loads and readings."""
+
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, named, nowhere, vector
-from beamstiff.exam.forms.author1 import measurement as author1
-from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, places_of
-from beamstiff.exam.rotations import turn, turned_by
+from beamstiff.exam.added_parts import with_loose_mass
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import drive_of, in_the_middle
+from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
+from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.forms.author1 import geometry as geometry1
+from beamstiff.exam.forms.author1 import measurement as measurement1
+from beamstiff.exam.laws import Curved, winding
+from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, named, vector
+from beamstiff.exam.reality import Reality
+from beamstiff.exam.rotations import turn
+from beamstiff.robot.parts import FRAME_PARAMETERS
 
+SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
+TOLERANCE = 0.03  # of the named error's size, one standard deviation: all other errors
+GRAVITY = 9.81
+FIRM = 1e-4  # of what it gives at first, that a loose thing gives at its bounds
 DISCS = 6
 ROPE = (0.02, 0.4)  # rad that a rope's way turns where the tool is as far from mid-range as its arm is long
 SEEN = 4.0  # lens distortion over the frame's angle: the machine fills a quarter of the view
 COLUMN = 1.5  # m: height that a column's drift is told at
 
 
-def _draw_frame(request: DrawRequest) -> dict[str, float]:
-    rng, angle = request.rng, request.sized(*author1.FRAME_ANGLE)
+def _size(component: str, size: float) -> float:
+    angle = "." not in component or FRAME_PARAMETERS[component.rsplit(".", 1)[1]] == "angle"
+    return between(size, *(geometry1.ANGLE if angle else geometry1.LENGTH))
+
+
+def _draw_geometry(request: DrawRequest) -> dict[str, float]:
+    component, robot = str(request.component), request.robot
+    found = {"error": geometry1.draw_geometry(request)["error"]}
+    if request.form == "oval":
+        encoder = "." not in component
+        share = request.uniform(0.3, 0.7) if encoder else SMALL
+        return found | {
+            "oval": share * request.sized(*geometry1.ANGLE),
+            "phase": request.uniform(0.0, 2.0 * np.pi),
+        }
+    others = [name for name in map(str, geometry1.geometry_places(robot)) if name != component]
+    if robot.loops:  # rigid loops would not close with lengths that do not fit
+        others = [name for name in others if "." not in name]
+    return found | {
+        name: TOLERANCE * _size(name, request.size) * float(request.rng.standard_normal()) for name in others
+    }
+
+
+def _geometry(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with wrong kinematics.
+
+    ``oval``: besides the error of its zero an encoder's track or its coupling is oval, or its shaft is bent
+    in its universal joint, so that the angle errs twice a turn. Textbooks of angle measurement; a frame's
+    error comes with a little of it at the frame's drive.
+
+    ``tolerances``: one error stands out, and all others are there as well, far smaller, as manufacture and an
+    earlier calibration leave them. What calibrations of real robots find.
+    """
+    component, p = str(truth.component), truth.parameters
+    errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
+    reality = reality.with_errors({component: p["error"]} | errors)
+    drive = drive_of(reality.machine.robot, component)
+    kinds = {variable.name: variable.kind for variable in reality.machine.robot.actuated}
+    if drive is None or "oval" not in p or kinds[drive] != "angle":
+        return reality
+    return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
+
+
+def _payload(ways: tuple[int, ...], p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with something at the tool that the model lacks, and that moves within bounds.
+
+    ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
+    ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
+    the more it is tilted, up to the wall. Engineering estimates both.
+
+    `half`: m to either side. `tilt`: share of the weight along its way with which it has gone most of it.
+    """
+    turning = p["tilt"] * p["mass"] * GRAVITY
+
+    def bounded(force: Array) -> Curved:
+        x = force / turning
+        root = np.hypot(1.0, x)
+        firm = FIRM * p["half"] / turning
+        return p["half"] * x / root + firm * force, p["half"] / (turning * root**3) + firm
+
+    laws = dict.fromkeys(ways, winding(bounded, turning / (FIRM * p["half"])))
+    return with_loose_mass(machine, vector(p), p["along"], p["mass"], np.full(6, np.inf), laws)
+
+
+_LOOSE: dict[str, Draw] = {
+    "mass": sized(*geometry1.MASS), "along": signed(evenly(0.0, 0.1)), "half": evenly(0.03, 0.12)
+}  # fmt: skip
+
+
+def _draw_stations(request: DrawRequest) -> dict[str, float]:
+    angle = request.sized(*measurement1.FRAME_ANGLE)
+    found = request.direction(angle) | request.direction(angle, "uvw")
+    return found | {"after": request.uniform(0.3, 0.7)}
+
+
+def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values of a tracker that is moved once, either station aligned by itself, each wrongly.
+
+    Common practice where the arm hides the reflector.
+    """
+    share, pose = measurement1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
+    poses = np.unique(pose)
+    later = np.searchsorted(poses, pose) >= p["after"] * len(poses)
+    R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), turn(share * vector(p)))
+    moved = (R @ values[:, :3, None])[..., 0]
+    return np.concatenate([moved, measurement1.seen_turned(R, seen, values)], axis=1)
+
+
+def _draw_lens(request: DrawRequest) -> dict[str, float]:
+    angle = request.sized(*measurement1.FRAME_ANGLE)
     found = request.direction(angle)
-    if request.form == "stations":
-        return found | request.direction(angle, "uvw") | {"after": request.uniform(0.3, 0.7)}
-    around, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(3.0, 5.0)
-    place = np.array([away * np.cos(around), away * np.sin(around), rng.uniform(0.8, 1.8)])
-    return found | named(place, "uvw") | {"barrel": SEEN * angle * request.sign() * request.uniform(0.5, 1.0)}
+    around, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 5.0)
+    found |= named(np.array([away * np.cos(around), away * np.sin(around), request.uniform(0.8, 1.8)]), "uvw")
+    return found | {"barrel": SEEN * angle * request.sign() * request.uniform(0.5, 1.0)}
 
 
 def distorted(points: Array, camera: Array, barrel: float) -> Array:
@@ -38,112 +137,72 @@ def distorted(points: Array, camera: Array, barrel: float) -> Array:
     return np.asarray(points + barrel * wide[:, None] * across)
 
 
-def _frame(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality read in a wrong frame.
+def _lens(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values of a camera whose axes are turned, and whose lens is not calibrated to the rim.
 
-    ``lens``: a camera whose axes are turned, and whose lens is not calibrated to the rim, so that its scale
-    changes across its view (barrel distortion, D. C. Brown, 1966). The size is an engineering estimate.
-
-    ``stations``: the tracker is moved once, and either station is aligned by itself, each wrongly. Common
-    practice where the arm hides the reflector.
+    Its scale changes across its view (barrel distortion, D. C. Brown, 1966). The size is an engineering
+    estimate.
     """
-    p, machine = truth.parameters, reality.machine
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        displaced = campaign.kind == "displacement"
-        share = 1.0 if displaced else author1.REGISTERED
-        first = turn(share * vector(p))
-        R = np.broadcast_to(first, (len(values), 3, 3))
-        moved = values[:, :3]
-        if truth.form == "stations":
-            poses = np.unique(campaign.pose)
-            later = np.searchsorted(poses, campaign.pose) >= p["after"] * len(poses)
-            R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), first)
-        else:
-            camera, barrel = vector(p, "uvw"), share * p["barrel"]
-            if displaced:
-                at = places_of(machine, campaign.point, placed)
-                moved = distorted(at + moved, camera, barrel) - distorted(at, camera, barrel)
-            else:
-                moved = distorted(moved, camera, barrel)
-        turned = turn(values[:, 3:])
-        turned = R @ turned @ np.swapaxes(R, -1, -2) if displaced else R @ turned
-        return np.concatenate([(R @ moved[..., None])[..., 0], turned_by(turned)], axis=1)
-
-    return reality.with_reading(read)
+    share = measurement1.REGISTERED if seen.absolute else 1.0
+    camera, barrel, moved = vector(p, "uvw"), share * p["barrel"], values[:, :3]
+    if seen.absolute:
+        moved = distorted(moved, camera, barrel)
+    else:
+        moved = distorted(seen.places + moved, camera, barrel) - distorted(seen.places, camera, barrel)
+    R = np.broadcast_to(turn(share * vector(p)), (len(values), 3, 3))
+    return np.concatenate([(R @ moved[..., None])[..., 0], measurement1.seen_turned(R, seen, values)], axis=1)
 
 
-def _draw_load(request: DrawRequest) -> dict[str, float]:
-    if request.form == "rope":
-        missed = vector(request.direction()) * request.uniform(0.0, 0.3)  # of the arm's length
-        return {"angle": request.sized(*ROPE)} | named(missed)
-    gain = 1.3 * request.sized(*author1.GAIN)
-    wrong = request.rng.standard_normal(DISCS)
+def _draw_rope(request: DrawRequest) -> dict[str, float]:
+    missed = vector(request.direction()) * request.uniform(0.0, 0.3)  # of the arm's length
+    return {"angle": request.sized(*ROPE)} | named(missed)
+
+
+def _rope(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads by a rope that runs to a pulley in the room, set out for about the middle of the range.
+
+    It stays where it is, so that the pull turns as the tool moves aside. Common practice.
+    """
+    machine, campaign, placed = seen.machine, seen.campaign, seen.placed
+    middle = in_the_middle(machine.robot)
+    changed = wrench.copy()
+    for name in np.unique(campaign.load_point):
+        rows, node = campaign.load_point == name, machine.node(str(name))
+        reach = float(np.linalg.norm(middle.node(machine.node(machine.tcp))))
+        aside = placed.node(node)[rows] - middle.node(node) - reach * vector(p)
+        force = wrench[rows, :3]
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        way = force / np.where(size > 0.0, size, np.inf)
+        true = way * reach / p["angle"] - aside
+        true = true / np.linalg.norm(true, axis=1, keepdims=True)
+        axis = np.cross(way, true)
+        sine = np.linalg.norm(axis, axis=1, keepdims=True)
+        angle = np.arctan2(sine, np.sum(way * true, axis=1, keepdims=True))
+        spin = np.where(size > 0.0, axis * angle / np.where(sine > 1e-12, sine, np.inf), 0.0)
+        R = turn(spin)
+        parts = [(R @ part[..., None])[..., 0] for part in (force, wrench[rows, 3:])]
+        changed[rows] = np.concatenate(parts, axis=1)
+    return changed
+
+
+def _draw_discs(request: DrawRequest) -> dict[str, float]:
+    gain, wrong = 1.3 * request.sized(*measurement1.GAIN), request.rng.standard_normal(DISCS)
     wrong -= 0.5 * wrong.mean()  # an equal error of all would be a softer machine
     wrong *= gain / np.sqrt(np.mean(wrong**2))
     return {f"disc{i}": float(error) for i, error in enumerate(wrong)}
 
 
-def _load(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with loads misread.
+def _discs(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads by a stack of discs whose true weights differ from their labels.
 
-    ``rope``: the rope runs to a pulley in the room, which is set out for about the middle of the range and
-    stays where it is, so that the pull turns as the tool moves aside. Common practice.
-
-    ``discs``: the load is a stack of discs whose true weights differ from their labels, so that its error has
-    a slope of its own from disc to disc. Weights of commercial classes err less, those of a workshop so much;
-    engineering estimate.
+    Their error has a slope of its own from disc to disc. Weights of commercial classes err less, those of a
+    workshop so much; engineering estimate.
     """
-    p, machine = truth.parameters, reality.machine
-
-    def rope(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        middle = in_the_middle(machine.robot)
-        changed = wrench.copy()
-        for name in np.unique(campaign.load_point):
-            rows, node = campaign.load_point == name, machine.node(str(name))
-            reach = float(np.linalg.norm(middle.node(machine.node(machine.tcp))))
-            aside = placed.node(node)[rows] - middle.node(node) - reach * vector(p)
-            force = wrench[rows, :3]
-            size = np.linalg.norm(force, axis=1, keepdims=True)
-            way = force / np.where(size > 0.0, size, np.inf)
-            true = way * reach / p["angle"] - aside
-            true = true / np.linalg.norm(true, axis=1, keepdims=True)
-            axis = np.cross(way, true)
-            sine = np.linalg.norm(axis, axis=1, keepdims=True)
-            angle = np.arctan2(sine, np.sum(way * true, axis=1, keepdims=True))
-            spin = np.where(size > 0.0, axis * angle / np.where(sine > 1e-12, sine, np.inf), 0.0)
-            R = turn(spin)
-            parts = [(R @ part[..., None])[..., 0] for part in (force, wrench[rows, 3:])]
-            changed[rows] = np.concatenate(parts, axis=1)
-        return changed
-
-    def discs(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        size = np.linalg.norm(wrench[:, :3], axis=1)
-        each = (float(size.max()) or 1.0) / DISCS
-        laid = np.clip(size[:, None] / each - np.arange(DISCS), 0.0, 1.0)
-        more = each * laid @ np.array([p[f"disc{i}"] for i in range(DISCS)])
-        return np.asarray(wrench * (1.0 + more / np.where(size > 0.0, size, np.inf))[:, None])
-
-    return reality.with_load(rope if truth.form == "rope" else discs)
-
-
-def _draw_drift(request: DrawRequest) -> dict[str, float]:
-    found = {"drift": request.sized(*author1.DRIFT)}
-    if request.form == "thermostat":
-        return (
-            found
-            | request.direction()
-            | {
-                "period": request.uniform(600.0, 2400.0),  # s
-                "on": request.uniform(0.25, 0.6),  # share of the period
-                "lag": request.uniform(0.15, 0.6),  # likewise
-                "start": float(request.rng.uniform()),
-            }
-        )
-    return found | {
-        "from": request.uniform(0.0, 2.0 * np.pi),
-        "sweep": request.sign() * request.uniform(1.0, 2.5),  # rad over the campaign
-    }
+    size = np.linalg.norm(wrench[:, :3], axis=1)
+    each = (float(size.max()) or 1.0) / DISCS
+    laid = np.clip(size[:, None] / each - np.arange(DISCS), 0.0, 1.0)
+    more = each * laid @ np.array([p[f"disc{i}"] for i in range(DISCS)])
+    return np.asarray(wrench * (1.0 + more / np.where(size > 0.0, size, np.inf))[:, None])
 
 
 def heated(part: Array, on: float, lag: float) -> Array:
@@ -157,72 +216,69 @@ def heated(part: Array, on: float, lag: float) -> Array:
     return np.asarray((np.where(part < on, rising, falling) - low) / (high - low))
 
 
-def _drift(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with readings that drift.
+def _thermostat(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values in a hall whose heating or cooling goes on and off.
 
-    ``thermostat``: the hall's heating or cooling goes on and off, and what carries the tracker follows with a
-    lag, in minutes. Known in every machine hall (ISO 230-3 asks for its record).
-
-    ``sun``: a column, warmer on the sunlit side, leans into the shade, and the sun moves on. Known of large
-    machine tools; the angle it sweeps is that of some hours.
+    What carries the tracker follows with a lag, in minutes. Known in every machine hall (ISO 230-3 asks for
+    its record). `period`: s; `on`, `lag`: shares of it.
     """
-    p, machine = truth.parameters, reality.machine
-
-    def thermostat(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        part = p["start"] + author1.since_start(campaign) / p["period"]
-        share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
-        moved = p["drift"] * author1.since_rest(campaign, share)[:, None] * vector(p)
-        return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
-
-    def sun(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        time = author1.since_start(campaign)
-        bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
-        lean = np.zeros((len(values), 3))
-        for axis, part in ((0, np.cos), (1, np.sin)):
-            lean[:, axis] = author1.since_rest(campaign, part(bearing) - part(p["from"]))
-        lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
-        turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
-        moved = np.cross(turned, places_of(machine, campaign.point, placed))
-        return np.asarray(values + np.concatenate([moved, turned], axis=1))
-
-    return reality.with_reading(thermostat if truth.form == "thermostat" else sun)
+    part = p["start"] + measurement1.since_start(seen.campaign) / p["period"]
+    share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
+    moved = p["drift"] * measurement1.since_rest(seen.campaign, share)[:, None] * vector(p)
+    return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
 
 
-def _draw_outliers(request: DrawRequest) -> dict[str, float]:
-    return request.direction() | {
-        "size": request.sized(*author1.SIZE),
-        "length": request.integer(2, 7),
-        "share": request.uniform(0.01, 0.05),
-        "seed": request.integer(0, 2**31),
-    }
+def _sun(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values on a column that leans into the shade, and the sun moves on.
 
-
-def _outliers(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with bad rows.
-
-    ``run``: the beam is broken and caught again at a wrong distance, or the reflector sits askew on a chip,
-    until someone sees it and sets it right: a few rows one after the other are off by the same. Known of
-    interferometers and of magnetic nests; engineering estimate.
+    Known of large machine tools; the angle it sweeps, rad over the campaign, is that of some hours.
     """
-    p = truth.parameters
-
-    def read(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        rng = np.random.default_rng(int(p["seed"]))
-        order = np.lexsort((campaign.step, campaign.pose))
-        length = min(int(p["length"]), max(1, len(values) // 8))  # a few rows, of a short campaign too
-        values = values.copy()
-        for _ in range(max(1, round(p["share"] * len(values) / length))):
-            first = int(rng.integers(len(values) - length + 1))
-            shift = p["size"] * rng.uniform(0.5, 1.5) * rng.choice([-1.0, 1.0]) * vector(p)
-            values[order[first : first + length], :3] += shift
-        return values
-
-    return reality.with_reading(read)
+    time = measurement1.since_start(seen.campaign)
+    bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
+    lean = np.zeros((len(values), 3))
+    for axis, part in ((0, np.cos), (1, np.sin)):
+        lean[:, axis] = measurement1.since_rest(seen.campaign, part(bearing) - part(p["from"]))
+    lean *= p["drift"] / (2.0 * np.sin(0.5 * abs(p["sweep"])))
+    turned = np.cross([0.0, 0.0, 1.0], lean) / COLUMN
+    return np.asarray(values + np.concatenate([np.cross(turned, seen.places), turned], axis=1))
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("frame-misalignment", ("lens", "stations"), nowhere, _draw_frame, _frame),
-    Effect("load-error", ("rope", "discs"), nowhere, _draw_load, _load),
-    Effect("thermal-drift", ("thermostat", "sun"), nowhere, _draw_drift, _drift),
-    Effect("outliers", ("run",), nowhere, _draw_outliers, _outliers),
-)
+def _run(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values with bad rows one after the other, off by the same.
+
+    The beam is broken and caught again at a wrong distance, or the reflector sits askew on a chip, until
+    someone sees it and sets it right. Known of interferometers and of magnetic nests; engineering estimate.
+    """
+    rng = np.random.default_rng(int(p["seed"]))
+    order = np.lexsort((seen.campaign.step, seen.campaign.pose))
+    length = min(int(p["length"]), max(1, len(values) // 8))  # a few rows, of a short campaign too
+    values = values.copy()
+    for _ in range(max(1, round(p["share"] * len(values) / length))):
+        first = int(rng.integers(len(values) - length + 1))
+        shift = p["size"] * rng.uniform(0.5, 1.5) * rng.choice([-1.0, 1.0]) * vector(p)
+        values[order[first : first + length], :3] += shift
+    return values
+
+
+_DRIFT = sized(*measurement1.DRIFT)
+
+
+FORMS = (
+    form("geometry-error", "oval", _geometry, _draw_geometry),
+    form("geometry-error", "tolerances", _geometry, _draw_geometry),
+    built("payload-error", "rolling", partial(_payload, (0,)),
+          direction(), **_LOOSE, tilt=evenly(0.03, 0.12)),
+    built("payload-error", "liquid", partial(_payload, (1, 2)),
+          direction(), **_LOOSE, tilt=evenly(0.3, 0.8)),
+    reading("frame-misalignment", "lens", _lens, _draw_lens),
+    reading("frame-misalignment", "stations", _stations, _draw_stations),
+    load("load-error", "rope", _rope, _draw_rope),
+    load("load-error", "discs", _discs, _draw_discs),
+    reading("thermal-drift", "thermostat", _thermostat, direction(),
+            drift=_DRIFT, period=evenly(600.0, 2400.0), on=evenly(0.25, 0.6), lag=evenly(0.15, 0.6),
+            start=lambda request: request.rng.uniform()),
+    reading("thermal-drift", "sun", _sun, drift=_DRIFT,
+            **{"from": PHASE, "sweep": signed(evenly(1.0, 2.5))}),
+    reading("outliers", "run", _run, direction(),
+            size=sized(*measurement1.SIZE), length=whole(2, 7), share=evenly(0.01, 0.05), seed=SEED),
+)  # fmt: skip

@@ -1,61 +1,58 @@
-"""Third forms of soft structure: base, bearings and links."""
+"""Third forms of soft structure, base to tool, and loads hung on in other places."""
 
 import dataclasses
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import free_name, node_at, on_pedestal, seen_from_foot
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, Effect, in_the_middle, nowhere, slender
-from beamstiff.exam.forms.author1 import structure as author1
+from beamstiff.exam.added_parts import (
+    UP,
+    about_x,
+    across_link,
+    behind_flange,
+    ends_of,
+    free_name,
+    node_at,
+    on_pedestal,
+    seen_from_foot,
+    sprung,
+)
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.draws import PHASE, SEED, by_ratio, direction, each, evenly, sized
+from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.forms.author1 import structure as structure1
+from beamstiff.exam.forms.author1 import tool as tool1
 from beamstiff.exam.forms.author2.drives import slackening
+from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.parameters import Draw, Parameters, vector
+
+LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
+MINDLIN = 0.8  # stiffness of a ball's contact across over that along its normal
+FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 
 
-def _draw_base(request: DrawRequest) -> dict[str, float]:
-    found = {
-        "tilt": request.sized(*author1.BASE_TILT) * slender(request.robot),
-        "turned": request.uniform(0.0, math.pi),
-    }
-    if request.form == "carriage":
-        return found | {
-            "long": request.uniform(0.3, 0.6),  # m, half the distances of the guide blocks
-            "wide": request.uniform(0.25, 0.5),
-            "across": request.uniform(0.5, 1.0),  # sideways over upright
-            "rack": request.uniform(0.1, 0.5),  # along the rails over one block's upright
-            "low": request.uniform(0.1, 0.4),
-        }
-    return found | {
-        "span": request.uniform(2.0, 5.0),
-        "place": request.uniform(0.25, 0.75),
-        "beside": request.uniform(-0.3, 0.3),
-        "above": request.uniform(0.1, 0.4),
-        "flat": request.uniform(0.2, 0.8),
-        "twist": request.uniform(0.2, 0.6),
-    }
-
-
-def _base(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a soft base.
+def _base(stiffness: Callable[[Parameters], Array], p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a soft base, turned about the vertical.
 
     ``carriage``: the robot rides on a seventh axis, held by four guide blocks on rails and, along them, by
     the rack's drive, which is softer. Common in body shops; block stiffness as in catalogues (Bosch Rexroth,
-    THK), the drive's an engineering estimate.
+    THK), the drive's an engineering estimate. `long`, `wide`: m, half the distances of the guide blocks;
+    `across`: sideways over upright; `rack`: along the rails over one block's upright.
 
     ``girder``: it stands on a bridge that is clamped at both ends, beside the bridge's axis, as on gantries
     and platforms; sizes are an engineering estimate.
     """
-    p = dict(truth.parameters)
-    K = carriage(p) if truth.form == "carriage" else girder(p)
     c, s = math.cos(p["turned"]), math.sin(p["turned"])
     turned = np.kron(np.eye(2), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
-    return reality.with_machine(on_pedestal(reality.machine, turned @ K @ turned.T))
+    return on_pedestal(machine, turned @ stiffness(p) @ turned.T)
 
 
-def carriage(p: dict[str, float]) -> Array:
+def carriage(p: Parameters) -> Array:
     """Return the stiffness of a carriage at the foot, its rails along x."""
     upright = 1.0 / (4.0 * p["tilt"] * p["wide"] ** 2)
     rack = np.diag([p["rack"] * upright, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -67,7 +64,7 @@ def carriage(p: dict[str, float]) -> Array:
     return np.asarray(K)
 
 
-def girder(p: dict[str, float]) -> Array:
+def girder(p: Parameters) -> Array:
     """Return the stiffness at the foot of a girder along x that is clamped at both ends.
 
     Its size is such that the foot tilts about the girder's axis by `tilt` under a moment of 1.
@@ -82,119 +79,190 @@ def girder(p: dict[str, float]) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _draw_bearing(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_bearing(request)
-    if request.form == "housing":
-        return found | {"other": request.uniform(0.15, 0.6)}
-    return found | {
-        "loose": request.uniform(0.35, 0.6),  # stiffness that the loaded row has by itself
-        "strain": request.log_uniform(2e-5, 3e-4),
-    }
+def _housing(p: Parameters, machine: Machine, component: str) -> Machine:
+    """Return the machine with a bearing whose seat is softer one way, in a fork for instance.
 
-
-def _bearing(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with soft bearings.
-
-    ``housing``: the seat of the bearing is softer one way, in a fork for instance, and that way stays with
-    the link before the joint as that turns. Seen in finite-element models of castings; the ratio is an
-    engineering estimate.
-
-    ``unloading``: a pair of angular-contact rows under preload; past a moment one row has no load left, and
-    the other holds alone. Bearing catalogues (SKF, Schaeffler) give the load at which it lifts.
+    That way stays with the link before the joint as that turns. Seen in finite-element models of castings;
+    the ratio is an engineering estimate.
     """
-    p, machine = truth.parameters, reality.machine
-    if truth.form == "unloading":
-        return author1.with_tilting(truth, reality, lambda e, k: slackening(e, k, p["loose"], p["strain"]))
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = _seated(machine, name, own, dict(p))
-    return reality.with_machine(machine)
+    for name, own in joints_of(machine.robot, component):
+        machine = _seated(machine, name, own, p)
+    return machine
 
 
-def _seated(machine: Machine, joint: str, own: int, p: dict[str, float]) -> Machine:
+def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
     """Return the machine with a seat between a joint and the link that it is mounted in."""
     hinge, placed = machine.hinge(joint), in_the_middle(machine.robot)
     at = int(machine.node(hinge.nodes[0]).frame == hinge.frame)  # the node that does not turn with the joint
     host = machine.node(hinge.nodes[at])
     seat = host.model_copy(update={"name": free_name(machine, "seat")})
-    c, s = math.cos(p["turned"]), math.sin(p["turned"])
-    across = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-    axes = placed.rotations[host.frame][0].T @ placed.rotations[hinge.frame][0] @ hinge.axes @ across
+    axes = placed.rotations[host.frame][0].T @ placed.rotations[hinge.frame][0] @ hinge.axes
     soft = np.array(
         [p["axial"], p["radial"], p["radial"] * p["other"], 0.0, p["tilt"] * p["other"], p["tilt"]]
     )
     soft[own] = 0.0
     with np.errstate(divide="ignore"):
         # the seat comes first: where errors of the geometry move the joint, the host follows
-        held = Hinge(seat.name, (seat.name, host.name), host.frame, axes, 1.0 / soft)
+        held = Hinge(seat.name, (seat.name, host.name), host.frame, axes @ about_x(p["turned"]), 1.0 / soft)
     nodes = (seat.name, hinge.nodes[1]) if at == 0 else (hinge.nodes[0], seat.name)
     machine = machine.with_hinge(dataclasses.replace(hinge, nodes=nodes))
     return machine.plus(nodes=(seat,), hinges=(held,))
 
 
-def _draw_link(request: DrawRequest) -> dict[str, float]:
-    found = author1.draw_link(request)
-    found["side"] = request.uniform(0.0, 2.0 * math.pi)
-    if request.form == "channel":
-        return found | {"beside": request.uniform(0.04, 0.12)}  # m for a metre of length
-    return found | {
-        "beside": request.uniform(0.05, 0.12),
-        "uneven": request.uniform(0.5, 1.0),  # second leg's section over the first one's
-    }
+def _unloading(p: Parameters, k: float, e: Array) -> Curved:
+    """Return a pair of angular-contact rows under preload.
+
+    Past a moment one row has no load left, and the other holds alone, with the stiffness `loose`. Bearing
+    catalogues (SKF, Schaeffler) give the load at which it lifts.
+    """
+    return slackening(e, k, p["loose"], p["strain"])
 
 
-def _link(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a link that bends.
+def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
+    """Return the machine with a link that bends.
 
     ``channel``: an open section, whose shear centre lies beside the line from joint to joint, so that forces
     across twist it. Any textbook of strength of materials.
 
-    ``fork``: two legs side by side between stiff ends, as forked arms have; one may be the weaker. Any
-    textbook; the distances are an engineering estimate.
+    ``fork``: two legs side by side between stiff ends, as forked arms have; one may be the weaker, by
+    `uneven`. Any textbook; the distances, shares of the length, are an engineering estimate.
     """
-    p, machine = dict(truth.parameters), reality.machine
-    name = str(truth.component)
     beam = next((bar for bar in machine.bars if bar.name == name), None)
     if beam is None:
-        nodes = next(nodes for rigid, nodes in machine.rigids if rigid == name)
-        rigidity = p["EI"] * np.array([1 / 0.12**2, np.inf, np.inf, p["twist"], p["flat"], 1.0])
-        profile = tapered(rigidity, lambda x: np.ones_like(x))
-        beam = Bar(name, nodes, profile, author1.up_of(machine, nodes))
+        nodes = dict(machine.rigids)[name]
+        profile = tapered(structure1.rigidity_of(p), lambda x: np.ones_like(x))
+        beam = Bar(name, nodes, profile, structure1.up_of(machine, nodes))
     else:
         profile = Profile(beam.profile.stations, beam.profile.compliance * p["softer"])
         beam = dataclasses.replace(beam, profile=profile)
     machine = machine.without(name)
-    if truth.form == "channel":
-        return reality.with_machine(_beside(machine, beam, p["beside"], p["side"], 1.0))
+    if not fork:
+        return _beside(machine, beam, p["beside"], p["side"], 1.0)
     shares = np.array([1.0, p["uneven"]]) / (1.0 + p["uneven"])
     for way, share in zip((1.0, -1.0), shares, strict=True):
         machine = _beside(machine, beam, way * p["beside"], p["side"], float(share))
-    return reality.with_machine(machine)
+    return machine
 
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    placed = in_the_middle(machine.robot)
-    ends = [machine.node(name) for name in bar.nodes]
-    a, b = (placed.node(node)[0] for node in ends)
-    along = (b - a) / np.linalg.norm(b - a)
-    across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    across = across / np.linalg.norm(across)
-    away = (
-        beside * np.linalg.norm(b - a) * (math.cos(side) * across + math.sin(side) * np.cross(along, across))
-    )
+    placed, a, b = ends_of(machine, bar.nodes)
+    away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
-    for end, place in zip(ends, (a, b), strict=True):
-        node = node_at(machine, placed, end.frame, place + away, "leg")
+    for end, place in zip(bar.nodes, (a, b), strict=True):
+        node = node_at(machine, placed, machine.node(end).frame, place + away, "leg")
         names.append(node.name)
-        tie = (f"{end.name} {node.name}", (end.name, node.name))
-        machine = machine.plus(nodes=(node,), rigids=(tie,))
+        machine = machine.plus(nodes=(node,), rigids=((f"{end} {node.name}", (end, node.name)),))
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)
     return machine.plus(bars=(leg,))
 
 
-EFFECTS: tuple[Effect, ...] = (
-    Effect("base-compliance", ("carriage", "girder"), nowhere, _draw_base, _base),
-    Effect("bearing-tilt", ("housing", "unloading"), author1.bearings, _draw_bearing, _bearing),
-    Effect("link-bending", ("channel", "fork"), author1.links, _draw_link, _link),
-)
+_BASE: dict[str, Draw] = {"tilt": structure1.TILT, "turned": evenly(0.0, math.pi)}
+
+
+def hertzian(pressed: Array, k: float, clamped: float) -> Curved:
+    """Return the force over its clamping that a ball takes, and its slope, from the approach (P,).
+
+    The approach grows with the load's power 2/3; k is the stiffness under the clamping force. Where the ball
+    lifts the clamp alone is left.
+    """
+    scale = 1.5 * clamped / k
+    root = np.sqrt(np.maximum(1.0 + pressed / scale, 0.0))
+    force = LIFTED * k * pressed + (1.0 - LIFTED) * clamped * (root**3 - 1.0)
+    return force, k * (LIFTED + (1.0 - LIFTED) * root)
+
+
+def _balls(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a tool changer or kinematic coupling that seats on three balls under a clamp.
+
+    Their contacts stiffen as they are pressed and soften as they are lifted (A. H. Slocum, Precision machine
+    design, 1992); the clamping forces, N on each ball, are an engineering estimate.
+    """
+    machine, flange = behind_flange(machine)
+    angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
+    shares = np.array([p[f"ball{i}"] for i in range(3)])
+    contacts = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
+    upright = shares / (p["tilt"] * float(shares @ contacts[:, 1] ** 2))
+    for contact, k in zip(contacts, upright, strict=True):
+
+        def ball(e: Array, k: float = float(k)) -> Curved:
+            force, slope = hertzian(-e, k, p["clamped"])  # pressed where the tool comes nearer
+            return -force, slope
+
+        springs = np.array([MINDLIN * k, MINDLIN * k, k, 0.0, 0.0, 0.0])
+        machine = sprung(machine, flange, contact - p["behind"] * UP, springs, {2: curved(ball)})
+    return machine
+
+
+def _remote_centre(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine with a compliant device for assembly, its elastic centre at or ahead of the tip.
+
+    A force there moves the tool without tilting it (D. E. Whitney, 1982). `reach`: m, root of what it gives
+    across over what it tilts.
+    """
+    about = tool1.about_tool(p)
+    across = 1.0 / (about[:2] * p["reach"] ** 2)
+    k = np.concatenate([across, [FIRM * across[0]], 1.0 / about])
+    return sprung(*behind_flange(machine), p["ahead"] * UP, k)
+
+
+def eyes(p: Parameters) -> Array:
+    """Return the places of the eye bolts of a loading adapter, (5, 3), m from the TCP in its frame."""
+    angles = p["turned"] + 0.5 * math.pi * np.arange(4)
+    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=-1)
+    return np.asarray(p["away"] * np.concatenate([around, [[0.0, 0.0, p["tip"]]]]))
+
+
+def _at_eyes(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads hooked into that eye bolt of an adapter, one on each of its sides, that faces them.
+
+    Common practice with dead weights and pulleys. `tip`: distance of the eye ahead over that of the others.
+    """
+    places, axes = eyes(p), seen.tool_axes
+    own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
+    facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
+    return seen.with_arm(wrench, (axes @ places[facing][..., None])[..., 0])
+
+
+def _rehung(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads by a sling laid on anew in each pose, beside the TCP but never quite the same.
+
+    Common practice; the scatter, by the pose's number whichever others are measured, is an engineering
+    estimate.
+    """
+    poses = np.unique(seen.campaign.pose)
+    apart = np.array(
+        [np.random.default_rng([int(p["seed"]), int(pose)]).standard_normal(3) for pose in poses]
+    )
+    at = vector(p) + p["scatter"] * apart[np.searchsorted(poses, seen.campaign.pose)]
+    return seen.with_arm(wrench, (seen.tool_axes @ (p["away"] * at)[..., None])[..., 0])
+
+
+_TILT, _AWAY = sized(*tool1.TURN), sized(*tool1.AWAY)
+
+
+FORMS = (
+    built("base-compliance", "carriage", partial(_base, carriage), **_BASE,
+          long=evenly(0.3, 0.6), wide=evenly(0.25, 0.5), across=evenly(0.5, 1.0), rack=evenly(0.1, 0.5),
+          low=evenly(0.1, 0.4)),
+    built("base-compliance", "girder", partial(_base, girder), **_BASE,
+          span=evenly(2.0, 5.0), place=evenly(0.25, 0.75), beside=evenly(-0.3, 0.3), above=evenly(0.1, 0.4),
+          flat=evenly(0.2, 0.8), twist=evenly(0.2, 0.6)),
+    built("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
+    built("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
+          structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
+    built("link-bending", "channel", partial(_link, False),
+          structure1.draw_link, side=PHASE, beside=evenly(0.04, 0.12)),
+    built("link-bending", "fork", partial(_link, True),
+          structure1.draw_link, side=PHASE, beside=evenly(0.05, 0.12), uneven=evenly(0.5, 1.0)),
+    built("tool-compliance", "balls", _balls,
+          tilt=_TILT, **{f"ball{i}": evenly(0.7, 1.0) for i in range(3)}, behind=evenly(0.02, 0.12),
+          radius=evenly(0.03, 0.07), first=PHASE, clamped=lambda r: by_ratio(1e3, 6e3)(r) / slender(r.robot)),
+    built("tool-compliance", "remote-centre", _remote_centre,
+          tilt=_TILT, ahead=evenly(0.0, 0.06), reach=evenly(0.05, 0.12), other=evenly(0.7, 1.0),
+          about=evenly(0.3, 1.0)),
+    load("tool-offset", "eyes", _at_eyes, away=_AWAY, turned=PHASE, tip=evenly(0.5, 1.5)),
+    load("tool-offset", "rehung", _rehung,
+         each(away=_AWAY), direction(), scatter=evenly(0.2, 0.5), seed=SEED),
+)  # fmt: skip

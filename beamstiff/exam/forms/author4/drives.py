@@ -1,154 +1,121 @@
-"""Drives: wind-up, play that is not a plain dead zone, friction by load or by way, and coupling of two."""
+"""Drives: wind-up, play, friction, coupling of two; screws and slides by their lever arm; balancers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
+from beamstiff.exam.added_parts import axis_in_the_middle, pair_of
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import DrawRequest, at_joints, drives, stiffness_of, stroke, turning_drives, turns
-from beamstiff.exam.forms.author4.by_form import Form, effect_of, main_stiffness, rounded_ramp
-from beamstiff.exam.laws import Curve, Forgetful, Friction, Law, Memory, Situation, Stiffness, WindUp, fading
-from beamstiff.exam.machine import Mesh, drives_of, joints_of, own_stiffness
+from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turns
+from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
+from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.forms.author4.scales import beside, main_stiffness, rounded_ramp
+from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, rubbing, varying, winding
+from beamstiff.exam.machine import Machine, Mesh, drives_of, joints_of, own_stiffness
+from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.description import Robot
 
 ROUND = 0.08  # of a play's width: its corners
 BLUNT = 2e-6  # rad
+STEP = 1e-30  # of complex steps
+ROOM = 293.15  # K
+DEGC = 273.15
+COMES_IN = 0.05  # of a balancer's crank: where its second coil comes in
+TORQUE = 6e-4  # rad: what the drive would give under the usual balancer
+SWING = 0.85  # rad: of a slotted lever to either side
 
 
-def soft_zone(k: float, lost: float, knee: float) -> WindUp:
+def soft_zone(k: float, lost: float, knee: float) -> Law:
     """Return a strain wave gear's wind-up: teeth that settle add up to `lost` while the torque is small."""
 
-    def wind_up(force: Array) -> tuple[Array, Array]:
+    def wind_up(force: Array) -> Curved:
         u = force / (k * knee)
-        return force / k + lost * (2.0 / np.pi) * np.arctan(u), 1.0 / k + lost * (2.0 / np.pi) / (
-            k * knee * (1.0 + u**2)
-        )
+        slope = 1.0 / k + lost * (2.0 / np.pi) / (k * knee * (1.0 + u**2))
+        return force / k + lost * (2.0 / np.pi) * np.arctan(u), slope
 
-    return WindUp(wind_up, k)
+    return winding(wind_up, k)
 
 
-def engaging(k: float, gain: float, scale: float, skew: float) -> WindUp:
+def engaging(k: float, gain: float, scale: float, skew: float) -> Law:
     """Return a gear's wind-up of which more teeth carry the larger the torque, sooner in one direction.
 
     Stiffness ``k (1 + gain (1 - exp(-|T| / T1)))``, T1 = ``k scale (1 + skew sign(T))``.
     """
 
-    def wind_up(force: Array) -> tuple[Array, Array]:
+    def wind_up(force: Array) -> Curved:
         T1 = k * scale * np.where(force >= 0.0, 1.0 + skew, 1.0 - skew)
         u = np.abs(force) / T1
         rest = 1.0 + gain * -np.expm1(-u)
         wound = T1 / (k * (1.0 + gain)) * (u + np.log1p(gain * -np.expm1(-u)))
         return np.sign(force) * wound, 1.0 / (k * rest)
 
-    return WindUp(wind_up, k * (1.0 + gain))
+    return winding(wind_up, k * (1.0 + gain))
 
 
-def spline(k: float, contact: float, knee: float) -> WindUp:
+def spline(k: float, contact: float, knee: float) -> Law:
     """Return the wind-up of a shaft in a spline: contacts that give with the torque to two thirds.
 
     `contact`: their compliance at no torque, over that of the shaft.
     """
 
-    def wind_up(force: Array) -> tuple[Array, Array]:
+    def wind_up(force: Array) -> Curved:
         u = force / (k * knee)
         soft = u * (1.0 + u**2) ** (-1.0 / 6.0)
         slope = (1.0 + u**2) ** (-7.0 / 6.0) * (1.0 + 2.0 / 3.0 * u**2)
         return force / k + contact * knee * soft, (1.0 + contact * slope) / k
 
-    return WindUp(wind_up, k)
+    return winding(wind_up, k)
 
 
-def scissor(k: float, sign: float, preload: float, gap: float, soft: float) -> Curve:
+def scissor(k: float, sign: float, preload: float, gap: float, soft: float) -> Law:
     """Return a split gear: beyond its preload in one direction the spring half gives by a gap."""
     width = ROUND * (gap + preload)
 
-    def part(y: Array) -> tuple[Array, Array]:
+    def part(y: Array) -> Curved:
         first, its = rounded_ramp(-y - preload, width)
         last, other = rounded_ramp(-y - preload - gap, width)
         return k * y + (1.0 - soft) * k * (first - last), k - (1.0 - soft) * k * (its - other)
 
     at_rest = part(np.zeros(1))[0]
 
-    def curve(strain: Array) -> tuple[Array, Array]:
+    def curve(strain: Array) -> Curved:
         force, slope = part(sign * strain)
         return sign * (force - at_rest), slope
 
-    return Curve(curve)
+    return curved(curve)
 
 
-@dataclass(frozen=True)
-class EccentricMesh(Forgetful):
-    """Play between flanks of a wheel that runs out: half as wide again on one side of its turn.
+def eccentric_mesh(p: Parameters, k: float, variable: str) -> Law:
+    """Return play between flanks of a wheel that runs out: half as wide again on one side of its turn.
 
     Grease between the flanks carries a little.
     """
 
-    stiffness: float
-    half_width: float
-    runout: float
-    phase: float
-    grease: float
-    variable: str
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, slope and no memory."""
-        w = self.half_width * (1.0 + self.runout * np.cos(situation.values[self.variable] - self.phase))
+    def curve(strain: Array, situation: Situation) -> Curved:
+        w = p["half_width"] * (1.0 + p["runout"] * np.cos(situation.values[variable] - p["phase"]))
         above, below = (np.sqrt((strain + way * w) ** 2 + (ROUND * w) ** 2) for way in (-1.0, 1.0))
         free = strain + 0.5 * (above - below)
         slope = 1.0 + 0.5 * ((strain - w) / above - (strain + w) / below)
-        carried = self.stiffness * (1.0 - self.grease)
-        rest = self.stiffness * self.grease
-        return rest * strain + carried * free, rest + carried * slope, memory
+        carried, rest = k * (1.0 - p["grease"]), k * p["grease"]
+        return rest * strain + carried * free, rest + carried * slope
 
-
-def _soft_zone(request: DrawRequest) -> dict[str, float]:
-    return {"lost": request.sized(1e-5, 4e-4), "knee": request.log_uniform(2e-5, 1.5e-4)}
-
-
-def _engaging(request: DrawRequest) -> dict[str, float]:
-    return {
-        "gain": request.sized(0.05, 1.5),
-        "scale": request.log_uniform(6e-5, 4e-4),
-        "skew": request.sign() * request.uniform(0.0, 0.5),
-    }
-
-
-def _hardening(truth: Truth, reality: Reality) -> Reality:
-    law_of = soft_zone if truth.form == "soft-zone" else engaging
-    return at_joints(truth, reality, lambda k: law_of(k, **truth.parameters))
+    return posed(curve)
 
 
 def _usual(request: DrawRequest) -> float:
-    """Return the geometric mean of the other drives' stiffness."""
+    """Return a stiffness, by the geometric mean of the other drives'."""
     robot, place = request.robot, request.component
     like = [
         stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name) == turns(robot, place)
     ]
-    return float(np.exp(np.mean(np.log(like)))) if like else main_stiffness(robot)
+    usual = float(np.exp(np.mean(np.log(like)))) if like else main_stiffness(robot)
+    return usual / request.sized(0.03, 1.2)
 
 
-def _rope(request: DrawRequest) -> dict[str, float]:
-    return {
-        "stiffness": _usual(request) / request.sized(0.03, 1.2),
-        "longer": request.sign() * request.uniform(0.15, 0.5),
-    }
-
-
-def _spline(request: DrawRequest) -> dict[str, float]:
-    return {
-        "stiffness": _usual(request) / request.sized(0.03, 1.2),
-        "contact": request.uniform(0.5, 2.0),
-        "knee": request.log_uniform(3e-5, 3e-4),
-    }
-
-
-def _given_way(truth: Truth, reality: Reality) -> Reality:
+def _rope_drive(truth: Truth, reality: Reality) -> Reality:
     p, variable = truth.parameters, str(truth.component)
-    if truth.form == "spline":
-        return at_joints(truth, reality, lambda _: spline(p["stiffness"], p["contact"], p["knee"]))
     middle, half = stroke(reality.machine.robot, variable)
 
     def stiffness(situation: Situation) -> Array:
@@ -156,196 +123,201 @@ def _given_way(truth: Truth, reality: Reality) -> Reality:
         way = np.clip((situation.values[variable] - middle) / half, -1.5, 1.5)
         return np.asarray(p["stiffness"] / (1.0 + p["longer"] * way))
 
-    return at_joints(truth, reality, lambda _: Stiffness(stiffness))
+    return at_joints(truth, reality, lambda _: varying(stiffness))
 
 
-def _mesh(request: DrawRequest) -> dict[str, float]:
-    return {
-        "half_width": request.sized(5e-6, 4e-4),
-        "runout": request.uniform(0.2, 0.6),
-        "phase": request.uniform(0.0, 2.0 * np.pi),
-        "grease": request.uniform(0.01, 0.06),
-    }
+def tooth_friction(p: Parameters, k: float, _: str) -> Law:
+    """Return friction of seals, and of teeth by the torque that they carry: the loop is a bow tie.
 
-
-def _scissor(request: DrawRequest) -> dict[str, float]:
-    return {
-        "sign": request.sign(),
-        "preload": request.log_uniform(1e-5, 1.2e-4),
-        "gap": request.sized(1e-5, 6e-4),
-        "soft": request.uniform(0.02, 0.12),
-    }
-
-
-def _backlash(truth: Truth, reality: Reality) -> Reality:
-    def law_of(k: float) -> Law:
-        if truth.form == "scissor-gear":
-            return scissor(k, **truth.parameters)
-        return EccentricMesh(k, variable=str(truth.component), **truth.parameters)
-
-    return at_joints(truth, reality, law_of)
-
-
-def stiff_joints(robot: Robot) -> Sequence[str | None]:
-    """Return the actuated joints that the model holds rigid."""
-    names = [v.name for v in robot.actuated if any(j.variable == v.name for j in robot.joints)]
-    return [n for n in names if all(np.isinf(own_stiffness(robot, *at)) for at in joints_of(robot, n))]
-
-
-@dataclass(frozen=True)
-class MeshFriction(Friction):
-    """Friction of seals, and of teeth in proportion to the torque that they carry: the loop is a bow tie.
-
-    `reach`: strain over which the friction turns round.
+    `friction`: as the strain that it holds; `reach`: strain over which it turns round, by Dahl's law;
     `share`: of the torque.
     """
+    friction = k * p["friction"]
 
-    reach: float
-    share: float
+    def largest(strain: Array, state: Array) -> tuple[Array, Array]:
+        return friction + p["share"] * k * np.abs(strain), p["share"] * k * np.sign(strain) * state
 
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state after a way, by Dahl's law."""
-        return fading(state, way, self.reach)
-
-    def largest(self, strain: Array, state: Array) -> tuple[Array, Array]:
-        """Return the largest friction, and its growth."""
-        most = self.friction + self.share * self.stiffness * np.abs(strain)
-        return most, self.share * self.stiffness * np.sign(strain) * state
+    return rubbing(k, friction, p["arrived"], partial(fading, reach=p["reach"]), largest)
 
 
-@dataclass(frozen=True)
-class WormFriction(Friction):
-    """Friction that is larger one way than the other, as of a worm that is driven back.
+def driven_back(p: Parameters, k: float, _: str) -> Law:
+    """Return friction that is larger one way than the other, as of a worm that is driven back.
 
-    `reach`: strain over which it turns round.
-    `power`: over 1; by which it nears its largest force, slower than exponentially.
-    `skew`: in (-1, 1): friction ``(1 + skew)`` forward, ``(1 - skew)`` back.
+    What is left of the way to its largest, ``(1 + skew)`` forward and ``(1 - skew)`` back, obeys
+    ``du/dx = -u^power / reach``, power over 1: slower than exponentially.
     """
+    friction = k * p["friction"]
 
-    reach: float
-    power: float
-    skew: float
-
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state after a way: what is left of it obeys ``du/dx = -u^power / reach``."""
-        n = self.power - 1.0
+    def run(state: Array, way: Array) -> Curved:
+        n = p["power"] - 1.0
         start = np.maximum(1.0 - state, 1e-12)
-        left = (start**-n + n * way / self.reach) ** (-1.0 / n)
-        return 1.0 - left, left**self.power / self.reach
+        left = (start**-n + n * way / p["reach"]) ** (-1.0 / n)
+        return 1.0 - left, left ** p["power"] / p["reach"]
 
-    def largest(self, strain: Array, state: Array) -> tuple[Array, float]:
-        """Return the largest friction, which does not grow."""
-        return self.friction * (1.0 + self.skew * np.sign(state)), 0.0
+    def largest(strain: Array, state: Array) -> tuple[Array, float]:
+        return friction * (1.0 + p["skew"] * np.sign(state)), 0.0
+
+    return rubbing(k, friction, p["arrived"], run, largest)
 
 
 def _gear(request: DrawRequest) -> dict[str, float]:
+    """Return the friction of teeth; they bend before they slide, so that the reach grows with it."""
     share = request.sized(0.01, 0.25)
-    return {
-        "share": share,
-        "friction": share * request.log_uniform(3e-5, 4e-4),
-        "reach": share * request.log_uniform(2e-4, 1e-3),  # the same teeth bend before they slide
-        "arrived": request.uniform(-0.9, 0.9),
-    }
+    friction, reach = (share * by_ratio(*size)(request) for size in ((3e-5, 4e-4), (2e-4, 1e-3)))
+    return {"share": share, "friction": friction, "reach": reach}
 
 
 def _worm(request: DrawRequest) -> dict[str, float]:
     friction = request.sized(8e-6, 2.5e-4)
-    return {
-        "friction": friction,
-        "reach": friction * request.log_uniform(0.35, 2.0),  # the same teeth bend before they slide
-        "power": request.uniform(1.2, 1.8),
-        "skew": request.sign() * request.uniform(0.15, 0.5),
-        "arrived": request.uniform(-0.9, 0.9),
-    }
+    return {"friction": friction, "reach": friction * by_ratio(0.35, 2.0)(request)}
 
 
-def _friction(truth: Truth, reality: Reality) -> Reality:
-    p = dict(truth.parameters)
-    friction = p.pop("friction")  # as the strain that it holds
+def _idler(p: Parameters, machine: Machine, pair: str) -> Machine:
+    one, two, k1, k2 = pair_of(machine, pair)
+    k, side = min(k1, k2) * p["stiffness"], p["side"]
 
-    def law_of(k: float) -> Law:
-        kind = MeshFriction if truth.form == "tooth-friction" else WormFriction
-        return kind(stiffness=k, friction=k * friction, **p)
+    def curve(strain: Array) -> Curved:
+        carried, slope = rounded_ramp(side * strain, BLUNT)
+        return side * k * (carried - 0.5 * BLUNT), k * slope
 
-    return at_joints(truth, reality, law_of)
-
-
-def pairs(robot: Robot) -> Sequence[str | None]:
-    """Return the pairs of drives that follow one another."""
-    names = turning_drives(robot)
-    return [f"{a}+{b}" for a, b in pairwise(names)]
+    return machine.plus(meshes=(Mesh(one, two, (1.0, p["ratio"]), curved(curve)),))
 
 
-def _housing(request: DrawRequest) -> dict[str, float]:
-    return {
-        "compliance": request.sized(0.02, 0.8),
-        "share": request.sign() * request.uniform(0.5, 1.2),
-        "phase": request.uniform(0.0, 2.0 * np.pi),
-    }
+def _housing(p: Parameters, machine: Machine, pair: str) -> Machine:
+    """Return the machine with a housing that both torques twist.
 
-
-def _idler(request: DrawRequest) -> dict[str, float]:
-    return {
-        "stiffness": request.sized(0.03, 1.2),
-        "ratio": request.sign() * request.uniform(0.4, 1.3),
-        "side": request.sign(),
-    }
-
-
-def _coupling(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    names = str(truth.component).split("+")
-    (first, a), (second, b) = (joints_of(machine.robot, name)[0] for name in names)
-    k1, k2 = own_stiffness(machine.robot, first, a), own_stiffness(machine.robot, second, b)
-    softer = min(k1, k2)
-    if truth.form == "one-way-idler":
-        k, side = softer * p["stiffness"], p["side"]
-
-        def curve(strain: Array) -> tuple[Array, Array]:
-            carried, slope = rounded_ramp(side * strain, BLUNT)
-            return side * k * (carried - 0.5 * BLUNT), k * slope
-
-        mesh = Mesh((first, a), (second, b), (1.0, p["ratio"]), Curve(curve))
-        return reality.with_machine(machine.plus(meshes=(mesh,)))
-
-    # both torques twist one housing, the second by the cosine of the angle between the axes: its compliance c
-    # in series, (C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)
+    The second by the cosine of the angle between the axes: its compliance c in series,
+    ``(C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)``.
+    """
+    one, two, k1, k2 = pair_of(machine, pair)
     c = p["compliance"] / max(k1, k2)
 
     def leaning(situation: Situation) -> Array:
-        return np.asarray(p["share"] * np.cos(situation.values[names[1]] - p["phase"]))
+        return np.asarray(p["share"] * np.cos(situation.values[pair.split("+")[1]] - p["phase"]))
 
     def taken(situation: Situation) -> Array:
         return np.asarray(-c / (1.0 + c * (k1 + k2 * leaning(situation) ** 2)))
 
-    mesh = Mesh((first, a), (second, b), (k1, lambda s: k2 * leaning(s)), Stiffness(taken))
-    return reality.with_machine(machine.plus(meshes=(mesh,)))
+    return machine.plus(meshes=(Mesh(one, two, (k1, lambda s: k2 * leaning(s)), varying(taken)),))
 
 
-EFFECTS = (
-    effect_of(
-        "hardening",
-        drives,
-        {"soft-zone": Form(_soft_zone, _hardening), "engaging-teeth": Form(_engaging, _hardening)},
-    ),
-    effect_of(
-        "joint-compliance",
-        stiff_joints,
-        {"rope-drive": Form(_rope, _given_way), "spline": Form(_spline, _given_way)},
-    ),
-    effect_of(
-        "backlash",
-        drives,
-        {"eccentric-mesh": Form(_mesh, _backlash), "scissor-gear": Form(_scissor, _backlash)},
-    ),
-    effect_of(
-        "hysteresis",
-        drives,
-        {"tooth-friction": Form(_gear, _friction), "driven-back": Form(_worm, _friction)},
-    ),
-    effect_of(
-        "joint-coupling",
-        pairs,
-        {"common-housing": Form(_housing, _coupling), "one-way-idler": Form(_idler, _coupling)},
-    ),
-)
+def _of(spring: Callable[..., Law]) -> Callable[[Parameters, float, str], Law]:
+    """Return a law from a spring that takes the stiffness and the parameters by name."""
+    return lambda p, k, _: spring(k, **p)
+
+
+_ARRIVED = evenly(-0.9, 0.9)
+
+
+def screw(angle: Array, crank: float, shaft: float) -> Array:
+    """Return the stiffness of a screw's drive about its joint, up to a factor; the frame's arm is 1 long.
+
+    Nut and bearings are in series with the free length of the shaft, of which it has more where the screw is
+    longer: `shaft`, its compliance over theirs at length 1.
+    """
+    long = np.sqrt(1.0 + crank**2 - 2.0 * crank * np.cos(angle))
+    arm = crank * np.sin(angle) / long
+    return np.asarray(arm**2 / (1.0 + shaft * long))
+
+
+def slotted(angle: Array) -> Array:
+    """Return the stiffness of a pin on a slide in a lever's slot, about the lever's joint, up to a factor.
+
+    The pin goes straight past the joint: by ``tan(angle)``, so that the way per angle grows to either side.
+    """
+    return np.asarray(np.cos(angle) ** -4)
+
+
+def _lever(truth: Truth, reality: Reality) -> Reality:
+    p, variable = truth.parameters, str(truth.component)
+    middle, half = stroke(reality.machine.robot, variable)
+
+    def relative(q: Array) -> Array:
+        way = np.clip((q - middle) / half, -1.05, 1.05)
+        if truth.form == "slotted-lever":
+            most = min(SWING - abs(p["angle"]), half)
+            return slotted(p["angle"] + p["swing"] * most * way)
+        most = min(p["angle"] - 0.45, 2.7 - p["angle"], half)
+        return screw(p["angle"] + p["swing"] * most * way, p["crank"], p["shaft"])
+
+    usual = float(relative(np.array([middle]))[0])
+    return at_joints(
+        truth,
+        reality,
+        lambda k: varying(lambda situation: k * relative(situation.values[variable]) / usual),
+    )
+
+
+def _heavy_side(machine: Machine, joint: str) -> float:
+    """Return the sense in which what hangs on a joint would turn it, in the middle of its range."""
+    axis, point = axis_in_the_middle(machine, joint)
+    tool = in_the_middle(machine.robot).node(machine.node(machine.tcp))[0]
+    return 1.0 if axis @ np.cross(tool - point, [0.0, 0.0, -1.0]) >= 0.0 else -1.0
+
+
+def _balance(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a balancer's torque against the turning of its joint.
+
+    It is `torque` where the joint is in the middle and the temperature 20 degC; the pull follows the stretch
+    over the crank's length.
+    """
+    p, variable, machine = truth.parameters, str(truth.component), reality.machine
+    robot, heats = machine.robot, truth.form == "gas-and-heat"
+    middle = stroke(robot, variable)[0]
+
+    def pull(stretch: Any, warmth: Array) -> Any:
+        if heats:
+            return warmth * (1.0 - p["filled"] * stretch) ** -p["power"]
+        second = np.log1p(np.exp((stretch - p["second_from"]) / COMES_IN)) * COMES_IN
+        return 1.0 + p["rate"] * stretch + p["second_rate"] * second
+
+    def long(at: Any) -> Any:
+        return np.sqrt(1.0 + p["crank"] ** 2 - 2.0 * p["crank"] * np.cos(at))
+
+    usual = np.sin(p["angle"]) / long(p["angle"])
+
+    def curve(strain: Array, situation: Situation, torque: float) -> Curved:
+        warmth = (situation.temperature + DEGC) / ROOM
+        angle = p["angle"] + (situation.values[variable] + strain + 1j * STEP) - middle
+        stretch = (long(angle) - long(p["angle"])) / p["crank"]
+        found = torque * pull(stretch, warmth) * np.sin(angle) / long(angle) / usual
+        return found.real, found.imag / STEP
+
+    for name, own in joints_of(robot, variable):
+        torque = _heavy_side(machine, name) * p["torque"] * TORQUE * own_stiffness(robot, name, own)
+        law = posed(lambda e, situation, torque=torque: curve(e, situation, torque), heats)  # type: ignore[misc]
+        machine = beside(machine, name, own, law)
+    return reality.with_machine(machine)
+
+
+_CRANK: dict[str, Draw] = {
+    "torque": sized(0.1, 2.5), "crank": evenly(0.2, 0.45), "angle": signed(evenly(0.9, 2.2))
+}  # fmt: skip
+
+
+FORMS = (
+    law("hardening", "soft-zone", _of(soft_zone), lost=sized(1e-5, 4e-4), knee=by_ratio(2e-5, 1.5e-4)),
+    law("hardening", "engaging-teeth", _of(engaging),
+        gain=sized(0.05, 1.5), scale=by_ratio(6e-5, 4e-4), skew=signed(evenly(0.0, 0.5))),
+    form("joint-compliance", "rope-drive", _rope_drive, stiffness=_usual, longer=signed(evenly(0.15, 0.5))),
+    law("joint-compliance", "spline", lambda p, _, __: spline(p["stiffness"], p["contact"], p["knee"]),
+        stiffness=_usual, contact=evenly(0.5, 2.0), knee=by_ratio(3e-5, 3e-4)),
+    law("backlash", "eccentric-mesh", eccentric_mesh,
+        half_width=sized(5e-6, 4e-4), runout=evenly(0.2, 0.6), phase=PHASE, grease=evenly(0.01, 0.06)),
+    law("backlash", "scissor-gear", _of(scissor),
+        sign=SIGN, preload=by_ratio(1e-5, 1.2e-4), gap=sized(1e-5, 6e-4), soft=evenly(0.02, 0.12)),
+    law("hysteresis", "tooth-friction", tooth_friction, _gear, arrived=_ARRIVED),
+    law("hysteresis", "driven-back", driven_back, _worm,
+        power=evenly(1.2, 1.8), skew=signed(evenly(0.15, 0.5)), arrived=_ARRIVED),
+    built("joint-coupling", "common-housing", _housing,
+          compliance=sized(0.02, 0.8), share=signed(evenly(0.5, 1.2)), phase=PHASE),
+    built("joint-coupling", "one-way-idler", _idler,
+          stiffness=sized(0.03, 1.2), ratio=signed(evenly(0.4, 1.3)), side=SIGN),
+    form("actuator-lever", "long-screw", _lever,
+         crank=evenly(0.25, 0.6), shaft=evenly(0.5, 3.0), angle=evenly(1.2, 1.9), swing=sized(0.1, 1.0)),
+    form("actuator-lever", "slotted-lever", _lever, angle=evenly(-0.35, 0.35), swing=sized(0.12, 1.0)),
+    form("gravity-compensator", "gas-and-heat", _balance, **_CRANK,
+         filled=evenly(0.1, 0.35), power=evenly(1.0, 1.35)),
+    form("gravity-compensator", "nested-coils", _balance, **_CRANK,
+         rate=evenly(0.15, 0.45), second_rate=evenly(0.5, 1.5), second_from=evenly(-0.3, 0.3)),
+)  # fmt: skip

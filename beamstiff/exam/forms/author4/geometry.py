@@ -1,29 +1,27 @@
-"""Geometry that is off with its neighbours, tools that sit turned, payloads that are not as told."""
+"""Geometry, tools and payloads that are off; joints that err by angle or by way; reflectors that slip."""
 
 import dataclasses
-from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, nowhere, slender, vector
-from beamstiff.exam.forms.author4.by_form import Form, effect_of, prefixed, way_of
-from beamstiff.exam.placing import Placed
+from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.components import slender, stroke
+from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
+from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.forms.author4.measurement import times
+from beamstiff.exam.machine import Machine
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
+from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.reality import Reality
-from beamstiff.robot.description import Robot
+from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 
 MOST = 0.25  # of the main error: each of those beside it
 MARKED = 0.02  # of a tool's offset: where positions are read, the tool was measured with more care
 ROUND = 0.05  # of a force: sidelong pulls at a pin, between its two ends
-
-
-def parameters_of(robot: Robot) -> Sequence[str | None]:
-    """Return the inner encoders' zeros, and the frames' lengths and angles that are not zero."""
-    named = [
-        f"{f.name}.{n}" for f in robot.frames for n in ("alpha", "d", "r") if getattr(f, n) not in (0, 0.0)
-    ]
-    return [*(v.name for v in robot.actuated[1:-1]), *named]
+STILL = ("still_x", "still_y", "still_z")
+RIPPLE = 0.15  # of a scar's depth: of the teeth around it
 
 
 def _amount(request: DrawRequest) -> float:
@@ -58,101 +56,186 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return reality.with_errors({main if n == "main" else n: error for n, error in truth.parameters.items()})
 
 
-def _turned(request: DrawRequest) -> dict[str, float]:
-    return {
-        "off": request.uniform(0.06, 0.25) / float(np.sqrt(slender(request.robot))),
-        "way": request.uniform(0.0, 2.0 * np.pi),
-        "turned": request.sign() * request.sized(0.015, 0.8),
-    }
-
-
-def _clevis(request: DrawRequest) -> dict[str, float]:
-    length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
-    return {**request.direction(length), **way_of(request, length * request.uniform(0.1, 0.4), "still_")}
-
-
-def _tool(truth: Truth, reality: Reality) -> Reality:
+def _turned(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a tool turned on its flange by dowels with play: all on it goes round."""
     p = truth.parameters
-    if truth.form == "turned-on-flange":  # by dowels with play: all that the tool carries goes round
-        before, after = p["way"], p["way"] + p["turned"]
-        move = p["off"] * np.array([np.cos(after) - np.cos(before), np.sin(after) - np.sin(before), 0.0])
-        share = {"lever": 1.0, "target": 1.0, "marked": MARKED}
-        there = {n: tuple(map(float, getattr(reality, n) + part * move)) for n, part in share.items()}
-        return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
-    tcp = reality.machine.node(reality.machine.tcp)
-    half, still = vector(p), prefixed(p, "still_")
-
-    def change(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        axes, force = placed.rotations[tcp.frame], wrench[:, :3]
-        pull = np.einsum("pij,j,pi->p", axes, half / np.linalg.norm(half), force)
-        # a pull sits at one end of the pin, a push at the other
-        end = np.tanh(pull / np.maximum(ROUND * np.linalg.norm(force, axis=1), 1e-12))
-        lever = (axes @ (still + end[:, None] * half)[..., None])[..., 0]
-        lever = np.where((campaign.load_point == tcp.name)[:, None], lever, 0.0)
-        return np.concatenate([force, wrench[:, 3:] + np.cross(lever, force)], axis=1)
-
-    return reality.with_load(change)
+    before, after = p["way"], p["way"] + p["turned"]
+    move = p["off"] * np.array([np.cos(after) - np.cos(before), np.sin(after) - np.sin(before), 0.0])
+    share = {"lever": 1.0, "target": 1.0, "marked": MARKED}
+    there = {n: tuple(map(float, getattr(reality, n) + part * move)) for n, part in share.items()}
+    return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
 
 
-def _emptied(request: DrawRequest) -> dict[str, float]:
-    return {
-        "share": request.sized(0.015, 0.7) * request.sign(),
-        **request.direction(request.uniform(0.05, 0.2) / np.sqrt(slender(request.robot))),
-        "usual": _capacity(request.robot),
-    }
+def _draw_pin(request: DrawRequest) -> dict[str, float]:
+    length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
+    return request.direction(length) | request.direction(length * request.uniform(0.1, 0.4), STILL)
 
 
-def _box(request: DrawRequest) -> dict[str, float]:
-    way, off = request.uniform(0.0, 2.0 * np.pi), request.uniform(0.12, 0.4)
-    off = off / np.sqrt(slender(request.robot))
-    return {
-        "mass": request.sized(0.01, 0.4) * _capacity(request.robot),
-        "x": off * float(np.cos(way)),
-        "y": off * float(np.sin(way)),
-        "z": -request.uniform(0.02, 0.3) / np.sqrt(slender(request.robot)),
-    }
+def _pin(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads of which a pull sits at one end of a pin in its clevis, a push at the other."""
+    half, axes, force = vector(p), seen.tool_axes, wrench[:, :3]
+    pull = np.einsum("pij,j,pi->p", axes, half / np.linalg.norm(half), force)
+    end = np.tanh(pull / np.maximum(ROUND * np.linalg.norm(force, axis=1), 1e-12))
+    return seen.with_arm(wrench, (axes @ (vector(p, STILL) + end[:, None] * half)[..., None])[..., 0])
 
 
-def _capacity(robot: Robot) -> float:
+def _draw_box(request: DrawRequest) -> dict[str, float]:
+    way, off = request.uniform(0.0, 2.0 * np.pi), by_reach(evenly(0.12, 0.4))(request)
+    found = {"mass": request.sized(0.01, 0.4) * _capacity(request)}
+    found |= {"x": off * float(np.cos(way)), "y": off * float(np.sin(way))}
+    return found | {"z": -by_reach(evenly(0.02, 0.3))(request)}
+
+
+def _capacity(request: DrawRequest) -> float:
     """Return the payload that the model has, or that such a robot usually carries, kg."""
-    carried = sum(mass.mass for mass in robot.masses if mass.node == robot.tcp)
-    return float(carried or 100.0 / slender(robot) ** 2)
+    carried = sum(mass.mass for mass in request.robot.masses if mass.node == request.robot.tcp)
+    return float(carried or 100.0 / slender(request.robot) ** 2)
 
 
-def _payload(truth: Truth, reality: Reality) -> Reality:
-    p, machine = truth.parameters, reality.machine
-    tcp = machine.tcp
-    if truth.form == "box-beside":
-        added = Mass(node=tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"]))
-        return reality.with_machine(machine.plus(masses=(added,)))
-    masses = []
-    held = False
-    for mass in machine.masses:
-        if mass.node == tcp:  # fuller or emptier, and its centre moves with the filling
-            held = True
-            centre = np.array(mass.at) + p["share"] * vector(p)
-            changed = {"mass": mass.mass * (1.0 + p["share"]), "at": tuple(map(float, centre))}
-            masses.append(mass.model_copy(update=changed))
-        else:
-            masses.append(mass)
-    if not held:
+def _box(p: Parameters, machine: Machine, _: str) -> Machine:
+    return machine.plus(masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),))
+
+
+def _half_empty(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Return the machine whose payload is fuller or emptier, and whose centre moves with the filling."""
+
+    def filled(mass: Mass) -> Mass:
+        centre = np.array(mass.at) + p["share"] * vector(p)
+        changed = {"mass": mass.mass * (1.0 + p["share"]), "at": tuple(map(float, centre))}
+        return mass.model_copy(update=changed)
+
+    masses = [filled(mass) if mass.node == machine.tcp else mass for mass in machine.masses]
+    if all(mass.node != machine.tcp for mass in masses):
         at = tuple(map(float, vector(p)))
-        masses.append(Mass(node=tcp, mass=abs(p["share"]) * p["usual"], at=at))  # type: ignore[arg-type]
-    return reality.with_machine(dataclasses.replace(machine, masses=tuple(masses)))
+        masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))  # type: ignore[arg-type]
+    return dataclasses.replace(machine, masses=tuple(masses))
 
 
-EFFECTS = (
-    effect_of(
-        "geometry-error",
-        parameters_of,
-        {"bent-link": Form(_bent, _geometry), "stacked-zeros": Form(_stacked, _geometry)},
-    ),
-    effect_of(
-        "tool-offset",
-        nowhere,
-        {"turned-on-flange": Form(_turned, _tool), "pin-in-clevis": Form(_clevis, _tool)},
-    ),
-    effect_of(
-        "payload-error", nowhere, {"half-empty": Form(_emptied, _payload), "box-beside": Form(_box, _payload)}
-    ),
-)
+def cardan(angle: Array, tilt: float, phase: float) -> Array:
+    """Return how far a shaft behind a universal joint is ahead, rad; `tilt`: between the two shafts."""
+    turned = angle - phase
+    ahead = np.arctan2(np.sin(turned), np.cos(tilt) * np.cos(turned)) - turned
+    return np.asarray(ahead - 2.0 * np.pi * np.round(ahead / (2.0 * np.pi)))
+
+
+def _place(request: DrawRequest) -> float:
+    middle, half = stroke(request.robot, request.component)
+    return middle + request.uniform(-0.5, 0.5) * half
+
+
+def _curve(truth: Truth, reality: Reality) -> Reality:
+    p = truth.parameters
+
+    def error(angle: Array) -> Array:
+        if truth.form == "cardan":
+            once = 0.25 * p["tilt"] ** 2 * p["once"] * np.sin(angle - p["once_phase"])
+            return np.asarray(cardan(angle, p["tilt"], p["phase"]) + once)
+        near = np.exp(-0.5 * ((angle - p["at"]) / p["width"]) ** 2)
+        return np.asarray(p["depth"] * near * (1.0 + RIPPLE * np.sin(p["teeth"] * angle)))
+
+    return reality.with_encoder(str(truth.component), error)
+
+
+def dragged(angle: Array, form: str, p: Parameters) -> Array:
+    """Return where a joint stays within its friction, (N,) in [-1, 1], from its angles in order.
+
+    ``long-seal``: a seal that the shaft drags along turns round over a way. ``unequal``: at once, by another
+    amount forward than back.
+    """
+    state, found = p["start"], np.empty(len(angle))
+    for at, move in enumerate(np.diff(angle, prepend=angle[:1])):
+        if abs(move) > 1e-9:
+            side = np.sign(move)
+            if form == "long-seal":
+                state = side + (state - side) * np.exp(-abs(move) / p["way"])
+            else:
+                state = p["forward"] if side > 0.0 else -p["back"]
+        found[at] = state
+    return found
+
+
+def _approach(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
+    if not seen.absolute:  # loaded and unloaded state came the same way
+        return values
+    campaign, robot = seen.campaign, seen.machine.robot
+    column = [v.name for v in robot.actuated].index(str(seen.component))
+    nodes, skeleton = {node.name: node for node in robot.nodes}, skeleton_of(robot)
+    order = np.argsort(times(campaign), kind="stable")
+    q, stays = np.array(campaign.q, dtype=np.float64), np.empty(len(campaign))
+    stays[order] = dragged(q[order, column], form, p)
+    q[:, column] -= p["half_width"] * stays
+    here, there = place(skeleton, campaign.q), place(skeleton, q)
+    points = [nodes[str(name)] for name in campaign.point]
+    moved = [there.node(point)[row] - here.node(point)[row] for row, point in enumerate(points)]
+    frame = nodes[robot.tcp].frame
+    turned = there.rotations[frame] @ np.swapaxes(here.rotations[frame], -1, -2)
+    rotation = turned_by(turned @ turn(values[:, 3:]))
+    return np.concatenate([values[:, :3] + np.array(moved), rotation], axis=1)
+
+
+def _share(form: str, p: Parameters, turn_of: Array, rows: int) -> Array:
+    """Return which share of its whole way a reflector has slipped when it is a row's turn, of so many."""
+    since = turn_of - round(p["from"] * rows)
+    slipped = np.where(since >= 0.0, p["share"], 0.0)
+    if form == "two-slips":
+        slipped += np.where(turn_of >= round(p["again"] * rows), 1.0 - p["share"], 0.0)
+    else:  # a magnet that was knocked crawls on
+        slipped += np.where(since >= 0.0, -(1.0 - p["share"]) * np.expm1(-since / p["rows"]), 0.0)
+    return slipped
+
+
+def _slip(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
+    campaign, rows = seen.campaign, len(values)
+    node = seen.machine.node(seen.component or seen.machine.tcp)
+    turn_of = np.empty(rows)
+    turn_of[np.argsort(times(campaign), kind="stable")] = np.arange(rows)
+    slipped = _share(form, p, turn_of, rows)
+    if not seen.absolute:  # from where it was before the pose, or the row
+        before = np.empty(rows)
+        for pose in np.unique(campaign.pose):
+            its = campaign.pose == pose
+            first = slipped[its][np.argmin(turn_of[its])]
+            before[its] = first if campaign.shared_unloaded else slipped[its]
+        slipped = slipped - before
+    away = seen.placed.rotations[node.frame] @ vector(p) * slipped[:, None]
+    away = np.where((campaign.point == node.name)[:, None], away, 0.0)
+    return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
+
+
+def came_to_rest(truth: Truth, rows: int) -> Truth:
+    """Return the slip as a later campaign finds it: where the last of so many rows left it."""
+    p = truth.parameters
+    reached = float(_share(truth.form, p, np.array([rows - 1.0]), rows)[0])
+    end = {**p, **{name: reached * p[name] for name in "xyz"}, "from": 0.0, "share": 1.0}
+    if truth.form == "two-slips":
+        end["again"] = 0.0
+    return dataclasses.replace(truth, parameters=end)
+
+
+_START, _WIDTH, _SLIPS = evenly(-1.0, 1.0), sized(1e-5, 4e-4), direction(by_reach(sized(6e-5, 2.5e-3)))
+
+
+FORMS = (
+    form("geometry-error", "bent-link", _geometry, _bent),
+    form("geometry-error", "stacked-zeros", _geometry, _stacked),
+    form("tool-offset", "turned-on-flange", _turned,
+         off=by_reach(evenly(0.06, 0.25)), way=PHASE, turned=signed(sized(0.015, 0.8))),
+    load("tool-offset", "pin-in-clevis", _pin, _draw_pin),
+    built("payload-error", "half-empty", _half_empty, each(share=signed(sized(0.015, 0.7))),
+          direction(by_reach(evenly(0.05, 0.2))), usual=_capacity),
+    built("payload-error", "box-beside", _box, _draw_box),
+    form("angle-curve", "cardan", _curve,
+         tilt=sized(0.012, 0.06), phase=evenly(0.0, np.pi), once=evenly(0.1, 0.5), once_phase=PHASE),
+    form("angle-curve", "scar", _curve,
+         depth=signed(sized(3e-5, 1.2e-3)), at=_place, width=evenly(0.15, 0.45), teeth=whole(20, 60)),
+    reading("approach-direction", "long-seal", partial(_approach, "long-seal"),
+            half_width=_WIDTH, way=by_ratio(0.02, 0.4), start=_START),
+    reading("approach-direction", "unequal", partial(_approach, "unequal"),
+            half_width=_WIDTH, forward=evenly(0.3, 1.0), back=evenly(0.3, 1.0), start=_START),
+    reading("target-slip", "two-slips", partial(_slip, "two-slips"),
+            each(**{"from": evenly(0.15, 0.5), "again": evenly(0.55, 0.85), "share": evenly(0.3, 0.8)}),
+            _SLIPS),
+    reading("target-slip", "crawl", partial(_slip, "crawl"),
+            each(**{"from": evenly(0.2, 0.7), "share": evenly(0.5, 0.9), "rows": by_ratio(2.0, 15.0)}),
+            _SLIPS),
+)  # fmt: skip

@@ -1,14 +1,19 @@
 """Loads that are not as read, and what is wrong with the reading: frame, drift and bad rows."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, in_the_middle, nowhere, slender, vector
-from beamstiff.exam.forms.author4.by_form import Form, effect_of, prefixed, way_of
-from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, places_of
+from beamstiff.exam.campaign import Array, SimulatedCampaign
+from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.draws import PHASE, SEED, by_ratio, by_reach, direction, each, evenly, sized
+from beamstiff.exam.effect import Seen, load, reading
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
+from beamstiff.exam.reality import places_of
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
+QUICK, SLOW = ([f"{name}_{axis}" for axis in "xyz"] for name in ("quick", "slow"))
 PAUSE = 30.0  # s between rows where the campaign gives no time
 TRACKER = 0.01  # an absolute range is this much better than the gain of a displacement
 BALLS = np.array([[0.5, 0.3, 0.0], [-0.5, 0.3, 0.0], [0.0, -0.6, 0.0]])  # m: base marks
@@ -20,42 +25,34 @@ def times(campaign: SimulatedCampaign) -> Array:
     return np.asarray(time - time.min())
 
 
-def _hook(request: DrawRequest) -> dict[str, float]:
-    return {"weight": request.sized(3.0, 200.0) / slender(request.robot)}
+def _middle(seen: Seen) -> Array:
+    """Return where the tool is in the middle of the range, (3,), m."""
+    return np.asarray(in_the_middle(seen.machine.robot).node(seen.machine.node(seen.machine.tcp))[0])
 
 
-def _anchor(request: DrawRequest) -> dict[str, float]:
-    return {"distance": request.sized(80.0, 3.0) / np.sqrt(slender(request.robot))}
-
-
-def _load(truth: Truth, reality: Reality) -> Reality:
-    p, robot = truth.parameters, reality.machine.robot
-    down = np.array(robot.gravity, dtype=np.float64)
+def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads with a hook that was not tared: it hangs wherever a load does."""
+    down = np.array(seen.machine.robot.gravity, dtype=np.float64)
     down = down / np.linalg.norm(down) if np.linalg.norm(down) > 0.0 else np.array([0.0, 0.0, -1.0])
-    start = in_the_middle(robot).node(reality.machine.node(robot.tcp))[0]
-
-    def change(campaign: SimulatedCampaign, placed: Placed, wrench: Array) -> Array:
-        size = np.linalg.norm(wrench[:, :3], axis=1)
-        force = wrench[:, :3].copy()
-        if truth.form == "untared-hook":  # hangs wherever a load does
-            force += np.where(size > 0.0, p["weight"], 0.0)[:, None] * down
-        else:  # the rope runs to where it was anchored for the middle posture
-            here = places_of(reality.machine, campaign.load_point, placed)
-            rope = start - here + p["distance"] * force / np.maximum(size, 1e-12)[:, None]
-            force = size[:, None] * rope / np.linalg.norm(rope, axis=1, keepdims=True)
-        return np.concatenate([force, wrench[:, 3:]], axis=1)
-
-    return reality.with_load(change)
+    hangs = np.linalg.norm(wrench[:, :3], axis=1) > 0.0
+    return np.concatenate(
+        [wrench[:, :3] + np.where(hangs, p["weight"], 0.0)[:, None] * down, wrench[:, 3:]], axis=1
+    )
 
 
-def _sight(request: DrawRequest) -> dict[str, float]:
+def _anchor(p: Parameters, seen: Seen, wrench: Array) -> Array:
+    """Return loads by a rope that runs to where it was anchored for the middle posture."""
+    size = np.linalg.norm(wrench[:, :3], axis=1)
+    here = places_of(seen.machine, seen.campaign.load_point, seen.placed)
+    rope = _middle(seen) - here + p["distance"] * wrench[:, :3] / np.maximum(size, 1e-12)[:, None]
+    force = size[:, None] * rope / np.linalg.norm(rope, axis=1, keepdims=True)
+    return np.concatenate([force, wrench[:, 3:]], axis=1)
+
+
+def _draw_sight(request: DrawRequest) -> dict[str, float]:
     turned = request.sized(1.5e-3, 6e-2) * request.sign()
-    return {
-        "turned": turned,
-        "gain": turned * request.uniform(0.3, 1.0) * request.sign(),
-        "bearing": request.uniform(0.0, 2.0 * np.pi),
-        "distance": request.uniform(3.0, 9.0),
-    }
+    gain = turned * request.uniform(0.3, 1.0) * request.sign()
+    return {"turned": turned, "gain": gain} | request.drawn(bearing=PHASE, distance=evenly(3.0, 9.0))
 
 
 def _marks(request: DrawRequest) -> dict[str, float]:
@@ -71,52 +68,29 @@ def by_marks(errors: Array) -> tuple[Array, Array]:
     return found[:3], found[3:]
 
 
-def _frame(truth: Truth, reality: Reality) -> Reality:
-    p, robot = truth.parameters, reality.machine.robot
-    tcp = next(node for node in robot.nodes if node.name == robot.tcp)
-    middle = in_the_middle(robot).node(tcp)[0]
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        place, absolute = values[:, :3], campaign.kind == "absolute"
-        if truth.form == "base-marks":
-            vector_, shift = by_marks(np.array([[p[f"{axis}{at}"] for axis in "xyz"] for at in range(3)]))
-            R = turn(vector_)
-            place = place @ R.T + (shift if absolute else 0.0)
-        else:  # an instrument on a stand: its azimuth and its range
-            R = turn(np.array([0.0, 0.0, p["turned"]]))
-            way = np.array([np.cos(p["bearing"]), np.sin(p["bearing"]), 0.0])
-            stand = middle + p["distance"] * way
-            if absolute:
-                seen = place - stand
-                far = np.linalg.norm(seen, axis=1, keepdims=True)
-                # bent air: the range errs with its square
-                place = stand + (seen * (1.0 + TRACKER * p["gain"] * far / p["distance"])) @ R.T
-            else:
-                place = (place + p["gain"] * (place @ way)[:, None] * way) @ R.T
-        turned = turned_by(R @ turn(values[:, 3:])) if absolute else values[:, 3:] @ R.T
-        return np.concatenate([place, turned], axis=1)
-
-    return reality.with_reading(change)
+def _turned(R: Array, seen: Seen, values: Array) -> Array:
+    return turned_by(R @ turn(values[:, 3:])) if seen.absolute else values[:, 3:] @ R.T
 
 
-def _two_warmings(request: DrawRequest) -> dict[str, float]:
-    quick = request.sized(6e-6, 3e-4)
-    slow = request.sized(6e-6, 3e-4) * request.log_uniform(0.5, 2.0)
-    return {
-        "quick": request.log_uniform(250.0, 900.0),
-        "slow": request.log_uniform(3600.0, 10800.0),
-        **way_of(request, quick, "quick_"),
-        **way_of(request, slow, "slow_"),
-    }
+def _base_marks(p: Parameters, seen: Seen, values: Array) -> Array:
+    vector_, shift = by_marks(np.array([[p[f"{axis}{at}"] for axis in "xyz"] for at in range(3)]))
+    R = turn(vector_)
+    place = values[:, :3] @ R.T + (shift if seen.absolute else 0.0)
+    return np.concatenate([place, _turned(R, seen, values)], axis=1)
 
 
-def _hall(request: DrawRequest) -> dict[str, float]:
-    return {
-        "period": request.log_uniform(900.0, 3600.0),
-        "phase": request.uniform(0.0, 1.0),
-        "open": request.uniform(0.2, 0.45),
-        **request.direction(request.sized(8e-6, 4e-4)),
-    }
+def _sight(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values of an instrument on a stand, whose azimuth and range are wrong."""
+    place, R = values[:, :3], turn(np.array([0.0, 0.0, p["turned"]]))
+    way = np.array([np.cos(p["bearing"]), np.sin(p["bearing"]), 0.0])
+    if seen.absolute:
+        stand = _middle(seen) + p["distance"] * way
+        far = np.linalg.norm(place - stand, axis=1, keepdims=True)
+        # bent air: the range errs with its square
+        place = stand + ((place - stand) * (1.0 + TRACKER * p["gain"] * far / p["distance"])) @ R.T
+    else:
+        place = (place + p["gain"] * (place @ way)[:, None] * way) @ R.T
+    return np.concatenate([place, _turned(R, seen, values)], axis=1)
 
 
 def hall(time: Array, period: float, phase: float, open_: float) -> Array:
@@ -132,77 +106,58 @@ def hall(time: Array, period: float, phase: float, open_: float) -> Array:
     return np.asarray(cooled * np.exp(-rate * np.maximum(part - open_, 0.0)))
 
 
-def _drift(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-
-    def at(time: Array) -> Array:
-        if truth.form == "hall-gate":
-            return hall(time, p["period"], p["phase"], p["open"])[:, None] * vector(p)
-        quick, slow = (-np.expm1(-time / p[name])[:, None] for name in ("quick", "slow"))
-        return np.asarray(quick * prefixed(p, "quick_") + slow * prefixed(p, "slow_"))
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        time = times(campaign)
-        zero = np.zeros_like(time)
-        if campaign.kind == "displacement" and campaign.shared_unloaded:  # read anew before every pose
-            first = {pose: time[campaign.pose == pose].min() for pose in np.unique(campaign.pose)}
-            zero = np.maximum(np.array([first[pose] for pose in campaign.pose]) - PAUSE, 0.0)
-        moved = at(time) - at(zero)
-        return np.concatenate([values[:, :3] + moved, values[:, 3:]], axis=1)
-
-    return reality.with_reading(change)
+def _two_warmings(p: Parameters, time: Array) -> Array:
+    quick, slow = (-np.expm1(-time / p[name])[:, None] for name in ("quick", "slow"))
+    return np.asarray(quick * vector(p, QUICK) + slow * vector(p, SLOW))
 
 
-def _burst(request: DrawRequest) -> dict[str, float]:
-    return {
-        "seed": request.integer(0, 2**31),
-        "share": request.uniform(0.03, 0.08),
-        "scatter": request.uniform(0.1, 0.4),
-        **request.direction(request.sized(6e-5, 3e-3)),
-    }
+def _draw_warmings(request: DrawRequest) -> dict[str, float]:
+    quick = request.sized(6e-6, 3e-4)
+    slow = request.sized(6e-6, 3e-4) * by_ratio(0.5, 2.0)(request)
+    found = request.drawn(quick=by_ratio(250.0, 900.0), slow=by_ratio(3600.0, 10800.0))
+    return found | request.direction(quick, QUICK) | request.direction(slow, SLOW)
 
 
-def _revolution(request: DrawRequest) -> dict[str, float]:
-    return {
-        "seed": request.integer(0, 2**31),
-        "share": request.uniform(0.03, 0.08),
-        "revolution": request.sized(5e-5, 2e-3),
-    }
+def _hall_gate(p: Parameters, time: Array) -> Array:
+    return hall(time, p["period"], p["phase"], p["open"])[:, None] * vector(p)
 
 
-def _bad(truth: Truth, reality: Reality) -> Reality:
-    p = truth.parameters
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        rng, rows = np.random.default_rng(int(p["seed"])), len(values)
-        count = max(1, round(p["share"] * rows))
-        off = np.zeros((rows, 3))
-        if truth.form == "burst":  # someone leans on the stand for a few rows
-            at = (int(rng.integers(rows)) + np.arange(count)) % rows
-            near = rng.standard_normal((count, 3))
-            off[at] = vector(p) + p["scatter"] * np.linalg.norm(vector(p)) * near
-        else:  # the small hand of a dial misread
-            at = rng.choice(rows, count, replace=False)
-            turns = rng.choice([-1.0, 1.0, 2.0], count, p=[0.4, 0.4, 0.2])
-            off[at, rng.integers(3, size=count)] = turns * p["revolution"]
-        return np.concatenate([values[:, :3] + off, values[:, 3:]], axis=1)
-
-    return reality.with_reading(change)
+def _drift(at: Callable[[Parameters, Array], Array], p: Parameters, seen: Seen, values: Array) -> Array:
+    time, pose = times(seen.campaign), seen.campaign.pose
+    zero = np.zeros_like(time)
+    if not seen.absolute and seen.campaign.shared_unloaded:  # read anew before every pose
+        first = {one: time[pose == one].min() for one in np.unique(pose)}
+        zero = np.maximum(np.array([first[one] for one in pose]) - PAUSE, 0.0)
+    return np.concatenate([values[:, :3] + (at(p, time) - at(p, zero)), values[:, 3:]], axis=1)
 
 
-EFFECTS = (
-    effect_of(
-        "load-error", nowhere, {"untared-hook": Form(_hook, _load), "fixed-anchor": Form(_anchor, _load)}
-    ),
-    effect_of(
-        "frame-misalignment",
-        nowhere,
-        {"line-of-sight": Form(_sight, _frame), "base-marks": Form(_marks, _frame)},
-    ),
-    effect_of(
-        "thermal-drift",
-        nowhere,
-        {"two-warmings": Form(_two_warmings, _drift), "hall-gate": Form(_hall, _drift)},
-    ),
-    effect_of("outliers", nowhere, {"burst": Form(_burst, _bad), "revolution": Form(_revolution, _bad)}),
-)
+def _bad(burst: bool, p: Parameters, seen: Seen, values: Array) -> Array:
+    rng, rows = np.random.default_rng(int(p["seed"])), len(values)
+    count = max(1, round(p["share"] * rows))
+    off = np.zeros((rows, 3))
+    if burst:  # someone leans on the stand for a few rows
+        at = (int(rng.integers(rows)) + np.arange(count)) % rows
+        near = rng.standard_normal((count, 3))
+        off[at] = vector(p) + p["scatter"] * np.linalg.norm(vector(p)) * near
+    else:  # the small hand of a dial misread
+        at = rng.choice(rows, count, replace=False)
+        turns = rng.choice([-1.0, 1.0, 2.0], count, p=[0.4, 0.4, 0.2])
+        off[at, rng.integers(3, size=count)] = turns * p["revolution"]
+    return np.concatenate([values[:, :3] + off, values[:, 3:]], axis=1)
+
+
+_SHARE = evenly(0.03, 0.08)
+FORMS = (
+    load("load-error", "untared-hook", _hook, weight=lambda r: r.sized(3.0, 200.0) / slender(r.robot)),
+    load("load-error", "fixed-anchor", _anchor, distance=by_reach(sized(80.0, 3.0))),
+    reading("frame-misalignment", "line-of-sight", _sight, _draw_sight),
+    reading("frame-misalignment", "base-marks", _base_marks, _marks),
+    reading("thermal-drift", "two-warmings", partial(_drift, _two_warmings), _draw_warmings),
+    reading("thermal-drift", "hall-gate", partial(_drift, _hall_gate),
+            each(period=by_ratio(900.0, 3600.0), phase=evenly(0.0, 1.0), open=evenly(0.2, 0.45)),
+            direction(sized(8e-6, 4e-4))),
+    reading("outliers", "burst", partial(_bad, True),
+            each(seed=SEED, share=_SHARE, scatter=evenly(0.1, 0.4)), direction(sized(6e-5, 3e-3))),
+    reading("outliers", "revolution", partial(_bad, False),
+            seed=SEED, share=_SHARE, revolution=sized(5e-5, 2e-3)),
+)  # fmt: skip

@@ -1,134 +1,92 @@
 """What no name of the table covers: a hanger at the elbow, a floor that is loaded, couplings that bed in."""
 
-from dataclasses import dataclass
+import dataclasses
+from functools import partial
 
 import numpy as np
 
 from beamstiff.exam.added_parts import free_name
-from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
-from beamstiff.exam.effect import DrawRequest, at_joints, drives, in_the_middle, nowhere, slender
-from beamstiff.exam.forms.author4.by_form import Form, effect_of
-from beamstiff.exam.laws import Friction, Memory, Remembering, Situation, fading
-from beamstiff.exam.machine import Rod
-from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, places_of
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import drives, in_the_middle, nowhere, slender
+from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
+from beamstiff.exam.effect import Seen, built, law, reading
+from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
+from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.robot.parts import Node
 
 
-@dataclass(frozen=True)
-class Drum(Friction):
-    """A hanger's rope: a nearly constant pull, and the friction of its drum, which the rope winds up first.
+def drum(pull: float, friction: float, arrived: float, reach: float) -> Law:
+    """Return a hanger's rope: a nearly constant pull, N, and its drum's friction.
 
-    `pull`: N.
-    `reach`: m of rope over which the friction turns round.
+    The rope stretches until the drum turns, by Dahl's law: over a `reach`, m.
     """
+    rope = rubbing(0.0, friction, arrived, partial(fading, reach=reach))
 
-    pull: float
-    reach: float
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
+        force, slope, after = rope.respond(strain, situation, memory)
+        return pull + force, slope, after
 
-    def run(self, state: Array, way: Array) -> tuple[Array, Array]:
-        """Return the state after a way: the rope stretches until the drum turns, by Dahl's law."""
-        return fading(state, way, self.reach)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent, and strain and state after."""
-        force, slope, after = super().respond(strain, situation, memory)
-        return self.pull + force, slope, after
+    return dataclasses.replace(rope, respond=respond)
 
 
-@dataclass(frozen=True)
-class BeddingIn(Remembering):
-    """A spring that keeps the softness of the largest strain it had, as filled rubber does (Mullins).
+def bedding_in(p: Parameters, stiffness: float, _: str) -> Law:
+    """Return a spring that keeps the softness of the largest strain it had, as filled rubber does (Mullins).
 
     First loading: ``k x (1 - softer (1 - exp(-|x| / from)))``; back and again: straight through the origin.
     """
 
-    stiffness: float
-    softer: float
-    from_: float
-
-    def start(self, situation: Situation) -> Memory:
-        """Return the largest strain so far: none."""
-        return (np.zeros(len(situation.time)),)
-
-    def respond(self, strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
-        """Return force, tangent, and the largest strain."""
+    def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         size = np.abs(strain)
         most = np.maximum(memory[0], size)
-        left = self.softer * np.exp(-most / self.from_)
-        k = self.stiffness * (1.0 - self.softer + left)
-        softening = np.where(size >= memory[0], self.stiffness * left * size / self.from_, 0.0)
+        left = p["softer"] * np.exp(-most / p["from_"])
+        k = stiffness * (1.0 - p["softer"] + left)
+        softening = np.where(size >= memory[0], stiffness * left * size / p["from_"], 0.0)
         return k * strain, k - softening, (most,)
 
-
-def _hanger(request: DrawRequest) -> dict[str, float]:
-    pull = request.sized(30.0, 2500.0) / slender(request.robot)
-    return {
-        "pull": pull,
-        "friction": pull * request.uniform(0.1, 0.3),
-        "reach": request.log_uniform(5e-5, 5e-4),
-        "arrived": request.uniform(-0.9, 0.9),
-        "aside": request.uniform(0.0, 1.0) / np.sqrt(slender(request.robot)),
-        "way": request.uniform(0.0, 2.0 * np.pi),
-        "above": request.uniform(1.0, 2.5) / np.sqrt(slender(request.robot)),
-    }
+    return Law(respond, lambda poses: (np.zeros(poses),))
 
 
-def _hang(truth: Truth, reality: Reality) -> Reality:
-    p, machine = dict(truth.parameters), reality.machine
+def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
-    aside, way, above = (p.pop(name) for name in ("aside", "way", "above"))
     at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
-    at = at + np.array([aside * np.cos(way), aside * np.sin(way), above])
+    at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
     crane = Node(name=free_name(machine, "crane"), at=tuple(map(float, at)))  # type: ignore[arg-type]
-    law = Drum(stiffness=0.0, **p)
-    return reality.with_machine(
-        machine.plus(
-            nodes=(crane,),
-            rigids=((f"to {crane.name}", (machine.fixed[0], crane.name)),),
-            rods=(Rod(f"{crane.name} rope", (crane.name, elbow), 0.0, law),),
-        )
+    law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])
+    return machine.plus(
+        nodes=(crane,),
+        rigids=((f"to {crane.name}", (machine.fixed[0], crane.name)),),
+        rods=(Rod(f"{crane.name} rope", (crane.name, elbow), 0.0, law),),
     )
 
 
-def _truck(request: DrawRequest) -> dict[str, float]:
-    way = request.uniform(0.0, 2.0 * np.pi)
-    tilt = request.sized(5e-6, 3e-4)
-    return {
-        "from": request.uniform(0.1, 0.4),
-        "lasts": request.uniform(0.2, 0.4),
-        "tilt_x": tilt * float(np.cos(way)),
-        "tilt_y": tilt * float(np.sin(way)),
-        "sinks": tilt * request.uniform(0.2, 1.0),
-    }
+def _draw_pull(request: DrawRequest) -> dict[str, float]:
+    pull = request.sized(30.0, 2500.0) / slender(request.robot)
+    return {"pull": pull, "friction": pull * request.uniform(0.1, 0.3)}
 
 
-def _stand(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality whose floor is loaded beside the robot during some of the rows: all of it tilts."""
-    p = truth.parameters
-
-    def change(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
-        part = np.arange(len(campaign)) / len(campaign)
-        there = (part >= p["from"]) & (part < p["from"] + p["lasts"])
-        here = places_of(reality.machine, campaign.point, placed)
-        tilt = np.array([p["tilt_x"], p["tilt_y"], 0.0])
-        moved = np.cross(tilt, here) - np.array([0.0, 0.0, p["sinks"]])
-        both = np.concatenate([moved, np.tile(tilt, (len(here), 1))], axis=1)
-        return values + np.where(there[:, None], both, 0.0)
-
-    return reality.with_reading(change)
+def _draw_truck(request: DrawRequest) -> dict[str, float]:
+    way, tilt = request.uniform(0.0, 2.0 * np.pi), request.sized(5e-6, 3e-4)
+    found = request.drawn(**{"from": evenly(0.1, 0.4), "lasts": evenly(0.2, 0.4)})
+    found |= {"tilt_x": tilt * float(np.cos(way)), "tilt_y": tilt * float(np.sin(way))}
+    return found | {"sinks": tilt * request.uniform(0.2, 1.0)}
 
 
-def _first(request: DrawRequest) -> dict[str, float]:
-    return {"softer": request.sized(0.02, 0.5), "from_": request.log_uniform(3e-5, 2e-4)}
+def _truck(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values on a floor that is loaded beside the robot during some of the rows: all of it tilts."""
+    part = np.arange(len(values)) / len(values)
+    there = (part >= p["from"]) & (part < p["from"] + p["lasts"])
+    tilt = np.array([p["tilt_x"], p["tilt_y"], 0.0])
+    moved = np.cross(tilt, seen.places) - np.array([0.0, 0.0, p["sinks"]])
+    both = np.concatenate([moved, np.tile(tilt, (len(values), 1))], axis=1)
+    return values + np.where(there[:, None], both, 0.0)
 
 
-def _bed_in(truth: Truth, reality: Reality) -> Reality:
-    return at_joints(truth, reality, lambda k: BeddingIn(k, **truth.parameters))
-
-
-EFFECTS = (
-    effect_of("elbow-hanger", nowhere, {"rope-on-a-drum": Form(_hanger, _hang)}),
-    effect_of("loaded-floor", nowhere, {"parked-truck": Form(_truck, _stand)}),
-    effect_of("bedding-in", drives, {"filled-rubber": Form(_first, _bed_in)}),
-)
+PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives}
+FORMS = (
+    built("elbow-hanger", "rope-on-a-drum", _hang, _draw_pull,
+          reach=by_ratio(5e-5, 5e-4), arrived=evenly(-0.9, 0.9), aside=by_reach(evenly(0.0, 1.0)), way=PHASE,
+          above=by_reach(evenly(1.0, 2.5))),
+    reading("loaded-floor", "parked-truck", _truck, _draw_truck),
+    law("bedding-in", "filled-rubber", bedding_in, softer=sized(0.02, 0.5), from_=by_ratio(3e-5, 2e-4)),
+)  # fmt: skip

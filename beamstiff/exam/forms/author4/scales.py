@@ -1,39 +1,12 @@
-"""An effect put together from its forms, and the scales of a machine that their sizes follow."""
-
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+"""The scales of a machine that the sizes of forms follow, and laws beside what a hinge has."""
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.effect import LARGE, DrawRequest, Effect, slender, stiffness_of, turns
-from beamstiff.exam.laws import Law
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import LARGE, slender, stiffness_of, turns
+from beamstiff.exam.laws import Curved, Law
 from beamstiff.exam.machine import Hinge, Machine, Mesh, drives_of
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
-
-STEP = 1e-30  # of complex steps
-
-
-@dataclass(frozen=True)
-class Form:
-    """One form of an effect: how its parameters are drawn, and how it is imposed."""
-
-    draw: Callable[[DrawRequest], dict[str, float]]
-    impose: Callable[[Truth, Reality], Reality]
-
-
-def effect_of(
-    name: str, places: Callable[[Robot], Sequence[str | None]], forms: Mapping[str, Form]
-) -> Effect:
-    """Return the effect with these forms."""
-    return Effect(
-        name,
-        tuple(forms),
-        places,
-        lambda request: forms[request.form].draw(request),
-        lambda truth, reality: forms[truth.form].impose(truth, reality),
-    )
 
 
 def main_stiffness(robot: Robot) -> float:
@@ -48,17 +21,7 @@ def wrist_stiffness(robot: Robot) -> float:
     return max(min(turning, default=main), 0.05 * main)
 
 
-def way_of(request: DrawRequest, length: float, prefix: str) -> dict[str, float]:
-    """Return a vector of that length in a direction drawn evenly, by x, y and z after a prefix."""
-    return {prefix + name: value for name, value in request.direction(length).items()}
-
-
-def prefixed(p: Mapping[str, float], prefix: str) -> Array:
-    """Return the vector (3,) of parameters x, y and z after a prefix."""
-    return np.array([p[prefix + name] for name in "xyz"])
-
-
-def rounded_ramp(x: Array, width: float) -> tuple[Array, Array]:
+def rounded_ramp(x: Array, width: float) -> Curved:
     """Return a ramp that is 0 for x < 0 and x for x > 0, rounded over a width, and its slope."""
     root = np.sqrt(x**2 + width**2)
     return 0.5 * (x + root), 0.5 * (1.0 + x / root)
