@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Region, option, parse_region, robot_file
+from beamstiff.cli.options import Region, argument, option
 from beamstiff.cli.output import Outputs, working, write
+from beamstiff.cli.parse import parse_region, robot_file
 from beamstiff.errors import BeamstiffError
 
 
@@ -22,13 +23,11 @@ class Action(StrEnum):
 
 
 def campaign(
-    action: Annotated[Action, typer.Argument(metavar="ACTION", help="new, add, next, remove or status.")],
-    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="Where the campaign is kept.")],
+    action: Annotated[Action, argument("ACTION", "new, add, next, remove or status.")],
+    folder: Annotated[str, argument("FOLDER", "Where the campaign is kept.")],
     what: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[WHAT]...", help="For new: the robot. For add: tables. For remove: numbers of batches."
-        ),
+        argument("[WHAT]...", "For new: the robot. For add: tables. For remove: numbers of batches."),
     ] = None,
     out: str | None = option("CSV", "For next: write the rows to measure, as a table to fill in."),
     region: Region = None,

@@ -3,18 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from beamstiff.cli.options import Assembly, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.options import Assembly, RobotFile, argument, option
 from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.parse import parse_names, robot_file
 from beamstiff.errors import listed
 from beamstiff.report.tables import add_rows, number, table
 
 
 def compare_runs(
     robot: RobotFile,
-    a: Annotated[str, typer.Argument(metavar="A", help="CSV table of the earlier campaign.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="CSV table of the later campaign.")],
+    a: Annotated[str, argument("A", "CSV table of the earlier campaign.")],
+    b: Annotated[str, argument("B", "CSV table of the later campaign.")],
     parameters: list[str] | None = option(
         "NAME,...",
         "Parameters that may have changed, named as for `identify` or `calibrate`; default: "

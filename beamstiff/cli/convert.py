@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from beamstiff.cli.options import flag, option, robot_file
+from beamstiff.cli.options import argument, flag, option
 from beamstiff.cli.output import Outputs, write
-from beamstiff.errors import BeamstiffError, listed, shown
+from beamstiff.cli.parse import named, parse_variables, robot_file
+from beamstiff.errors import BeamstiffError, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,16 +23,17 @@ WRITTEN = {
     ".xml": "MJCF",
     ".csv": "table of frames",
 }
+TOPIC = "NODE=TOPIC such as smr1=/tracker/smr1"
 SETTLE = 2e-3  # s: `simulators.mjcf_writer.SETTLE`, which is slow to import for a default
 
 
 def convert(
     source: Annotated[
         str,
-        typer.Argument(
-            metavar="IN",
-            help="Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, "
-            ".db3, .bag). With --profile: a list of points, or a log in columns.",
+        argument(
+            "IN",
+            "Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
+            ".bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
@@ -141,7 +141,7 @@ def convert(
             columns,
             joints,
             None if joints_profile is None else named_profile(joints_profile),
-            points=point_nodes(point or []),
+            points={topic: node for node, topic in named("--point", point, TOPIC, once=False)},
             skip=skip or (),
             lag=None if lag is None else in_unit(lag, "s"),
             robot=None if like is None else load_robot(like),
@@ -171,7 +171,6 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    from beamstiff.cli.variables import parse_variables
     from beamstiff.functions.convert import (
         missing_mass_notes,
         missing_stiffness_notes,
@@ -226,14 +225,3 @@ def draw_log(table: LogTable) -> Figure:
     from beamstiff.report.logs import log_figure
 
     return log_figure(table)
-
-
-def point_nodes(texts: list[str]) -> dict[str, str]:
-    """Return the nodes of topics, from texts such as ``"smr1=/tracker/smr1"``."""
-    pairs = [text.partition("=") for text in texts]
-    for text, (node, _, topic) in zip(texts, pairs, strict=True):
-        if not (node.strip() and topic.strip()):
-            raise BeamstiffError(
-                f"--point: found {shown(text)}, expected NODE=TOPIC such as smr1=/tracker/smr1"
-            )
-    return {topic.strip(): node.strip() for node, _, topic in pairs}

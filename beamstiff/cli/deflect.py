@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option, robot_file
+from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option
 from beamstiff.cli.output import Outputs, optional_file, working, write
+from beamstiff.cli.parse import robot_file
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:

@@ -1,24 +1,13 @@
 """`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    DataFiles,
-    Html,
-    Region,
-    RobotFile,
-    flag,
-    option,
-    parse_names,
-    parse_region,
-    robot_file,
-)
+from beamstiff.cli.options import Assembly, DataFiles, Html, Region, RobotFile, flag, option
 from beamstiff.cli.output import Outputs, note, optional_file, working, write, write_robot
+from beamstiff.cli.parse import parse_expected, parse_names, parse_region, robot_file
 from beamstiff.errors import BeamstiffError, listed
 
 
@@ -86,7 +75,7 @@ def diagnose(
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
-    expected = parse_expected(prior or ())
+    expected = parse_expected(prior)
     tables = as_tables(data, machine)
     with working("diagnosing"):
         result = run(
@@ -130,16 +119,3 @@ def diagnose(
                 note(f"{apply} contains only the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
-
-
-def parse_expected(texts: Sequence[str]) -> dict[str, float]:
-    """Return expected numbers of causes by name, from texts such as ``"backlash:q2=0.5"``."""
-    result = {}
-    for text in texts:
-        name, _, value = (word.strip() for word in text.partition("="))
-        try:
-            result[name] = float(value)
-        except ValueError:
-            wanted = "expected NAME=NUMBER such as backlash:q2=0.5"
-            raise BeamstiffError(f"--prior: found {text!r}, {wanted}") from None
-    return result

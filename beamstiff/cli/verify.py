@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option, robot_file
+from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option
 from beamstiff.cli.output import QUIET, Outputs, say, working
+from beamstiff.cli.parse import robot_file
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
