@@ -58,6 +58,17 @@ def bars(
     return [trace], named_rows(names, title, **more)
 
 
+def shares(
+    names: Sequence[str],
+    values: Sequence[float],
+    colour: str,
+    title: str,
+    intervals: Sequence[tuple[float, float]] | None = None,
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return `bars` of shares."""
+    return bars(names, values, colour, title, intervals, range=[0, 1.02], tickformat=".0%")
+
+
 def error_bars(values: Sequence[float], ends: Sequence[tuple[float, float]], colour: str) -> dict[str, Any]:
     """Return the bars from values to the ends of their intervals."""
     return {

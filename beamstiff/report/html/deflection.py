@@ -31,10 +31,9 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
         rows = row_figures(Compared(robot, loads, measured, predicted, used), ("the model", ""))
     else:
         sizes = Sizes(robot, loads, {"moved": moved}, ("the tool",), "displacement")
-        rows = over_places(sizes)
         more = [(f"{name}, {UNITS[k]}", 1e3 * predicted[:, k]) for k, name in enumerate(DISPLACEMENT)]
         table = rows_table(sizes, [*more, ("displacement, mm", moved)])
-        rows.sections.append(Section("rows", "The rows", tables=[table], open=False))
+        rows = [*over_places(sizes), Section("rows", "The rows", tables=[table], open=False)]
     worst = int(np.argmax(moved))
     return render(
         Page(
@@ -49,14 +48,9 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
             view=robot_view(
                 robot, worst_postures(loads, moved), "share of the strain energy", model="the linear model"
             ),
-            sections=[
-                _displacements(loads, predicted),
-                *rows.sections,
-                Section("notes", "Notes", items=found.notes),
-            ],
+            sections=[_displacements(loads, predicted), *rows, Section("notes", "Notes", items=found.notes)],
             provenance=provenance,
             data=found.to_dict(),
-            shared=rows.shared,
             papers="",
         )
     )

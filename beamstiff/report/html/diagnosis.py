@@ -42,7 +42,7 @@ from beamstiff.report.diagnosis_words import (
     told,
 )
 from beamstiff.report.drift import drift_tables
-from beamstiff.report.html.charts import bars
+from beamstiff.report.html.charts import bars, shares
 from beamstiff.report.html.page import Page, render
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
@@ -80,16 +80,12 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
             facts=list(_facts(result)),
             view=_view(result),
             sections=[
-                _which(result),
-                _next(result),
-                _where(result),
-                _how_far(result),
-                *rows.sections,
+                *(_which(result), _next(result), _where(result), _how_far(result)),
+                *rows,
                 *_others(result),
             ],
             provenance=provenance,
             data=result.to_dict(),
-            shared=rows.shared,
         )
     )
 
@@ -108,11 +104,9 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
     elif result.verdict.shrink is not None and not one_posture(result):
-        yield Fact(
-            f"With the cause{'s' * (also is not None)}",
-            f"{1e3 * result.verdict.shrink.after:.3f} mm",
-            "the same, its effect added" if also is None else "the same, their effects added",
-        )
+        plural, added = ("", "its effect") if also is None else ("s", "their effects")
+        left = f"{1e3 * result.verdict.shrink.after:.3f} mm"
+        yield Fact(f"With the cause{plural}", left, f"the same, {added} added")
     yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "noise floor of the RMS")
 
 
@@ -142,40 +136,20 @@ def _which(result: Diagnosis) -> Section:
     legend = " ".join(names_text(result))
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := by_causes(result)) is not None:
-        traces, layout = bars(
-            [in_words([one.key]) for one in found.causes],
-            [one.closes for one in found.causes],
-            "blue",
-            "share of the gap closed",
-            [one.closes_interval for one in found.causes],
-            range=[0, 1.02],
-            tickformat=".0%",
-        )
-        caption = (
-            f"What each cause closes, added to those above it. {probability_text(found)} "
-            f"{' '.join(next_best_text(result))}"
-        )
-        figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
-        plural = "s" * (len(found.causes) > 1)
-        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
-    first = likely(result, SHOWN)
-    traces, layout = bars(
-        [in_full(one, result) for one in first],
-        [one.probability for one in first],
-        "blue",
-        "probability",
-        range=[0, 1.02],
-        tickformat=".0%",
-    )
-    figure = Figure(
-        "which",
-        "Which effect",
-        "Probability of the likeliest explanations.",
-        traces,
-        layout,
-        candidates_table(result, first, "The candidates"),
-    )
-    return Section("which", "Which cause", figures=[figure], tables=tables, footnote=legend)
+        names = [in_words([one.key]) for one in found.causes]
+        values, ends = zip(*((one.closes, one.closes_interval) for one in found.causes), strict=True)
+        drawn = shares(names, values, "blue", "share of the gap closed", ends)
+        said = " ".join([probability_text(found), *next_best_text(result)])
+        caption = f"What each cause closes, added to those above it. {said}"
+        figure = Figure("which", "Causes", caption, *drawn, causes_table(found, CAUSES))
+    else:
+        first = likely(result, SHOWN)
+        names = [in_full(one, result) for one in first]
+        drawn = shares(names, [one.probability for one in first], "blue", "probability")
+        caption, table = "Probability of the likeliest explanations.", "The candidates"
+        figure = Figure("which", "Which effect", caption, *drawn, candidates_table(result, first, table))
+    plural = "s" * (found is not None and len(found.causes) > 1)
+    return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
 
 
 def _where(result: Diagnosis) -> Section:
@@ -183,18 +157,12 @@ def _where(result: Diagnosis) -> Section:
     first = places[:SHOWN]
     figures = []
     if first and result.verdict.effect != "none":
-        traces, layout = bars(
-            [item["component"] for item in first],
-            [item["share"] for item in first],
-            "orange",
-            "share of the gap above noise",
-            [tuple(item["interval"]) for item in first],
-            range=[0, 1.02],
-            tickformat=".0%",
-        )
+        names, ends = [item["component"] for item in first], [tuple(item["interval"]) for item in first]
+        title = "share of the gap above noise"
+        drawn = shares(names, [item["share"] for item in first], "orange", title, ends)
         table = places_table(places, "The places")
         caption = f"{(SUMMED if by_causes(result) else ACCOUNTS).partition(': ')[2].capitalize()}."
-        figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
+        figures.append(Figure("where", "Where on the robot", caption, *drawn, table))
     parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
         turns = _turns(result, name)
@@ -224,23 +192,18 @@ def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
 
 def _how_far(result: Diagnosis) -> Section:
     if one_posture(result):
-        return Section(
-            "how-far",
-            "How far the gap closes",
-            ["All rows are of one posture: none can be held out to test the reduction."],
-        )
-    left = steps(result)
-    traces, layout = bars(
-        list(left), [1e3 * value for value in left.values()], "green", "RMS gap, mm", rangemode="tozero"
-    )
+        text = "All rows are of one posture: none can be held out to test the reduction."
+        return Section("how-far", "How far the gap closes", [text])
+    left = {name: 1e3 * value for name, value in steps(result).items()}
+    drawn = bars(list(left), list(left.values()), "green", "RMS gap, mm", rangemode="tozero")
     caption = "Position gap on held-out data."
     if result.decomposition is None:
         caption += (
             " Any elastic model: compliance of every kind at every place at once, less than which no cause "
             "can be expected to leave."
         )
-    table = Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()])
-    figure = Figure("how-far", "What is left", caption, traces, layout, table)
+    table = Table("What is left", ("model", "mm"), [[name, f"{value:.4f}"] for name, value in left.items()])
+    figure = Figure("how-far", "What is left", caption, *drawn, table)
     return Section("how-far", "How far the gap closes", figures=[figure])
 
 
@@ -261,18 +224,12 @@ def _others(result: Diagnosis) -> Iterator[Section]:
 
 
 def _next(result: Diagnosis) -> Section:
-    following = [
-        [
-            ", ".join(
-                f"{name} = {number(value * (DEGREES if _turns(result, name) else 1e3))}"
-                for name, value in item["q"].items()
-            ),
-            ", ".join(number(value + 0.0) for value in item["wrench"]),
-            item["point"],
-            in_words(item["separates"]),
-        ]
-        for item in result.next
-    ]
+    following = []
+    for item in result.next:
+        q = {name: value * (DEGREES if _turns(result, name) else 1e3) for name, value in item["q"].items()}
+        joints = ", ".join(f"{name} = {number(value)}" for name, value in q.items())
+        wrench = ", ".join(number(value + 0.0) for value in item["wrench"])
+        following.append([joints, wrench, item["point"], in_words(item["separates"])])
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     wanted = bool(following) and result.verdict.effect != "none"
     title = proposed(result).replace("the", "The", 1) if wanted else ""

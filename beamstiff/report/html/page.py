@@ -4,7 +4,7 @@ import base64
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -34,7 +34,6 @@ class Page:
     sections: Sequence[Section]
     provenance: Provenance
     data: Mapping[str, Any]  # the result, as ``--json`` writes it
-    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # arrays that several figures draw
     papers: str = "--figure"  # the option that draws for papers; empty where there is none
 
 
@@ -53,10 +52,11 @@ def render(page: Page) -> str:
     action = OPTIONS.sub("", page.verdict.action)
     texts = [OPTIONS.sub("", text) for text in page.summary]
     page = replace(page, verdict=replace(page.verdict, action=action), summary=texts)
-    figures = [one for section in page.sections for one in section.figures]
-    drawn = {one.key: _drawn(one) for one in figures}
+    drawn = {one.key: _drawn(one) for section in page.sections for one in section.figures}
+    shared = {name: values for section in page.sections for name, values in section.shared.items()}
     if page.view is not None:
         drawn[page.view.figure.key] = _drawn(page.view.figure) | {"views": page.view.views}
+        shared |= page.view.shared
     script, plotly = f"\n{_asset('report.js')}\n", plotly_script()
     return environment.get_template("report.html").render(
         page=page,
@@ -65,7 +65,7 @@ def render(page: Page) -> str:
         style=Markup(_asset("report.css")),
         script=Markup(script),
         plotly=Markup(plotly),
-        figures=Markup(embedded({"figures": drawn, "shared": page.shared})),
+        figures=Markup(embedded({"figures": drawn, "shared": shared})),
         data=Markup(embedded(page.data)),
     )
 
