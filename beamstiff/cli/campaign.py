@@ -117,7 +117,7 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
 def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     """Return what a terminal shows: verdict, expectation of the proposal, batches."""
     from beamstiff.report.diagnosis_words import in_words, percent
-    from beamstiff.report.tables import add_rows, counted, table
+    from beamstiff.report.tables import counted, table
     from beamstiff.report.verdict import Verdict
 
     proposed = f"Measure {counted(told['proposed'], 'row')} (campaign next --out writes them)."
@@ -134,8 +134,8 @@ def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     else:
         expected = f"It is to bound the parameters of {name}"
     expected += f", and settles which it is with a probability of {percent(told['settles'])}."
-    rows = table("Batches", "number", "table", "")
-    add_rows(rows, [[str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches])
+    cells = ([str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches)
+    rows = table("Batches", "number", "table", "", rows=cells)
     end = "Stop measuring." if told["stop"] else proposed
     shown = Verdict(head, data=counted(told["rows"], "row"), action=end).lines()
     return [*shown, *([expected] if told["proposal"] else []), rows]

@@ -36,7 +36,7 @@ from beamstiff.report.diagnosis_words import (
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.tables import Column, Table, add_rows, below, scale_of, table, worth
+from beamstiff.report.tables import Column, Table, below, scale_of, table, worth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
 
 SHOWN, SIZES = 8, 16  # candidates and places; parameters
 PARTS_OF_GAP = {
-    "directions": "By direction",
-    "loads": "By load",
-    "history": "Loading and unloading",
-    "time": "Over time",
+    "directions": "direction",
+    "loads": "load",
+    "history": "loading and unloading",
+    "time": "time",
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
 LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
@@ -279,12 +279,12 @@ def gap_tables(result: Diagnosis) -> Table:
     found = result.decomposition
     without = " without the causes" if found is not None and (found.causes or found.unclear) else ""
     title = f"Residual of the fitted rows{without}, RMS (the gap above is that of held-out rows)"
-    made = table(title, "by", "part", "mm", left=2)
-    for key, name in PARTS_OF_GAP.items():
-        by = name.removeprefix("By ").removeprefix("Over ").lower()
-        values = result.where.get(key, {}).items()
-        add_rows(made, ([by, POWER.sub(_spelled, part), f"{value:.3f}"] for part, value in values))
-    return made
+    rows = (
+        [by, POWER.sub(_spelled, part), f"{value:.3f}"]
+        for key, by in PARTS_OF_GAP.items()
+        for part, value in result.where.get(key, {}).items()
+    )
+    return table(title, "by", "part", "mm", left=2, rows=rows)
 
 
 def _spelled(power: Match[str]) -> str:
@@ -293,18 +293,16 @@ def _spelled(power: Match[str]) -> str:
 
 def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
     """Return the position gap, RMS in mm, by a part of the rows."""
-    made = table(title, head, "mm")
-    add_rows(made, ([name, f"{value:.3f}"] for name, value in values.items()))
-    return made
+    return table(title, head, "mm", rows=([name, f"{value:.3f}"] for name, value in values.items()))
 
 
 def untestable_table(result: Diagnosis, title: str) -> Table:
     """Return the effects that the data cannot show, those of one reason in a row."""
-    made, reasons = table(title, "effects", "why", left=2), dict[str, list[str]]()
+    reasons = dict[str, list[str]]()
     for one in (one for one in result.untestable if one.why != NO_CAMERA):
         reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
-    add_rows(made, ([", ".join(effects), why] for why, effects in reasons.items()))
-    return made
+    rows = ([", ".join(effects), why] for why, effects in reasons.items())
+    return table(title, "effects", "why", left=2, rows=rows)
 
 
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:

@@ -8,6 +8,7 @@ from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
 from beamstiff.report.compare import (
+    held_out_levels,
     loads_table,
     models_table,
     models_text,
@@ -146,13 +147,12 @@ def _millimetres(values: Iterable[float | None]) -> list[float | None]:
 
 
 def _by_load(models: Models) -> Section:
-    split, unseen = models.split, ~models.split.fitted
-    levels = [at for at in range(len(split.loads)) if (unseen & (split.level == at)).any()]
+    split, levels = models.split, held_out_levels(models)
     if len(levels) < 2:
         return Section("loads", "By load")
     traces, loads = [], [float(f"{split.loads[at]:.5g}") for at in levels]
     for one, (symbol, colour) in zip(ranked(models), LOOKS, strict=False):
-        values = _millimetres(one.rms(unseen & (split.level == at)) for at in levels)
+        values = _millimetres(one.rms(rows) for rows in levels.values())
         hover, line = "%{y:.4g} mm under %{x} " + split.unit, {"color": css(colour), "width": 1.5}
         traces.append(scatter(loads, values, label(one.name), hover, (symbol, colour, 9), line))
     layout = plain_layout(

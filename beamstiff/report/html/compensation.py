@@ -8,6 +8,7 @@ import numpy as np
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.compensation import (
+    UNCORRECTED,
     compensation_table,
     compensation_text,
     compensation_verdict,
@@ -118,7 +119,7 @@ def _uncorrected(result: Compensated) -> Section:
     reasons = result.correction.reasons
     texts = ["These have no command of their own and stay as they are."] if reasons else []
     tables = [uncorrected_table(result)] if reasons else []
-    return Section("uncorrected", "Targets that cannot be corrected", texts, tables=tables)
+    return Section("uncorrected", UNCORRECTED, texts, tables=tables)
 
 
 def _errors(result: Compensated, some: Array) -> Section:
