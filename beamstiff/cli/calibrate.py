@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from beamstiff.cli.options import Assembly, Html, RobotFile, argument, flag, option
 from beamstiff.cli.output import Outputs, working, write, write_robot
-from beamstiff.cli.parse import named, parse_deviations, parse_names, robot_file
+from beamstiff.cli.parse import file_names, named, parse_deviations, parse_names, robot_file
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from beamstiff.calibration.result import Calibration
     from beamstiff.calibration.statement import Statement
 
 
@@ -124,7 +122,9 @@ def calibrate(
     assert found.statement is not None
     outputs.result(found.notes, calibration_told(found, [robot, *data]), found.to_dict())
     if out is not None:
-        write_robot(out, found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
+        count = len(found.observability.identified)
+        head = f"# Geometry calibrated by beamstiff: {count} parameters from {file_names(data)}.\n"
+        write_robot(out, found.robot, file, found.written_std(machine), head)
     if readings is not None:
         write(readings, measurements_to_csv(in_base_frame(found, concatenate(tables)), machine))
     for (_, path), table in zip(moved, others, strict=True):
@@ -157,9 +157,3 @@ def draw_recursion(statement: Statement, name: str) -> Figure:
     given = (statement.problem, statement.begin, statement.identified)
     ways = {"each pose alone": recursion(*given), "all poses so far": recursion(*given, memory=True)}
     return recursion_figure(ways, f"{name}: calibration pose by pose")
-
-
-def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:
-    count = len(found.observability.identified)
-    files = ", ".join(Path(path).name for path in data)
-    return BeamstiffError(f"Geometry calibrated by beamstiff: {count} parameters from {files}.")  # one line

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from beamstiff.cli.options import Assembly, DataFiles, Html, RobotFile, flag, option
 from beamstiff.cli.output import Outputs, working, write
-from beamstiff.cli.parse import parse_names, parse_quantity, robot_file, side_of
+from beamstiff.cli.parse import file_names, parse_names, parse_quantity, robot_file, side_of
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -104,9 +104,8 @@ def compare(
         robot_found = robot_with(found, best)
         error = 1e3 * (best.rms(~found.split.fitted) or 0.0)
         what = f"model {best.name}, best on held-out rows with {error:.4f} mm RMS"
-        sources = ", ".join(Path(path).name for path in data)
-        head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
-        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"), what)
+        head = f"# Fitted by beamstiff to {file_names(data)}: {what}.\n"
+        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), head), what)
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))
     outputs.page("comparison", found, machine)

@@ -151,11 +151,9 @@ def compensate(
     inputs += [*([process] if process else []), *(measured or []), *(ran or [])]
     points = points_beside(path)  # of a .src, which may stand in its .dat: that is written too
     points_out = None if points is None or out is None else str(Path(out).with_suffix(points.suffix))
-    elsewhere = {}
-    if points is not None:
-        inputs.append(points)
+    inputs += [] if points is None else [points]
+    elsewhere = {} if points_out is None else {"--out (its .dat)": points_out}
     if points_out is not None:
-        elsewhere["--out (its .dat)"] = points_out
         check_replaceable(points_out)
     outputs = Outputs(inputs, elsewhere=elsewhere, out=out, learned=learned, figure=figure, html=html)
     given: dict[str, Any] = {

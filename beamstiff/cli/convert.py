@@ -113,11 +113,8 @@ def convert(
       beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
       beamstiff convert poses.csv --like arm.yaml --mend-labels --out mended.csv
     """
-    inputs: list[str | Path] = [
-        robot_file(source),
-        *(path for path in (like, profile, joints) if path is not None),
-    ]
-    outputs = Outputs(inputs, out=out, figure=figure)
+    others = (path for path in (like, profile, joints) if path is not None)
+    outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
     from beamstiff.report.tables import counted
@@ -153,9 +150,8 @@ def convert(
         outputs.draw("figure", lambda: draw_log(table))
         return
     if point or skip or lag or figure:
-        raise BeamstiffError(
-            "--point, --skip, --lag and --figure: go with a log (a bag, or a profile of samples)"
-        )
+        log = "a log (a bag, or a profile of samples)"
+        raise BeamstiffError(f"--point, --skip, --lag and --figure: go with {log}")
     if columns is not None:
         from beamstiff.measure.point_lists import convert_points
 
@@ -171,12 +167,7 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    from beamstiff.functions.convert import (
-        missing_mass_notes,
-        missing_stiffness_notes,
-        read_any,
-        with_joint_stiffness,
-    )
+    from beamstiff.functions.convert import missing_notes, read_any, with_joint_stiffness
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.stiffness import stiffness_parameters
@@ -196,11 +187,9 @@ def convert(
         convention=convention,
     )
     if joint_stiffness and robot == machine:
-        left_out = [
-            *left_out,
-            "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)",
-        ]
-    lacks = () if ending == ".csv" else (*missing_stiffness_notes(robot), *missing_mass_notes(robot))
+        nothing = "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)"
+        left_out = [*left_out, nothing]
+    lacks = () if ending == ".csv" else missing_notes(robot)
     notes = [*left_out, *lacks, *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]

@@ -1,14 +1,13 @@
 """`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
-from pathlib import Path
 from typing import Any
 
 import typer
 
 from beamstiff.cli.options import Assembly, DataFiles, Html, Region, RobotFile, flag, option
-from beamstiff.cli.output import Outputs, note, optional_file, working, write, write_robot
-from beamstiff.cli.parse import parse_expected, parse_names, parse_region, robot_file
-from beamstiff.errors import BeamstiffError, listed
+from beamstiff.cli.output import Outputs, note, working, write, write_robot
+from beamstiff.cli.parse import file_names, parse_expected, parse_names, parse_region, robot_file
+from beamstiff.errors import BeamstiffError, listed, optional
 
 
 def diagnose(
@@ -85,23 +84,22 @@ def diagnose(
     before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
-        with optional_file(next_to):
+        with optional(next_to, note):
             write(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
 
-        with optional_file(apply):
+        with optional(apply, note):
             larger = readable(extended(result), machine.effects)
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
-            names = ", ".join(Path(path).name for path in data)
             doubt = "" if result.decomposition is None else undecided_text(result.decomposition)
             kept = {one.effect for one in larger.effects}
             found = () if result.decomposition is None else result.decomposition.causes
             lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
             measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
-            head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
+            head = f"Stiffness fitted by beamstiff to {file_names(data)}, and {added} added."
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.kept)
             kept_value = f"; kept, as these rows do not determine it: {guessed}" if guessed else ""

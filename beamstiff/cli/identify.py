@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
@@ -12,6 +11,7 @@ from beamstiff.cli.group import INTERRUPTED
 from beamstiff.cli.options import Assembly, DataFiles, Html, Processes, RobotFile, Scheduler, flag, option
 from beamstiff.cli.output import Outputs, progress, working, write_robot
 from beamstiff.cli.parse import (
+    file_names,
     parse_bounds,
     parse_errors,
     parse_known,
@@ -200,14 +200,9 @@ def identify(
         raise typer.Exit(INTERRUPTED)
 
 
-def _sources(data: Sequence[str]) -> str:
-    # one line: a comment must not end early
-    return str(BeamstiffError(", ".join(Path(path).name for path in data)))
-
-
 def _head(found: Identification, data: Sequence[str]) -> str:
     names = ", ".join(item.name for item in found.parameters)
-    head = f"# Stiffness of {names} identified by beamstiff from {_sources(data)}.\n"
+    head = f"# Stiffness of {names} identified by beamstiff from {file_names(data)}.\n"
     if unbounded := [item.name for item in found.parameters if not (item.identifiable or item.silent)]:
         head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
     return head

@@ -36,6 +36,11 @@ def robot_file(robot: str) -> Path:
     return robot_path(robot) if not path.exists() and robot in robot_names() else path
 
 
+def file_names(data: Sequence[str]) -> str:
+    """Return the names of files in one line: a comment that they stand in must not end early."""
+    return str(BeamstiffError(", ".join(Path(path).name for path in data)))
+
+
 def parse_names(
     texts: Sequence[str] | None, option: str = "--parameters", example: str = "J12.torsional,J18.torsional"
 ) -> list[str] | None:

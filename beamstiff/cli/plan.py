@@ -88,8 +88,5 @@ def plan(
         )
     if out is not None:
         write(out, found.to_csv(), "to be filled in")
-    notes = [
-        *robot_doubts(machine),
-        *(["--out FILE writes the tests as a table to fill in"] if out is None else []),
-    ]
-    outputs.result(notes, campaign_told(found), found.to_dict())
+    how = ["--out FILE writes the tests as a table to fill in"] if out is None else []
+    outputs.result([*robot_doubts(machine), *how], campaign_told(found), found.to_dict())

@@ -141,21 +141,20 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
     return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
 
 
-def missing_stiffness_notes(robot: Robot) -> list[str]:
-    """Return a note on the joints that are rigid, where there are some."""
-    rigid = listed(missing_stiffness(robot), 12)
-    how = "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
-    return [f"no compliance: the joints {rigid} are rigid; give them a stiffness with {how}"] if rigid else []
-
-
-def missing_mass_notes(robot: Robot) -> list[str]:
-    """Return a note on a robot that weighs nothing, where gravity would load its drives."""
-    if robot.masses or robot.beams or not (robot.actuated and any(robot.gravity)):
-        return []
-    return [
-        "no masses: gravity cannot load the drives, and of positions (x y z) the sag under the robot's own "
-        "weight is taken for other errors; give masses (URDF: <inertial>), estimates are enough"
-    ]
+def missing_notes(robot: Robot) -> list[str]:
+    """Return notes on the joints that are rigid, and on a robot that weighs nothing where it should."""
+    notes, rigid = list[str](), listed(missing_stiffness(robot), 12)
+    if rigid:
+        notes.append(
+            f"no compliance: the joints {rigid} are rigid; give them a stiffness with --joint-stiffness "
+            "'1e6 N*m/rad' (or NAME='...')"
+        )
+    if not (robot.masses or robot.beams) and robot.actuated and any(robot.gravity):
+        notes.append(
+            "no masses: gravity cannot load the drives, and of positions (x y z) the sag under the robot's "
+            "own weight is taken for other errors; give masses (URDF: <inertial>), estimates are enough"
+        )
+    return notes
 
 
 def convert_log(

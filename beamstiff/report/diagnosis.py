@@ -16,22 +16,12 @@ from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
+from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import drives_table, recalibration_text
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
     verdict,
-)
-from beamstiff.report.diagnosis_words import (
-    causes,
-    chance,
-    in_words,
-    named,
-    one_posture,
-    percent,
-    percents,
-    several,
-    told,
 )
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.next_action import proposed, separations
@@ -143,11 +133,11 @@ def causes_table(found: Decomposition, title: str) -> Table:
     made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
     for cause in found.causes:
         made.add_row(
-            "\n  or ".join(in_words([one]) for one in (cause.key, *cause.indistinguishable)),
-            percent(cause.closes),
-            percents(cause.closes_interval),
+            "\n  or ".join(words.in_words([one]) for one in (cause.key, *cause.indistinguishable)),
+            words.percent(cause.closes),
+            words.percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
-            chance(cause.probability),
+            words.chance(cause.probability),
         )
     return made
 
@@ -164,11 +154,11 @@ def next_best_text(result: Diagnosis) -> list[str]:
     """Return, in words, what would stand in place of each cause that has no look-alike."""
     lines = []
     for one in result.runners_up:
-        without, ratio = f"Without {in_words([one.cause])}", one.rms / one.rms_with
+        without, ratio = f"Without {words.in_words([one.cause])}", one.rms / one.rms_with
         if not one.keys:
             lines.append(f"{without} nothing explains its share: the gap is {ratio:.2g} times as large.")
             continue
-        names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
+        names = " with ".join(OUTSIDE if key == UNKNOWN else words.in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
         gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else f"{100.0 * (ratio - 1.0):.0f} % larger"
@@ -187,11 +177,11 @@ def steps(result: Diagnosis) -> dict[str, float]:
     left["fitted model"] = result.rms
     if found is not None:
         for at, one in enumerate(found.causes):
-            left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
+            left[f"{'and' if at else 'with'} {words.in_words([one.key])}"] = one.rms_after
         if found.unclear:
             left["and uncertain causes"] = found.unclear[-1].rms_after
     elif result.verdict.shrink is not None:
-        left[f"with {causes(result)}"] = result.verdict.shrink.after
+        left[f"with {words.causes(result)}"] = result.verdict.shrink.after
     if result.decomposition is None:
         left["any elastic model"] = result.ceiling
     return left | {"noise floor": result.noise}
@@ -200,31 +190,35 @@ def steps(result: Diagnosis) -> dict[str, float]:
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
     """Return the candidates with their probability, and how far the gap closes with each, if there is one."""
     heads = [("cause, its shape", "console"), ("cause", "page"), ("shape", "page")]
-    told = [] if result.verdict.effect == "none" or one_posture(result) else ["gap after", "closes", INTERVAL]
+    told = (
+        []
+        if result.verdict.effect == "none" or words.one_posture(result)
+        else ["gap after", "closes", INTERVAL]
+    )
     made = table(title, *(Column(name, left=True, only=only) for name, only in heads), "probability", *told)
     for one in some:
         cells, cause = ["-"] * len(told), in_full(one, result)
         if one.shrink is not None and told:
-            share, ends = percent(one.shrink.shrink), percents(one.shrink.interval)
+            share, ends = words.percent(one.shrink.shrink), words.percents(one.shrink.interval)
             cells = [f"{1e3 * one.shrink.after:.3f} mm", share, ends]
-        made.add_row(below(cause, one.shape), cause, one.shape, chance(one.probability), *cells)
+        made.add_row(below(cause, one.shape), cause, one.shape, words.chance(one.probability), *cells)
     rest = 1.0 - sum(one.probability for one in some)
     if rest >= LEAST:
-        made.add_row("all others", "all others", "", chance(rest), *(["-"] * len(told)))
+        made.add_row("all others", "all others", "", words.chance(rest), *(["-"] * len(told)))
     return made
 
 
 def sizes_table(result: Diagnosis, title: str) -> Table:
     """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
     made = table(title, "effect, its parameters", "value", "std", "realistic", "unit")
-    own = {result.verdict.key, *(one.key for one in (result.also, *several(result)) if one is not None)}
-    for one in sorted(told(result), key=lambda one: one.key not in own):
+    own = {result.verdict.key, *(one.key for one in (result.also, *words.several(result)) if one is not None)}
+    for one in sorted(words.told(result), key=lambda one: one.key not in own):
         fitted = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
         for at, item in enumerate(fitted or one.estimates):
             name, *cells = sized(item)
             name += " (?)" if _open(item) else "" if item.plausible else " (!)"
             if not at:
-                made.add_row(named(one))
+                made.add_row(words.named(one))
             made.add_row(f"  {name}", *cells)
         if one.key in own:  # look-alikes are cut
             made.most = max(SIZES, len(made.rows))
@@ -239,7 +233,7 @@ def _open(item: Estimate) -> bool:
 
 def names_text(result: Diagnosis) -> list[str]:
     """Return what parts of the parameters' names mean, and the mark of sizes, where they occur."""
-    items = [item for one in told(result) for item in one.estimates]
+    items = [item for one in words.told(result) for item in one.estimates]
     names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
     marks = [DOUBTFUL] if any(not item.plausible for item in items) else []
@@ -256,7 +250,7 @@ def _slips_text(result: Diagnosis) -> Iterator[str]:
         several = [f"{number} from {row}" for number, row in enumerate(rows, 1)]
         if rows:
             said = listed(several) if len(rows) > 1 else f"from {rows[0]}"
-            yield f"{in_words([cause.key])}: {said} on (FILE:LINE)."
+            yield f"{words.in_words([cause.key])}: {said} on (FILE:LINE)."
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
@@ -268,7 +262,7 @@ def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
         made.columns = (*made.columns, Column("or, not distinguished by these rows", left=True))
     for item, others in zip(places, alike, strict=True):
         share = item["share"]
-        cells = percent(share), f"{100 * share:.1f} %", percents(item["interval"]), others
+        cells = words.percent(share), f"{100 * share:.1f} %", words.percents(item["interval"]), others
         made.add_row(item["component"], *cells[: len(made.columns) - 1])
     made.most = SHOWN
     return made
@@ -300,7 +294,7 @@ def untestable_table(result: Diagnosis, title: str) -> Table:
     """Return the effects that the data cannot show, those of one reason in a row."""
     reasons = dict[str, list[str]]()
     for one in (one for one in result.untestable if one.why != NO_CAMERA):
-        reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
+        reasons.setdefault(one.why, []).append(words.in_words([f"{one.effect}:{one.component or ''}"]))
     rows = ([", ".join(effects), why] for why, effects in reasons.items())
     return table(title, "effects", "why", left=2, rows=rows)
 
@@ -317,7 +311,7 @@ def sized(item: Estimate) -> tuple[str, str, str, str, str]:
 
 def in_full(one: Candidate, result: Diagnosis) -> str:
     """Return a candidate in words, the verdict with its second cause."""
-    return causes(result) if one.key == result.verdict.key else named(one)
+    return words.causes(result) if one.key == result.verdict.key else words.named(one)
 
 
 def diagnosis_figure(result: Diagnosis) -> Figure:
@@ -335,7 +329,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         ends = np.array([one.closes_interval for one in some])
         closes = np.array([one.closes for one in some])
         error = np.abs(np.stack([closes - ends[:, 0], ends[:, 1] - closes]))
-        axes[0].barh([in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
+        axes[0].barh([words.in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
         shown = likely(result, SHOWN)[::-1]
