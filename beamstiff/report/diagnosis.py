@@ -326,9 +326,8 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     found = by_causes(result)
     if found is not None:
         some = found.causes[::-1]
-        ends = np.array([one.closes_interval for one in some])
         closes = np.array([one.closes for one in some])
-        error = np.abs(np.stack([closes - ends[:, 0], ends[:, 1] - closes]))
+        error = np.abs(np.array([one.closes_interval for one in some]).T - closes)
         axes[0].barh([words.in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
@@ -336,11 +335,11 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         axes[0].barh([in_full(one, result) for one in shown], [one.probability for one in shown], color=BLUE)
         axes[0].set(title="Which", xlabel="probability", xlim=(0, 1))
     places = result.where.get("components", [])[:SHOWN][::-1]
-    share = [item["share"] for item in places]
-    low = [item["share"] - item["interval"][0] for item in places]
-    high = [item["interval"][1] - item["share"] for item in places]
     if places:
-        axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
+        share = [item["share"] for item in places]
+        ends = [(item["share"] - item["interval"][0], item["interval"][1] - item["share"]) for item in places]
+        names, error = [item["component"] for item in places], np.transpose(ends)
+        axes[1].barh(names, share, xerr=error, color=ORANGE)
         axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
     else:
         axes[1].set_axis_off()
@@ -354,7 +353,6 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         q = np.array([worst[0]["q"][name] for name in result.baseline.rows.variables])
         shares = {item["component"]: item["share"] for item in result.where.get("components", [])}
         draw_shares(axes[3], result.baseline.robot, q, shares)
-        axes[3].set(
-            title=f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)", xlabel="m", ylabel="m"
-        )
+        title = f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)"
+        axes[3].set(title=title, xlabel="m", ylabel="m")
     return figure

@@ -20,7 +20,7 @@ from beamstiff.report.geometry import (
     parameters_table,
 )
 from beamstiff.report.html.charts import along, distribution, intervals
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
@@ -48,26 +48,24 @@ def calibration_html(
     """
     values = {"before": _size(found.nominal_residual), "after": _size(found.residual)}
     sizes = Sizes(found.robot, measured, values, (BEFORE, AFTER), "error")
-    return render(
-        Page(
-            title="Calibration",
-            robot=robot.name,
-            verdict=calibration_verdict(found, measured, files),
-            summary=calibration_text(found),
-            facts=list(_facts(found)),
-            view=_view(found, measured, sizes),
-            sections=[
-                _errors(found),
-                _parameters(found),
-                _untold(found),
-                *over_places(sizes),
-                Section("rows", "The rows", tables=[_rows(found, measured, sizes)], open=False),
-                Section("notes", "Notes", items=found.notes),
-            ],
-            provenance=provenance,
-            data=found.to_dict(),
-        )
-    )
+    return Page(
+        title="Calibration",
+        robot=robot.name,
+        verdict=calibration_verdict(found, measured, files),
+        summary=calibration_text(found),
+        facts=list(_facts(found)),
+        view=_view(found, measured, sizes),
+        sections=[
+            _errors(found),
+            _parameters(found),
+            _untold(found),
+            *over_places(sizes),
+            Section("rows", "The rows", tables=[_rows(found, measured, sizes)], open=False),
+            Section("notes", "Notes", items=found.notes),
+        ],
+        provenance=provenance,
+        data=found.to_dict(),
+    ).html()
 
 
 def _facts(found: Calibration) -> Iterator[Fact]:

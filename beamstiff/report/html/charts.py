@@ -27,6 +27,7 @@ WIDEST = 34  # characters of a name
 LINES = (("solid", "orange"), ("solid", "blue"), ("dash", "green"), ("dot", "muted"))
 MOST_POINTS = 400  # points of a curve
 SQUARE = 30  # px
+SHARE: dict[str, Any] = {"range": [0, 1.02], "tickformat": ".0%"}  # an axis of shares
 
 
 def bars(
@@ -56,17 +57,6 @@ def bars(
     if intervals is not None:
         trace["error_x"] = error_bars(values, intervals, "ink")
     return [trace], named_rows(names, title, **more)
-
-
-def shares(
-    names: Sequence[str],
-    values: Sequence[float],
-    colour: str,
-    title: str,
-    intervals: Sequence[tuple[float, float]] | None = None,
-) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return `bars` of shares."""
-    return bars(names, values, colour, title, intervals, range=[0, 1.02], tickformat=".0%")
 
 
 def error_bars(values: Sequence[float], ends: Sequence[tuple[float, float]], colour: str) -> dict[str, Any]:

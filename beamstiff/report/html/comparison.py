@@ -18,7 +18,7 @@ from beamstiff.report.compare import (
     widest_plane,
 )
 from beamstiff.report.html.charts import intervals, log_axis
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
@@ -46,26 +46,24 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
     more = [(f"error {one.name}, mm", 1e3 * one.error) for one in answered]
     table = rows_table(sizes, [*more, ("kind", models.split.kind.astype(float))])
     kinds = "; ".join(f"{at}: {kind}" for at, kind in enumerate(KINDS))
-    return render(
-        Page(
-            title="Comparison of models",
-            robot=robot.name,
-            verdict=models_verdict(models),
-            summary=list(_summary(models)),
-            facts=list(_facts(models)),
-            view=_view(models),
-            sections=[
-                _side_by_side(models),
-                _by_load(models),
-                Section("about", "What came out of each", items=models_text(models)),
-                *over_places(sizes, joints=False, planes=(widest_plane(models.position),)),
-                Section("rows", "The rows", [f"Kinds: {kinds}."], tables=[table], open=False),
-                Section("notes", "Notes", items=models.notes),
-            ],
-            provenance=provenance,
-            data=models.to_dict(),
-        )
-    )
+    return Page(
+        title="Comparison of models",
+        robot=robot.name,
+        verdict=models_verdict(models),
+        summary=list(_summary(models)),
+        facts=list(_facts(models)),
+        view=_view(models),
+        sections=[
+            _side_by_side(models),
+            _by_load(models),
+            Section("about", "What came out of each", items=models_text(models)),
+            *over_places(sizes, joints=False, planes=(widest_plane(models.position),)),
+            Section("rows", "The rows", [f"Kinds: {kinds}."], tables=[table], open=False),
+            Section("notes", "Notes", items=models.notes),
+        ],
+        provenance=provenance,
+        data=models.to_dict(),
+    ).html()
 
 
 def _summary(models: Models) -> Iterator[str]:

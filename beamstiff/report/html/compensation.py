@@ -16,7 +16,7 @@ from beamstiff.report.compensation import (
     uncorrected_table,
 )
 from beamstiff.report.html.charts import along
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section, label, numbers
 from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
@@ -43,24 +43,22 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
     # evenly chosen, the first and the last among them
     some = np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))
     said = [f"{MOST} of {count} targets are shown, evenly chosen."] if len(some) < count else []
-    return render(
-        Page(
-            title="Compensation",
-            robot=robot.name,
-            verdict=compensation_verdict(result),
-            summary=[compensation_text(result) if result.known.any() else NOWHERE, *said],
-            facts=list(_facts(result)),
-            view=_view(result, robot, some),
-            sections=[
-                _uncorrected(result),
-                *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
-                Section("targets", "The targets", tables=[_targets(result, some)], open=False),
-                Section("notes", "Notes", items=result.notes),
-            ],
-            provenance=provenance,
-            data=result.to_dict(),
-        )
-    )
+    return Page(
+        title="Compensation",
+        robot=robot.name,
+        verdict=compensation_verdict(result),
+        summary=[compensation_text(result) if result.known.any() else NOWHERE, *said],
+        facts=list(_facts(result)),
+        view=_view(result, robot, some),
+        sections=[
+            _uncorrected(result),
+            *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
+            Section("targets", "The targets", tables=[_targets(result, some)], open=False),
+            Section("notes", "Notes", items=result.notes),
+        ],
+        provenance=provenance,
+        data=result.to_dict(),
+    ).html()
 
 
 def _facts(result: Compensated) -> Iterator[Fact]:

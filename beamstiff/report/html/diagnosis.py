@@ -12,8 +12,8 @@ from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import changes_table, drives_table, recalibration_text
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.drift import drift_tables
-from beamstiff.report.html.charts import bars, shares
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.charts import SHARE, bars
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
@@ -41,23 +41,21 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         changed = [*remainder_text(result.decomposition).splitlines(), *changed]
     with_them = "with the causes" if result.decomposition is not None else f"with {words.causes(result)}"
     rows = row_figures(compared, ("fitted model", with_them))
-    return render(
-        Page(
-            title="Diagnosis",
-            robot=baseline.nominal.name,
-            verdict=verdict(result),
-            summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
-            facts=list(_facts(result)),
-            view=_view(result),
-            sections=[
-                *(_which(result), _next(result), _where(result), _how_far(result)),
-                *rows,
-                *_others(result),
-            ],
-            provenance=provenance,
-            data=result.to_dict(),
-        )
-    )
+    return Page(
+        title="Diagnosis",
+        robot=baseline.nominal.name,
+        verdict=verdict(result),
+        summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
+        facts=list(_facts(result)),
+        view=_view(result),
+        sections=[
+            *(_which(result), _next(result), _where(result), _how_far(result)),
+            *rows,
+            *_others(result),
+        ],
+        provenance=provenance,
+        data=result.to_dict(),
+    ).html()
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
@@ -112,14 +110,14 @@ def _which(result: Diagnosis) -> Section:
     if (found := shown.by_causes(result)) is not None:
         names = [words.in_words([one.key]) for one in found.causes]
         values, ends = zip(*((one.closes, one.closes_interval) for one in found.causes), strict=True)
-        drawn = shares(names, values, "blue", "share of the gap closed", ends)
+        drawn = bars(names, values, "blue", "share of the gap closed", ends, **SHARE)
         said = " ".join([shown.probability_text(found), *shown.next_best_text(result)])
         caption = f"What each cause closes, added to those above it. {said}"
         figure = Figure("which", "Causes", caption, *drawn, shown.causes_table(found, shown.CAUSES))
     else:
         first = shown.likely(result, shown.SHOWN)
         names = [shown.in_full(one, result) for one in first]
-        drawn = shares(names, [one.probability for one in first], "blue", "probability")
+        drawn = bars(names, [one.probability for one in first], "blue", "probability", **SHARE)
         caption, table = "Probability of the likeliest explanations.", "The candidates"
         figure = Figure(
             "which", "Which effect", caption, *drawn, shown.candidates_table(result, first, table)
@@ -135,7 +133,7 @@ def _where(result: Diagnosis) -> Section:
     if first and result.verdict.effect != "none":
         names, ends = [item["component"] for item in first], [tuple(item["interval"]) for item in first]
         title = "share of the gap above noise"
-        drawn = shares(names, [item["share"] for item in first], "orange", title, ends)
+        drawn = bars(names, [item["share"] for item in first], "orange", title, ends, **SHARE)
         table = shown.places_table(places, "The places")
         share = shown.SUMMED if shown.by_causes(result) else shown.ACCOUNTS
         caption = f"{share.partition(': ')[2].capitalize()}."

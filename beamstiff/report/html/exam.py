@@ -11,8 +11,8 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
-from beamstiff.report.html.charts import confusion_figure, error_bars, named_rows
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.charts import SHARE, confusion_figure, error_bars, named_rows
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
@@ -27,7 +27,6 @@ MARKS = {
     "missed": ("missed", "x", "hot"),
     None: ("no target", "circle-open", "muted"),
 }
-SHARE = {"tickformat": ".0%", "range": [0, 1.02]}  # axes of
 
 
 def exam_html(
@@ -48,29 +47,27 @@ def exam_html(
     rows = [row for row in headline(main, lean=not rich) if row.figure.count]
     broken = any(record.error is not None for record in records)
     failures = [told.failures_table(records)] if broken else []
-    return render(
-        Page(
-            title="Exam of a plan" if plan else "Exam of the diagnosis",
-            robot=examined,
-            verdict=told.plan_verdict(records) if plan else told.exam_verdict(rows, records),
-            summary=list(_summary(main, lean if rich else [], rows)),
-            facts=list(_facts(main)),
-            view=None,
-            sections=[
-                *([_plan(records)] if plan else []),
-                _asked(rows),
-                _reliability(main),
-                _effects(main),
-                _confusion(main),
-                _sorts(records, lean if rich else []),
-                _controls(main),
-                Section("failures", "Where the diagnosis broke off", tables=failures),
-                Section("notes", "Notes", items=notes),
-            ],
-            provenance=provenance,
-            data=facts,
-        )
-    )
+    return Page(
+        title="Exam of a plan" if plan else "Exam of the diagnosis",
+        robot=examined,
+        verdict=told.plan_verdict(records) if plan else told.exam_verdict(rows, records),
+        summary=list(_summary(main, lean if rich else [], rows)),
+        facts=list(_facts(main)),
+        view=None,
+        sections=[
+            *([_plan(records)] if plan else []),
+            _asked(rows),
+            _reliability(main),
+            _effects(main),
+            _confusion(main),
+            _sorts(records, lean if rich else []),
+            _controls(main),
+            Section("failures", "Where the diagnosis broke off", tables=failures),
+            Section("notes", "Notes", items=notes),
+        ],
+        provenance=provenance,
+        data=facts,
+    ).html()
 
 
 def _plan(records: Records) -> Section:

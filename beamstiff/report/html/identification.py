@@ -7,7 +7,7 @@ import numpy as np
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.charts import correlation_figure, intervals
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
@@ -47,26 +47,24 @@ def identification_html(
     compared = Compared(found.robot, measured, displacement, predicted[0], used, predicted[1])
     rows = row_figures(compared, (AFTER, "") if before is None else (BEFORE, AFTER))
     fronts = [] if found.front is None else [front_table(found.front)]
-    return render(
-        Page(
-            title="Identification",
-            robot=robot.name,
-            verdict=identification_verdict(found, measured, files),
-            summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
-            facts=list(_facts(found)),
-            view=_view(found, measured),
-            sections=[
-                _parameters(found, robot),
-                _degeneracies(found),
-                Section("front", "Position against rotation", tables=fronts),
-                *rows,
-                Section("notes", "Notes", items=found.notes),
-                Section("method", "Method", texts=[method_text(found)]),
-            ],
-            provenance=provenance,
-            data=found.to_dict(),
-        )
-    )
+    return Page(
+        title="Identification",
+        robot=robot.name,
+        verdict=identification_verdict(found, measured, files),
+        summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
+        facts=list(_facts(found)),
+        view=_view(found, measured),
+        sections=[
+            _parameters(found, robot),
+            _degeneracies(found),
+            Section("front", "Position against rotation", tables=fronts),
+            *rows,
+            Section("notes", "Notes", items=found.notes),
+            Section("method", "Method", texts=[method_text(found)]),
+        ],
+        provenance=provenance,
+        data=found.to_dict(),
+    ).html()
 
 
 def _facts(found: Identification) -> Iterator[Fact]:
