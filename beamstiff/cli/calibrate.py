@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from beamstiff.cli.options import Assembly, Html, RobotFile, flag, option, parse_names, robot_file
+from beamstiff.cli.options import Assembly, Html, RobotFile, argument, flag, option
 from beamstiff.cli.output import Outputs, working, write, write_robot
+from beamstiff.cli.parse import file_names, named, parse_deviations, parse_names, robot_file
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from beamstiff.calibration.result import Calibration
     from beamstiff.calibration.statement import Statement
 
 
@@ -23,10 +20,10 @@ def calibrate(
     robot: RobotFile,
     data: Annotated[
         list[str],
-        typer.Argument(
-            metavar="DATA...",
-            help="CSV tables, one row a state: joint variables, measured position x y z (and rotation vector "
-            "a b c), the reflector as `point`, wrench; units in the header, SI otherwise.",
+        argument(
+            "DATA...",
+            "CSV tables, one row a state: joint variables, measured position x y z (and rotation vector a b "
+            "c), the reflector as `point`, wrench; units in the header, SI otherwise.",
         ),
     ],
     parameters: list[str] | None = option(
@@ -95,7 +92,7 @@ def calibrate(
 
     file = robot_file(robot)
     drawings: dict[str, Any] = {"figure": figure, "sensitivity": sensitivity, "recursion": recursion}
-    moved = parse_pairs(apply_to or ())
+    moved = list(named("--apply-to", apply_to, "CSV=CSV such as fresh.csv=moved.csv", once=False))
     if moved and stations:
         raise BeamstiffError(
             "--apply-to: beside --stations it is not said where the robot stood; leave one out"
@@ -116,7 +113,7 @@ def calibrate(
             fixed=parse_names(fix, "--fix") or (),
             last=parse_names(last, "--last") or (),
             compliances=parse_names(compliances, "--compliances") or (),
-            priors=parse_priors(prior or ()),
+            priors=parse_deviations(prior),
             stations=stations,
             folds=folds,
             test=test or (),
@@ -125,7 +122,9 @@ def calibrate(
     assert found.statement is not None
     outputs.result(found.notes, calibration_told(found, [robot, *data]), found.to_dict())
     if out is not None:
-        write_robot(out, found.robot, file, found.written_std(machine), f"# {_head(found, data)}\n")
+        count = len(found.observability.identified)
+        head = f"# Geometry calibrated by beamstiff: {count} parameters from {file_names(data)}.\n"
+        write_robot(out, found.robot, file, found.written_std(machine), head)
     if readings is not None:
         write(readings, measurements_to_csv(in_base_frame(found, concatenate(tables)), machine))
     for (_, path), table in zip(moved, others, strict=True):
@@ -135,26 +134,6 @@ def calibrate(
     outputs.draw("recursion", lambda: draw_recursion(statement, machine.name))
     outputs.draw("figure", found.plot)
     outputs.page("calibration", found, machine, found.rows, files=[robot, *data])
-
-
-def parse_priors(texts: Sequence[str]) -> dict[str, list[str]]:
-    """Return standard deviations by name, from texts such as ``"f3.d=0.2mm"``; a name may have several."""
-    result: dict[str, list[str]] = {}
-    for text in texts:
-        name, equals, value = (word.strip() for word in text.partition("="))
-        if not (name and equals and value):
-            raise BeamstiffError(f"--prior: found {text!r}, expected NAME=STD such as f3.d=0.2mm")
-        result.setdefault(name, []).append(value)
-    return result
-
-
-def parse_pairs(texts: Sequence[str]) -> list[tuple[str, str]]:
-    """Return tables and where they are to be written, from texts such as ``"fresh.csv=moved.csv"``."""
-    pairs = [text.partition("=") for text in texts]
-    for text, (source, _, path) in zip(texts, pairs, strict=True):
-        if not (source.strip() and path.strip()):
-            raise BeamstiffError(f"--apply-to: found {text!r}, expected CSV=CSV such as fresh.csv=moved.csv")
-    return [(source.strip(), path.strip()) for source, _, path in pairs]
 
 
 def draw_sensitivity(statement: Statement, name: str) -> Figure:
@@ -178,9 +157,3 @@ def draw_recursion(statement: Statement, name: str) -> Figure:
     given = (statement.problem, statement.begin, statement.identified)
     ways = {"each pose alone": recursion(*given), "all poses so far": recursion(*given, memory=True)}
     return recursion_figure(ways, f"{name}: calibration pose by pose")
-
-
-def _head(found: Calibration, data: Sequence[str]) -> BeamstiffError:
-    count = len(found.observability.identified)
-    files = ", ".join(Path(path).name for path in data)
-    return BeamstiffError(f"Geometry calibrated by beamstiff: {count} parameters from {files}.")  # one line

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import Region, option, parse_region, robot_file
+from beamstiff.cli.options import Region, argument, option
 from beamstiff.cli.output import Outputs, working, write
+from beamstiff.cli.parse import parse_region, robot_file
 from beamstiff.errors import BeamstiffError
 
 
@@ -22,13 +23,11 @@ class Action(StrEnum):
 
 
 def campaign(
-    action: Annotated[Action, typer.Argument(metavar="ACTION", help="new, add, next, remove or status.")],
-    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="Where the campaign is kept.")],
+    action: Annotated[Action, argument("ACTION", "new, add, next, remove or status.")],
+    folder: Annotated[str, argument("FOLDER", "Where the campaign is kept.")],
     what: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[WHAT]...", help="For new: the robot. For add: tables. For remove: numbers of batches."
-        ),
+        argument("[WHAT]...", "For new: the robot. For add: tables. For remove: numbers of batches."),
     ] = None,
     out: str | None = option("CSV", "For next: write the rows to measure, as a table to fill in."),
     region: Region = None,
@@ -118,7 +117,7 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
 def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     """Return what a terminal shows: verdict, expectation of the proposal, batches."""
     from beamstiff.report.diagnosis_words import in_words, percent
-    from beamstiff.report.tables import add_rows, counted, table
+    from beamstiff.report.tables import counted, table
     from beamstiff.report.verdict import Verdict
 
     proposed = f"Measure {counted(told['proposed'], 'row')} (campaign next --out writes them)."
@@ -135,8 +134,8 @@ def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     else:
         expected = f"It is to bound the parameters of {name}"
     expected += f", and settles which it is with a probability of {percent(told['settles'])}."
-    rows = table("Batches", "number", "table", "")
-    add_rows(rows, [[str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches])
+    cells = ([str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches)
+    rows = table("Batches", "number", "table", "", rows=cells)
     end = "Stop measuring." if told["stop"] else proposed
     shown = Verdict(head, data=counted(told["rows"], "row"), action=end).lines()
     return [*shown, *([expected] if told["proposal"] else []), rows]

@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from beamstiff.cli.options import parse_quantity
+from beamstiff.cli.options import argument, option
 from beamstiff.cli.output import QUIET, Outputs, say
+from beamstiff.cli.parse import parse_quantity
 from beamstiff.cli.verify import TOO_LARGE
 from beamstiff.errors import BeamstiffError
 from beamstiff.files import read_text
@@ -22,12 +23,8 @@ GAPS = (
 
 
 def check(
-    result: Annotated[
-        str, typer.Argument(metavar="RESULT", help="JSON of verify, identify, calibrate or diagnose.")
-    ],
-    max_gap: str = typer.Option(
-        ..., metavar="LENGTH", help="Exit with code 3 if the gap is larger, such as 0.2mm."
-    ),
+    result: Annotated[str, argument("RESULT", "JSON of verify, identify, calibrate or diagnose.")],
+    max_gap: str = option("LENGTH", "Exit with code 3 if the gap is larger, such as 0.2mm.", ...),
 ) -> None:
     """Check that the gap in a result is within a limit.
 

@@ -6,19 +6,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import (
-    Assembly,
-    DataFiles,
-    Html,
-    RobotFile,
-    flag,
-    option,
-    parse_names,
-    parse_quantity,
-    robot_file,
-    side_of,
-)
+from beamstiff.cli.options import Assembly, DataFiles, Html, RobotFile, flag, option
 from beamstiff.cli.output import Outputs, working, write
+from beamstiff.cli.parse import file_names, parse_names, parse_quantity, robot_file, side_of
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -83,8 +73,10 @@ def compare(
     from beamstiff.robot.yaml_edit import robot_yaml
 
     names = parse_names(models, "--models")
-    side = None if cube is None else side_of(cube)
-    load = None if fit_load is None else load_of(fit_load)
+    load = None  # N or N m; a plain number is in SI already
+    if fit_load is not None:
+        kind = "moment" if re.search(r"N\W*m", fit_load) else "force"
+        load = parse_quantity("--fit-load", fit_load, kind)
     if rules is not None and names is not None and "fuzzy" not in names:
         raise BeamstiffError("--rules: expected fuzzy among the models")
     machine = as_robot(robot, assembly=assembly)
@@ -100,7 +92,7 @@ def compare(
             models=names,
             share=share,
             fit_load=load,
-            cube=side,
+            cube=side_of(cube),
             seed=seed,
             separate=separate,
         )
@@ -112,17 +104,11 @@ def compare(
         robot_found = robot_with(found, best)
         error = 1e3 * (best.rms(~found.split.fitted) or 0.0)
         what = f"model {best.name}, best on held-out rows with {error:.4f} mm RMS"
-        sources = ", ".join(Path(path).name for path in data)
-        head = BeamstiffError(f"Fitted by beamstiff to {sources}: {what}.")
-        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), f"# {head}\n"), what)
+        head = f"# Fitted by beamstiff to {file_names(data)}: {what}.\n"
+        write(out, robot_yaml(robot_found, robot_file(robot), written_std(robot_found), head), what)
     outputs.draw("figure", lambda: models_figure(found, machine.name))
     outputs.draw("rules", lambda: _draw_rules(found, machine))
     outputs.page("comparison", found, machine)
-
-
-def load_of(text: str) -> float:
-    """Return a load, N or N m; a plain number is in SI already."""
-    return parse_quantity("--fit-load", text, "moment" if re.search(r"N\W*m", text) else "force")
 
 
 def _draw_rules(found: Models, machine: Robot) -> Figure:

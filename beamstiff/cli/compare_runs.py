@@ -3,18 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from beamstiff.cli.options import Assembly, RobotFile, option, parse_names, robot_file
+from beamstiff.cli.options import Assembly, RobotFile, argument, option
 from beamstiff.cli.output import Outputs, working
+from beamstiff.cli.parse import parse_names, robot_file
 from beamstiff.errors import listed
-from beamstiff.report.tables import add_rows, number, table
+from beamstiff.report.tables import number, table
 
 
 def compare_runs(
     robot: RobotFile,
-    a: Annotated[str, typer.Argument(metavar="A", help="CSV table of the earlier campaign.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="CSV table of the later campaign.")],
+    a: Annotated[str, argument("A", "CSV table of the earlier campaign.")],
+    b: Annotated[str, argument("B", "CSV table of the later campaign.")],
     parameters: list[str] | None = option(
         "NAME,...",
         "Parameters that may have changed, named as for `identify` or `calibrate`; default: "
@@ -55,18 +54,12 @@ def compare_runs(
             compliances=parse_names(compliances, "--compliances") or [],
             level=level,
         )
-    rows = table("From A to B", "parameter", "A", "B", "change", "std", "p (Holm)", "unit", "")
-    lines = [
-        [
-            one.name,
-            *(number(value) for value in (one.a, one.b, one.change, one.std)),
-            f"{one.p_holm:.2g}",
-            one.unit,
-            "changed" if one.changed else "",
-        ]
-        for one in sorted(found.changes, key=lambda one: one.p)
-    ]
-    add_rows(rows, lines)
+    lines = []
+    for one in sorted(found.changes, key=lambda one: one.p):
+        values = map(number, (one.a, one.b, one.change, one.std))
+        lines.append([one.name, *values, f"{one.p_holm:.2g}", one.unit, "changed" if one.changed else ""])
+    heads = ("parameter", "A", "B", "change", "std", "p (Holm)", "unit", "")
+    rows = table("From A to B", *heads, rows=lines)
     verdict = changes_verdict(found, [Path(a).name, Path(b).name])
     said = []
     if found.changed and not any(one.changed for one in found.changes):

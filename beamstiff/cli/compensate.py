@@ -6,19 +6,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from beamstiff.cli.options import (
-    Assembly,
-    Html,
-    flag,
-    option,
+from beamstiff.cli.options import Assembly, Html, argument, flag, option, robot_argument
+from beamstiff.cli.output import Outputs, note, working, write
+from beamstiff.cli.parse import (
+    parse_frame,
     parse_names,
     parse_quantities,
+    parse_variables,
+    parse_wrench,
     robot_file,
-    robots_beginning,
 )
-from beamstiff.cli.output import Outputs, note, working, write
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.outputs import check_replaceable
 
@@ -31,18 +28,15 @@ REFUSE, KEEP = "refuse", "keep"
 def compensate(
     robot: Annotated[
         str,
-        typer.Argument(
-            metavar="ROBOT",
-            help="The robot as the controller has it, usually the nominal one: YAML, URDF or SDF "
-            "file, or the name of a bundled robot.",
-            autocompletion=robots_beginning,
+        robot_argument(
+            "The robot as the controller has it, usually the nominal one: YAML, URDF or SDF file, or the "
+            "name of a bundled robot."
         ),
     ],
     path: Annotated[
         str,
-        typer.Argument(
-            metavar="PATH",
-            help="Path: .csv; KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; APT .apt, .cls.",
+        argument(
+            "PATH", "Path: .csv; KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; APT .apt, .cls."
         ),
     ],
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
@@ -138,7 +132,6 @@ def compensate(
       x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]
       1500,-200,900,0,90,0,-350
     """
-    from beamstiff.cli.variables import parse_frame, parse_variables, parse_wrench
     from beamstiff.compensation.formats import points_beside
     from beamstiff.compensation.process.writer import process_to_yaml
     from beamstiff.functions.checks import one_of
@@ -158,23 +151,21 @@ def compensate(
     inputs += [*([process] if process else []), *(measured or []), *(ran or [])]
     points = points_beside(path)  # of a .src, which may stand in its .dat: that is written too
     points_out = None if points is None or out is None else str(Path(out).with_suffix(points.suffix))
-    elsewhere = {}
-    if points is not None:
-        inputs.append(points)
+    inputs += [] if points is None else [points]
+    elsewhere = {} if points_out is None else {"--out (its .dat)": points_out}
     if points_out is not None:
-        elsewhere["--out (its .dat)"] = points_out
         check_replaceable(points_out)
     outputs = Outputs(inputs, elsewhere=elsewhere, out=out, learned=learned, figure=figure, html=html)
     given: dict[str, Any] = {
         "actual": actual,
-        "wrench": parse_wrench(wrench) if wrench else None,
+        "wrench": parse_wrench(wrench),
         "process": process,
-        "base": None if base is None else parse_frame("--base", base),
-        "tool": None if tool is None else parse_frame("--tool", tool),
+        "base": parse_frame("--base", base),
+        "tool": parse_frame("--tool", tool),
         "q": parse_variables(controller, q) if q else None,
         "only": parse_names(only, "--only"),
         "std": None if std is None else read_std(std),
-        "load_std": parse_wrench(load_std, "--load-std") if load_std else None,
+        "load_std": parse_wrench(load_std, "--load-std"),
         "leave_doubtful": leave_doubtful,
     }
     if stream:
@@ -229,9 +220,8 @@ def _steps(text: str | None) -> tuple[float, float] | None:
     """Return the longest step and turn, m and rad, of a text such as ``step=5mm,angle=1deg``."""
     if text is None:
         return None
-    kinds = {"step": "length", "angle": "angle"}
-    expected = "step=5mm, angle=1deg or both"
-    found = parse_quantities("--resample", [text], kinds, expected, positive=True)
+    kinds, expected = {"step": "length", "angle": "angle"}, "step=5mm, angle=1deg or both"
+    found = parse_quantities("--resample", [text], kinds, expected, "more than 0")
     return found.get("step", float("inf")), found.get("angle", float("inf"))
 
 

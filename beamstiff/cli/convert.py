@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from beamstiff.cli.options import flag, option, robot_file
+from beamstiff.cli.options import argument, flag, option
 from beamstiff.cli.output import Outputs, write
-from beamstiff.errors import BeamstiffError, listed, shown
+from beamstiff.cli.parse import named, parse_variables, robot_file
+from beamstiff.errors import BeamstiffError, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,16 +23,17 @@ WRITTEN = {
     ".xml": "MJCF",
     ".csv": "table of frames",
 }
+TOPIC = "NODE=TOPIC such as smr1=/tracker/smr1"
 SETTLE = 2e-3  # s: `simulators.mjcf_writer.SETTLE`, which is slow to import for a default
 
 
 def convert(
     source: Annotated[
         str,
-        typer.Argument(
-            metavar="IN",
-            help="Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, "
-            ".db3, .bag). With --profile: a list of points, or a log in columns.",
+        argument(
+            "IN",
+            "Robot: YAML, URDF, SDF, MJCF or a table of frames (CSV, YAML). Log: a ROS bag (.mcap, .db3, "
+            ".bag). With --profile: a list of points, or a log in columns.",
         ),
     ],
     out: str = option(
@@ -113,11 +113,8 @@ def convert(
       beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
       beamstiff convert poses.csv --like arm.yaml --mend-labels --out mended.csv
     """
-    inputs: list[str | Path] = [
-        robot_file(source),
-        *(path for path in (like, profile, joints) if path is not None),
-    ]
-    outputs = Outputs(inputs, out=out, figure=figure)
+    others = (path for path in (like, profile, joints) if path is not None)
+    outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
     from beamstiff.report.tables import counted
@@ -141,7 +138,7 @@ def convert(
             columns,
             joints,
             None if joints_profile is None else named_profile(joints_profile),
-            points=point_nodes(point or []),
+            points={topic: node for node, topic in named("--point", point, TOPIC, once=False)},
             skip=skip or (),
             lag=None if lag is None else in_unit(lag, "s"),
             robot=None if like is None else load_robot(like),
@@ -153,9 +150,8 @@ def convert(
         outputs.draw("figure", lambda: draw_log(table))
         return
     if point or skip or lag or figure:
-        raise BeamstiffError(
-            "--point, --skip, --lag and --figure: go with a log (a bag, or a profile of samples)"
-        )
+        log = "a log (a bag, or a profile of samples)"
+        raise BeamstiffError(f"--point, --skip, --lag and --figure: go with {log}")
     if columns is not None:
         from beamstiff.measure.point_lists import convert_points
 
@@ -171,13 +167,7 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    from beamstiff.cli.variables import parse_variables
-    from beamstiff.functions.convert import (
-        missing_mass_notes,
-        missing_stiffness_notes,
-        read_any,
-        with_joint_stiffness,
-    )
+    from beamstiff.functions.convert import missing_notes, read_any, with_joint_stiffness
     from beamstiff.functions.written import robot_text
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.stiffness import stiffness_parameters
@@ -197,11 +187,9 @@ def convert(
         convention=convention,
     )
     if joint_stiffness and robot == machine:
-        left_out = [
-            *left_out,
-            "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)",
-        ]
-    lacks = () if ending == ".csv" else (*missing_stiffness_notes(robot), *missing_mass_notes(robot))
+        nothing = "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)"
+        left_out = [*left_out, nothing]
+    lacks = () if ending == ".csv" else missing_notes(robot)
     notes = [*left_out, *lacks, *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
     moving = [variable.name for variable in robot.variables]
@@ -226,14 +214,3 @@ def draw_log(table: LogTable) -> Figure:
     from beamstiff.report.logs import log_figure
 
     return log_figure(table)
-
-
-def point_nodes(texts: list[str]) -> dict[str, str]:
-    """Return the nodes of topics, from texts such as ``"smr1=/tracker/smr1"``."""
-    pairs = [text.partition("=") for text in texts]
-    for text, (node, _, topic) in zip(texts, pairs, strict=True):
-        if not (node.strip() and topic.strip()):
-            raise BeamstiffError(
-                f"--point: found {shown(text)}, expected NODE=TOPIC such as smr1=/tracker/smr1"
-            )
-    return {topic.strip(): node.strip() for node, _, topic in pairs}

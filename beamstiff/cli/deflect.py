@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option, robot_file
-from beamstiff.cli.output import Outputs, optional_file, working, write
-from beamstiff.errors import BeamstiffError
+from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option
+from beamstiff.cli.output import Outputs, note, working, write
+from beamstiff.cli.parse import robot_file
+from beamstiff.errors import BeamstiffError, optional
 
 if TYPE_CHECKING:
     from beamstiff.measure.table import Measurements
@@ -78,7 +79,7 @@ def deflect(
         write(out, measurements_to_csv(found.to_measurements(), machine))
     if vtu is not None:
         most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
-        with optional_file(vtu):
+        with optional(vtu, note):
             _write_shape(machine, loads, most if shape_of is None else shape_of, vtu)
     outputs.page("deflection", found)
 

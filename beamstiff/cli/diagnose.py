@@ -1,25 +1,13 @@
 """`beamstiff diagnose`: where the gap is, what causes it, how much of it closes, what to measure next."""
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import typer
 
-from beamstiff.cli.options import (
-    Assembly,
-    DataFiles,
-    Html,
-    Region,
-    RobotFile,
-    flag,
-    option,
-    parse_names,
-    parse_region,
-    robot_file,
-)
-from beamstiff.cli.output import Outputs, note, optional_file, working, write, write_robot
-from beamstiff.errors import BeamstiffError, listed
+from beamstiff.cli.options import Assembly, DataFiles, Html, Region, RobotFile, flag, option
+from beamstiff.cli.output import Outputs, note, working, write, write_robot
+from beamstiff.cli.parse import file_names, parse_expected, parse_names, parse_region, robot_file
+from beamstiff.errors import BeamstiffError, listed, optional
 
 
 def diagnose(
@@ -86,7 +74,7 @@ def diagnose(
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
     excluded = parse_names(without, "--without", "backlash,hardening:q1") or ()
-    expected = parse_expected(prior or ())
+    expected = parse_expected(prior)
     tables = as_tables(data, machine)
     with working("diagnosing"):
         result = run(
@@ -96,23 +84,22 @@ def diagnose(
     before = [f"Already in the robot and included: {known}."] if known else []
     outputs.result(result.notes, [*diagnosis_tables(result), *before], result.to_dict())
     if next_to is not None and result.next:
-        with optional_file(next_to):
+        with optional(next_to, note):
             write(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
         note(f"{next_to} was not written: this diagnosis proposes no states to measure")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
 
-        with optional_file(apply):
+        with optional(apply, note):
             larger = readable(extended(result), machine.effects)
             added = effects_text(larger.effects[len(machine.effects) :]) or "no effect"
-            names = ", ".join(Path(path).name for path in data)
             doubt = "" if result.decomposition is None else undecided_text(result.decomposition)
             kept = {one.effect for one in larger.effects}
             found = () if result.decomposition is None else result.decomposition.causes
             lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
             measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
-            head = BeamstiffError(f"Stiffness fitted by beamstiff to {names}, and {added} added.")
+            head = f"Stiffness fitted by beamstiff to {file_names(data)}, and {added} added."
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.kept)
             kept_value = f"; kept, as these rows do not determine it: {guessed}" if guessed else ""
@@ -130,16 +117,3 @@ def diagnose(
                 note(f"{apply} contains only the likeliest cause ({share})")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)
-
-
-def parse_expected(texts: Sequence[str]) -> dict[str, float]:
-    """Return expected numbers of causes by name, from texts such as ``"backlash:q2=0.5"``."""
-    result = {}
-    for text in texts:
-        name, _, value = (word.strip() for word in text.partition("="))
-        try:
-            result[name] = float(value)
-        except ValueError:
-            wanted = "expected NAME=NUMBER such as backlash:q2=0.5"
-            raise BeamstiffError(f"--prior: found {text!r}, {wanted}") from None
-    return result

@@ -155,8 +155,7 @@ def _print(console: Console, facts: dict[str, Any]) -> None:
     from beamstiff.report.tables import table
 
     console.print(f"beamstiff {facts['beamstiff']}, Python {facts['python']}, {facts['platform']}")
-    console.print(f"in {sys.prefix}", soft_wrap=True)
-    console.print()
+    console.print(f"in {sys.prefix}\n", soft_wrap=True)
     for title, parts, lacks in (
         ("Libraries", facts["needed"], "MISSING"),
         ("Optional parts", facts["optional"], "pip install '{name}{wanted}'"),
@@ -169,14 +168,11 @@ def _print(console: Console, facts: dict[str, Any]) -> None:
         console.print()
     algebra = facts["linear_algebra"]
     threads = ", ".join(f"{name}={value}" for name, value in algebra["threads"].items())
-    console.print(
-        f"Linear algebra: {algebra['blas']}, {algebra['cores']} cores; {threads or 'threads not limited'}"
-    )
+    limited = threads or "threads not limited"
+    console.print(f"Linear algebra: {algebra['blas']}, {algebra['cores']} cores; {limited}")
     console.print("In Python, OMP_NUM_THREADS=1 before numpy loads is the fastest for many small matrices.")
     check = facts["self_check"]
     if check is not None:
-        right = "right" if check["error"] < EXACT else "WRONG"
-        console.print(
-            f"Self check: {right}; a cantilever to {check['error']:.0e} of its closed form, in "
-            f"{check['s']:.1f} s"
-        )
+        right, error = "right" if check["error"] < EXACT else "WRONG", f"{check['error']:.0e}"
+        said = f"Self check: {right}; a cantilever to {error} of its closed form, in {check['s']:.1f} s"
+        console.print(said)

@@ -5,17 +5,18 @@ from typing import Annotated
 
 import typer
 
-from beamstiff.cli.options import Html, Processes, Scheduler, flag, option, parse_names, robot_file
+from beamstiff.cli.options import Html, Processes, Scheduler, argument, flag, option
 from beamstiff.cli.output import Outputs, progress, written
+from beamstiff.cli.parse import parse_names, robot_file
 
 
 def exam(
     robot: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[ROBOT]",
-            help="Use only this robot: YAML file, or the name of a bundled one; default: two "
-            "serial robots, arms of random proportions and the closed-loop ir663.",
+        argument(
+            "[ROBOT]",
+            "Use only this robot: YAML file, or the name of a bundled one; default: two serial robots, arms "
+            "of random proportions and the closed-loop ir663.",
         ),
     ] = None,
     plan: str | None = option(

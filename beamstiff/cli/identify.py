@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
 from beamstiff.cli.group import INTERRUPTED
-from beamstiff.cli.identify_options import parse_bounds, parse_errors, parse_priors, parse_ties
-from beamstiff.cli.options import (
-    Assembly,
-    DataFiles,
-    Html,
-    Processes,
-    RobotFile,
-    Scheduler,
-    flag,
-    option,
+from beamstiff.cli.options import Assembly, DataFiles, Html, Processes, RobotFile, Scheduler, flag, option
+from beamstiff.cli.output import Outputs, progress, working, write_robot
+from beamstiff.cli.parse import (
+    file_names,
+    parse_bounds,
+    parse_errors,
+    parse_known,
     parse_names,
+    parse_ties,
     robot_file,
     side_of,
 )
-from beamstiff.cli.output import Outputs, progress, working, write_robot
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
@@ -154,7 +150,7 @@ def identify(
         "fixed": parse_names(fix, "--fix") or [],
         "ties": parse_ties(tie),
         "bounds": parse_bounds(machine, bound),
-        "priors": parse_priors(machine, prior),
+        "priors": parse_known(machine, prior),
         "errors": parse_errors(input_error),
     }
     file = robot_file(robot)
@@ -181,7 +177,7 @@ def identify(
             processes=processes,
             scheduler=scheduler,
             model=model,
-            cube=None if cube is None else side_of(cube),
+            cube=side_of(cube),
             separate=separate,
             positions=positions,
             pareto=pareto,
@@ -204,14 +200,9 @@ def identify(
         raise typer.Exit(INTERRUPTED)
 
 
-def _sources(data: Sequence[str]) -> str:
-    # one line: a comment must not end early
-    return str(BeamstiffError(", ".join(Path(path).name for path in data)))
-
-
 def _head(found: Identification, data: Sequence[str]) -> str:
     names = ", ".join(item.name for item in found.parameters)
-    head = f"# Stiffness of {names} identified by beamstiff from {_sources(data)}.\n"
+    head = f"# Stiffness of {names} identified by beamstiff from {file_names(data)}.\n"
     if unbounded := [item.name for item in found.parameters if not (item.identifiable or item.silent)]:
         head += f"# Not bounded from above by the data, written as fitted: {', '.join(unbounded)}.\n"
     return head

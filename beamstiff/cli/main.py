@@ -72,25 +72,8 @@ def beamstiff(
         typer.echo(context.get_help())
 
 
-for command in (
-    show,
-    stiffness,
-    deflect,
-    identify,
-    calibrate,
-    compare,
-    compare_runs,
-    diagnose,
-    campaign,
-    verify,
-    check,
-    plan,
-    map_,
-    compensate,
-    convert,
-    exam,
-    doctor,
-    demo,
-):
+MODELLED = (show, stiffness, deflect, identify, calibrate, compare, compare_runs, diagnose, campaign)
+USED = (verify, check, plan, map_, compensate, convert, exam, doctor, demo)
+for command in (*MODELLED, *USED):  # in the order of --help
     app.command()(with_common(command))
 app.command()(with_common(schema, json=STDOUT))

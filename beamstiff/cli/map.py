@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from beamstiff.cli.options import (
-    Assembly,
-    Processes,
-    RobotFile,
-    Scheduler,
-    flag,
-    option,
+from beamstiff.cli.options import Assembly, Processes, RobotFile, Scheduler, flag, option
+from beamstiff.cli.output import TYPED, Outputs, note, progress, working, written
+from beamstiff.cli.parse import (
+    parse_frame,
+    parse_grid,
+    parse_length,
     parse_names,
     parse_quantity,
+    parse_variables,
+    parse_wrench,
     robot_file,
 )
-from beamstiff.cli.output import TYPED, Outputs, note, progress, working, written
 from beamstiff.errors import BeamstiffError
 
 if TYPE_CHECKING:
-    from beamstiff.robot.description import Robot
     from beamstiff.se3 import Array
 
 
@@ -82,7 +80,6 @@ def map(
       beamstiff map kr240-2 --grid z=0.4:1.6:4,x=1.2:2:17,y=-0.8:0.8:17 --q q2=60deg,q3=-200deg,q5=50deg \\
         --orientation b=90deg --out map.nc --processes 4
     """
-    from beamstiff.cli.variables import parse_variables, parse_wrench
     from beamstiff.functions.checks import left_out, model_note, start_values
     from beamstiff.functions.robots import as_robot
     from beamstiff.maps.dataset import check_target
@@ -93,30 +90,23 @@ def map(
     from beamstiff.robot.doubts import robot_doubts
 
     description = as_robot(robot, assembly=assembly)
-    over = parse_grid(description, grid)
-    names = parse_names(quantity, "--quantity") or ["stiffness"]
-    held = parse_variables(description, q or [])
     options: dict[str, Any] = {
-        "held": held,
+        "over": parse_grid(description, grid),
+        "quantities": parse_names(quantity, "--quantity") or ["stiffness"],
+        "held": parse_variables(description, q),
         "orientation": _orientation(orientation),
-        "quantities": names,
-        "wrench": parse_wrench(wrench) if wrench else None,
+        "wrench": parse_wrench(wrench),
         "gravity": gravity,
         "direction": _direction(direction),
-        "length": _length(length),
+        "length": parse_length("--length", length),
     }
     file = robot_file(robot)
     kept = {} if out is None else {"--out": out, "the chunks": f"{out}.parts"}
     outputs = Outputs([file], elsewhere=kept, figure=figure)
     if out is not None:
         check_target(out)
-    for text in (
-        *robot_doubts(description),
-        *left_out(description.effects, "the map"),
-        *start_values(description),
-    ):
-        note(text)
-    for text in model_note(description):
+    effects = left_out(description.effects, "the map")
+    for text in (*robot_doubts(description), *effects, *start_values(description), *model_note(description)):
         note(text)
     told = provenance([file], 0, TYPED.get())
     attributes = {
@@ -132,7 +122,6 @@ def map(
     ):
         found = map_workspace(
             description,
-            over,
             **options,
             out=out,
             processes=processes,
@@ -149,50 +138,13 @@ def map(
     outputs.draw("figure", lambda: map_figure(found))
 
 
-def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
-    """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``."""
-    import numpy as np
-
-    from beamstiff.robot.coupling import variable_kinds
-
-    kinds = {**dict.fromkeys("xyz", "length"), **variable_kinds(robot)}
-    axes: dict[str, Array] = {}
-    for part in (part.strip() for text in texts for part in text.split(",")):
-        name, _, interval = (word.strip() for word in part.partition("="))
-        words = [word.strip() for word in interval.split(":")]
-        if not name or len(words) != 3 or not all(words):
-            raise BeamstiffError(
-                f"--grid: found {part!r}, expected an axis such as q2=-60deg:60deg:25 or x=800mm:1.6m:17"
-            )
-        if name in axes:
-            raise BeamstiffError(f"--grid: {name} is given twice")
-        kind = kinds.get(name, "angle")
-        low, high = (parse_quantity(f"--grid: {name}", word, kind) for word in words[:2])
-        if not words[2].isascii() or not words[2].isdigit() or int(words[2]) < 2:
-            raise BeamstiffError(f"--grid: {name}: found {words[2]!r} values, expected a number of 2 or more")
-        if int(words[2]) > MOST_VALUES:
-            raise BeamstiffError(f"--grid: {name}: found {words[2]} values, expected at most {MOST_VALUES}")
-        if not low < high:
-            raise BeamstiffError(f"--grid: found {part!r}, expected the lower end first")
-        axes[name] = np.linspace(low, high, int(words[2]))
-    return axes
-
-
-MOST_VALUES = 10_000_000  # on one axis
-
-
 def _orientation(text: str | None) -> Array | Literal["free"] | None:
-    from beamstiff.cli.variables import parse_frame
-
-    if text is None:
-        return None
-    if text.strip() == "free":
+    if text is not None and text.strip() == "free":
         return "free"
     frame = parse_frame("--orientation", text)
-    if frame[:3, 3].any():
+    if frame is not None and frame[:3, 3].any():
         raise BeamstiffError("--orientation: found a position, expected angles a, b, c or a quaternion alone")
-    rotation: Array = frame[:3, :3]
-    return rotation
+    return None if frame is None else frame[:3, :3]
 
 
 def _direction(text: str | None) -> list[float] | None:
@@ -206,15 +158,6 @@ def _direction(text: str | None) -> list[float] | None:
     if len(parts) != 3 or not any(parts):
         raise BeamstiffError(f"--direction: found {text!r}, expected an axis such as x, -z or 0.6,0,0.8")
     return parts
-
-
-def _length(text: str | None) -> float | None:
-    if text is None:
-        return None
-    length = parse_quantity("--length", text, "length")
-    if length <= 0:
-        raise BeamstiffError(f"--length: found {text!r}, expected a positive length")
-    return length
 
 
 def _plain(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -1,15 +1,13 @@
 """Arguments and options that several commands share."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable
 from functools import wraps
 from inspect import Parameter, signature
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from beamstiff.cli.output import JSON, QUIET, files_last
-from beamstiff.errors import BeamstiffError
 
 
 def robots_beginning(incomplete: str) -> list[str]:
@@ -29,14 +27,18 @@ def flag(name: str, text: str) -> Any:
     return typer.Option(False, name, help=text)
 
 
-RobotFile = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT",
-        help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot.",
-        autocompletion=robots_beginning,
-    ),
-]
+def argument(metavar: str, text: str, **more: Any) -> Any:
+    """Return an argument of a command with its help."""
+    return typer.Argument(metavar=metavar, help=text, **more)
+
+
+def robot_argument(text: str) -> Any:
+    """Return the argument ROBOT, which the shell completes."""
+    return argument("ROBOT", text, autocompletion=robots_beginning)
+
+
+ROBOTS = "YAML, URDF, SDF or MJCF file, or the name of a bundled robot"
+RobotFile = Annotated[str, robot_argument(f"{ROBOTS}.")]
 Assembly = Annotated[
     str | None,
     typer.Option(
@@ -46,22 +48,14 @@ Assembly = Annotated[
         "the robot file, else the one nearest to the guesses.",
     ),
 ]
+COLUMNS = (
+    "one row a state: joint variables, wrench, measured displacement; units in the header, SI otherwise."
+)
 DataFiles = Annotated[
     list[str],
-    typer.Argument(
-        metavar="DATA...",
-        help="CSV tables, one row a state: joint variables, wrench, measured displacement; units in the "
-        "header, SI otherwise. Several are taken together, each with its own noise.",
-    ),
+    argument("DATA...", f"CSV tables, {COLUMNS} Several are taken together, each with its own noise."),
 ]
-DataFile = Annotated[
-    str,
-    typer.Argument(
-        metavar="DATA",
-        help="CSV table, one row a state: joint variables, wrench, measured displacement; units in the "
-        "header, SI otherwise.",
-    ),
-]
+DataFile = Annotated[str, argument("DATA", f"CSV table, {COLUMNS}")]
 Html = Annotated[
     str | None,
     typer.Option("--html", metavar="FILE", help="Write a report as one HTML page that works offline."),
@@ -107,93 +101,10 @@ def with_common(command: Callable[..., None], json: str | None = None) -> Callab
         with files_last():
             command(**given)
 
+    kinds = {"json": str | None, "quiet": bool, "debug": bool}
     more = [
-        Parameter(
-            name, Parameter.KEYWORD_ONLY, default=one, annotation=str | None if name == "json" else bool
-        )
-        for name, one in COMMON.items()
+        Parameter(name, Parameter.KEYWORD_ONLY, default=COMMON[name], annotation=kinds[name])
+        for name in kinds
     ]
     run.__signature__ = own.replace(parameters=[*own.parameters.values(), *more])  # type: ignore[attr-defined]
     return run
-
-
-def robot_file(robot: str) -> Path:
-    """Return the file behind the argument ROBOT, which may be the name of a bundled robot."""
-    from beamstiff.robot.library import robot_names, robot_path
-
-    path = Path(robot)
-    return robot_path(robot) if not path.exists() and robot in robot_names() else path
-
-
-def parse_names(
-    texts: Sequence[str] | None, option: str = "--parameters", example: str = "J12.torsional,J18.torsional"
-) -> list[str] | None:
-    """Return the names in texts such as ``"J12.torsional,J18.torsional"``, or None where none were given."""
-    if not texts:
-        return None
-    names = [name.strip() for text in texts for name in text.split(",")]
-    if not all(names):
-        raise BeamstiffError(f"{option}: found {','.join(texts)!r}, expected names such as {example}")
-    return names
-
-
-def parse_quantity(where: str, text: str, kind: str) -> float:
-    """Return a quantity in SI; `where` says what it is of, should it be none."""
-    from beamstiff.units import quantity
-
-    try:
-        return quantity(text, kind)
-    except BeamstiffError as error:
-        raise BeamstiffError(f"{where}: {error}") from None
-
-
-def parse_quantities(
-    option: str,
-    texts: Iterable[str],
-    kinds: Mapping[str, str],
-    expected: str,
-    fold: bool = False,
-    positive: bool = False,
-) -> dict[str, float]:
-    """Return quantities, SI, by name, from texts such as ``"x=1.2m,a=90deg"``; `fold`: in any case."""
-    values: dict[str, float] = {}
-    for part in (part.strip() for text in texts for part in text.split(",")):
-        name, equals, value = (word.strip() for word in part.partition("="))
-        name = name.lower() if fold else name
-        if name not in kinds or not equals:
-            raise BeamstiffError(f"{option}: found {part!r}, expected {expected}")
-        if name in values:
-            raise BeamstiffError(f"{option}: {name} is given twice")
-        values[name] = parse_quantity(f"{option}: {name}", value, kinds[name])
-        if positive and not values[name] > 0:
-            raise BeamstiffError(f"{option}: {name}: found {value!r}, expected more than 0")
-    return values
-
-
-def parse_region(text: str | None) -> tuple[tuple[float, float], ...] | None:
-    """Return least and largest x, y, z, m, from a text such as ``"x=0.5m:2m,z=300mm:1.8m"``."""
-    if text is None:
-        return None
-    ends = {axis: (float("-inf"), float("inf")) for axis in "xyz"}
-    for part in text.split(","):
-        axis, _, interval = (word.strip() for word in part.partition("="))
-        low, colon, high = (word.strip() for word in interval.partition(":"))
-        if axis not in ends or not (colon and low and high):
-            raise BeamstiffError(
-                f"--region: found {part.strip()!r}, expected an axis x, y or z with two ends such as "
-                "z=300mm:1.8m"
-            )
-        ends[axis] = (parse_quantity("--region", low, "length"), parse_quantity("--region", high, "length"))
-        if ends[axis][0] >= ends[axis][1]:
-            raise BeamstiffError(f"--region: found {part.strip()!r}, expected the lower end first")
-    return tuple(ends.values())
-
-
-def side_of(text: str) -> float:
-    """Return the side of a cube, m, of a text with its unit."""
-    if text.replace(".", "", 1).strip().isdigit():
-        raise BeamstiffError(f"--cube: found {text!r}, expected a length with its unit, such as 300mm")
-    side = parse_quantity("--cube", text, "length")
-    if side <= 0:
-        raise BeamstiffError(f"--cube: found {text!r}, expected a length above 0")
-    return side

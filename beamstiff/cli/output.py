@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from importlib import import_module
 from pathlib import Path
@@ -93,14 +93,6 @@ def files_last() -> Iterator[None]:
             people().print(line, soft_wrap=True)
 
 
-def optional_file(path: str) -> AbstractContextManager[None]:
-    """Return the context in which a file beside the result is made: where that fails, a note says why.
-
-    That the file cannot be written stays an error.
-    """
-    return optional(path, note)
-
-
 @contextmanager
 def working(what: str, still: bool = False) -> Iterator[None]:
     """Show on stderr what long work is at, if it is a terminal; numbers that overflow are bad input.
@@ -155,40 +147,18 @@ def progress(
         yield lambda **news: bar.update(task, refresh=not live, **news)
 
 
-def check_outputs(
-    inputs: Iterable[str | Path], elsewhere: Mapping[str, str] | None = None, /, **files: str | None
-) -> None:
-    """Refuse, before any work, outputs that cannot be written or that would cost a file of the user's.
-
-    The one rule for all commands: an output never falls on an input or on another output, and replaces
-    nothing but a file that beamstiff wrote and nobody has edited since (see `beamstiff.outputs`).
-
-    `inputs`: files that the command reads. `elsewhere`: outputs that are checked elsewhere for what they
-    replace, by what to call them. `files`: the output files beside --json by the name of their option.
-    """
-    wanted = {"json": None if JSON.get() == STDOUT else JSON.get(), **files}
-    named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
-    for option, path in named.items():
-        if path == STDOUT:
-            raise BeamstiffError(f"{option}: found -, expected the name of a file")
-        target_of(path)
-    check_distinct(inputs, {**named, **(elsewhere or {})})
-    for option, path in named.items():
-        try:
-            check_replaceable(path)
-        except BeamstiffError as error:
-            raise BeamstiffError(f"{option} {error}") from None
-        check_writable(path)
-
-
 DRAWINGS = ("figure", "recursion", "rules", "sensitivity")  # options of pictures
 
 
 class Outputs:
     """What a command prints and writes: checked before any work, then its result and what goes beside it.
 
-    `inputs`, `elsewhere`, `files`: as of `check_outputs`; ``html`` among the files is the report.
-    `seed`: that the report states.
+    The one rule for all commands: an output never falls on an input or on another output, and replaces
+    nothing but a file that beamstiff wrote and nobody has edited since (see `beamstiff.outputs`).
+
+    `inputs`: files that the command reads. `elsewhere`: outputs that are checked elsewhere for what they
+    replace, by what to call them. `files`: the output files beside --json by the name of their option;
+    ``html`` among them is the report. `seed`: that the report states.
     """
 
     def __init__(
@@ -199,7 +169,19 @@ class Outputs:
         elsewhere: Mapping[str, str] | None = None,
         **files: str | None,
     ) -> None:
-        check_outputs(inputs, elsewhere, **files)
+        wanted = {"json": None if JSON.get() == STDOUT else JSON.get(), **files}
+        named = {f"--{option.replace('_', '-')}": path for option, path in wanted.items() if path is not None}
+        for option, path in named.items():
+            if path == STDOUT:
+                raise BeamstiffError(f"{option}: found -, expected the name of a file")
+            target_of(path)
+        check_distinct(inputs, {**named, **(elsewhere or {})})
+        for option, path in named.items():
+            try:
+                check_replaceable(path)
+            except BeamstiffError as error:
+                raise BeamstiffError(f"{option} {error}") from None
+            check_writable(path)
         for path in filter(None, map(files.get, DRAWINGS)):
             from beamstiff.report.figures import check_format
 
@@ -228,7 +210,7 @@ class Outputs:
         if (path := self.files[option]) is not None:
             from beamstiff.report.figures import figure_bytes
 
-            with optional_file(path if option != "rules" else f"--rules {path}"):
+            with optional(path if option != "rules" else f"--rules {path}", note):
                 write(path, figure_bytes(figure(), path))
 
     def page(self, name: str, *given: Any, **more: Any) -> None:
@@ -236,7 +218,7 @@ class Outputs:
         path = self.files["html"]
         if path is not None and self._source is not None:
             make = getattr(import_module(f"beamstiff.report.html.{name}"), f"{name}_html")  # takes its time
-            with optional_file(path):
+            with optional(path, note):
                 write(path, make(*given, provenance=self._source, **more))
 
 
@@ -246,15 +228,11 @@ def json_text(value: Any, indent: int = 0) -> str:
     flat = listed and not any(isinstance(item, dict | list | tuple) for item in value)
     if not isinstance(value, dict | list | tuple) or not value or flat:
         return json.dumps(value, allow_nan=False)
-    margin = " " * (indent + 2)
-    if isinstance(value, dict):
-        lines = [
-            f"{margin}{json.dumps(str(key))}: {json_text(item, indent + 2)}" for key, item in value.items()
-        ]
-        opening, closing = "{}"
-    else:
-        lines = [margin + json_text(item, indent + 2) for item in value]
-        opening, closing = "[]"
+    named, margin = isinstance(value, dict), " " * (indent + 2)
+    heads = [f"{margin}{json.dumps(str(key))}: " for key in value] if named else [margin] * len(value)
+    items = list(value.values() if isinstance(value, dict) else value)
+    lines = [head + json_text(item, indent + 2) for head, item in zip(heads, items, strict=True)]
+    opening, closing = "{}" if named else "[]"
     return f"{opening}\n" + ",\n".join(lines) + f"\n{' ' * indent}{closing}"
 
 

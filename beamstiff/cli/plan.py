@@ -1,7 +1,8 @@
 """`beamstiff plan`: which poses and loads to measure."""
 
-from beamstiff.cli.options import Assembly, Region, RobotFile, option, parse_names, parse_region, robot_file
+from beamstiff.cli.options import Assembly, Region, RobotFile, option
 from beamstiff.cli.output import Outputs, working, write
+from beamstiff.cli.parse import parse_names, parse_region, parse_wrench, robot_file
 
 TESTS = 20  # as of the function, which is not loaded for --help
 
@@ -57,7 +58,6 @@ def plan(
     """
     import numpy as np
 
-    from beamstiff.cli.variables import parse_wrench
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.campaign import campaign_told
@@ -88,8 +88,5 @@ def plan(
         )
     if out is not None:
         write(out, found.to_csv(), "to be filled in")
-    notes = [
-        *robot_doubts(machine),
-        *(["--out FILE writes the tests as a table to fill in"] if out is None else []),
-    ]
-    outputs.result(notes, campaign_told(found), found.to_dict())
+    how = ["--out FILE writes the tests as a table to fill in"] if out is None else []
+    outputs.result([*robot_doubts(machine), *how], campaign_told(found), found.to_dict())

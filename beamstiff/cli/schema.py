@@ -2,8 +2,7 @@
 
 from typing import Annotated
 
-import typer
-
+from beamstiff.cli.options import argument
 from beamstiff.cli.output import Outputs
 from beamstiff.errors import BeamstiffError, shown
 
@@ -11,9 +10,7 @@ ROBOT, MEASUREMENTS = "robot", "measurements"
 
 
 def schema(
-    what: Annotated[
-        str, typer.Argument(metavar="[robot|measurements]", help="Robot files, or measurement tables.")
-    ] = ROBOT,
+    what: Annotated[str, argument("[robot|measurements]", "Robot files, or measurement tables.")] = ROBOT,
 ) -> None:
     """Print the JSON Schema of robot files, or of measurement tables.
 

@@ -2,10 +2,9 @@
 
 from typing import Annotated
 
-import typer
-
-from beamstiff.cli.options import Assembly, option, robot_file, robots_beginning
+from beamstiff.cli.options import ROBOTS, Assembly, option, robot_argument
 from beamstiff.cli.output import Outputs, note, working
+from beamstiff.cli.parse import robot_file
 from beamstiff.errors import BeamstiffError, listed
 
 MOST_SAMPLES = 100_000
@@ -14,12 +13,7 @@ MOST_SAMPLES = 100_000
 def show(
     robot: Annotated[
         str | None,
-        typer.Argument(
-            metavar="ROBOT",
-            help="YAML, URDF, SDF or MJCF file, or the name of a bundled robot; without it, the bundled "
-            "robots are listed.",
-            autocompletion=robots_beginning,
-        ),
+        robot_argument(f"{ROBOTS}; without it, the bundled robots are listed."),
     ] = None,
     assembly: Assembly = None,
     samples: int = option("N", "Postures sampled for the reach of the TCP.", 1000),

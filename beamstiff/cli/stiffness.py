@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Assembly, Preload, RobotFile, option, robot_file
+from beamstiff.cli.options import Assembly, Preload, RobotFile, option
 from beamstiff.cli.output import JSON, Outputs, note, working
+from beamstiff.cli.parse import note_limits, parse_variables, parse_wrench, robot_file
 from beamstiff.errors import BeamstiffError, OptionError
 
 if TYPE_CHECKING:
@@ -49,15 +50,13 @@ def stiffness(
       beamstiff stiffness robot.yaml --q q1=0.3 --json stiffness.json
       beamstiff stiffness ir663 --q q2=10deg,q8=45deg --preload --wrench fz=-900N
     """
-    from beamstiff.cli.variables import note_limits, parse_variables, parse_wrench
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.stiffness import stiffness as run
     from beamstiff.report.stiffness import stiffness_tables
     from beamstiff.report.tables import spaced
 
     machine = as_robot(robot, assembly=assembly)
-    values = parse_variables(machine, q or [])
-    load = parse_wrench(wrench or []) if wrench else None
+    values, load = parse_variables(machine, q), parse_wrench(wrench)
     outputs = Outputs([robot_file(robot)])
     with working("condensing the structure"), _hint_at_q(machine, values):
         found = run(machine, values or None, preload=preload, wrench=load)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option, robot_file
+from beamstiff.cli.options import Assembly, DataFiles, RobotFile, flag, option
 from beamstiff.cli.output import QUIET, Outputs, say, working
+from beamstiff.cli.parse import robot_file
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -59,7 +60,7 @@ def verify(
     from beamstiff.functions.verify import verify as run
     from beamstiff.report.diagnosis_text import SQUARES
     from beamstiff.report.diagnosis_words import in_words, percent
-    from beamstiff.report.tables import add_rows, table
+    from beamstiff.report.tables import table
     from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
     from beamstiff.units import in_unit
 
@@ -71,7 +72,6 @@ def verify(
     with working("verifying"):
         found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
     modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
-    rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes")
     first = "without model and effects" if modelled else "without effects" if found.causes else "robot file"
     lines = [[first, f"{1e3 * found.before:.3f} mm", ""]]
     lines += [
@@ -80,7 +80,7 @@ def verify(
     ]
     if found.noise > 0.0:
         lines.append(["noise as stated", f"{1e3 * found.noise:.3f} mm", ""])
-    add_rows(rows, lines)
+    rows = table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes", rows=lines)
     level: Level = level_of(found.after / found.noise) if found.noise > 0.0 else "plain"
     with_them = "with the file's effects" if found.causes else "of the robot file as it is"
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
@@ -132,14 +132,15 @@ def _second_opinion(outputs: Outputs, robot: Robot, data: list[str], engine: str
     import numpy as np
 
     from beamstiff.functions.verify import second_opinion
-    from beamstiff.report.tables import add_rows, table
+    from beamstiff.report.tables import table
 
     with working(f"solving in {engine}"):
         found = second_opinion(robot, data, engine=engine)
-    rows = table(f"Deflection of {len(found.other)} rows, position", "row", "beamstiff", engine, "difference")
+    title = f"Deflection of {len(found.other)} rows, position"
     sizes = [np.linalg.norm(part[:, :3], axis=1) for part in (found.displacement, found.other)]
     worst = np.argsort(-found.difference, kind="stable")[:10]
     numbers = zip(worst.tolist(), *(1e3 * size[worst] for size in (*sizes, found.difference)), strict=True)
-    add_rows(rows, [[str(row + 1), *(f"{one:.4f} mm" for one in some)] for row, *some in numbers])
+    lines = ([str(row + 1), *(f"{one:.4f} mm" for one in some)] for row, *some in numbers)
+    rows = table(title, "row", "beamstiff", engine, "difference", rows=lines)
     said = f"The two differ by {found.relative:.2e} of the deflection (RMS); the table lists the worst rows."
     outputs.result(found.notes, [rows, said], found.to_dict())

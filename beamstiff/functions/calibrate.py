@@ -137,20 +137,14 @@ def each_prior(
     priors: Mapping[str, Prior | Sequence[Prior]], parameters: Sequence[Parameter]
 ) -> dict[str, float]:
     """Return standard deviations, SI, by parameter, of those given by parameter, group or frame."""
-    geometric = [item for item in parameters if item.unit in KINDS]
+    goes_by = [(item, _goes_by(item)) for item in parameters if item.unit in KINDS]
     result: dict[str, float] = {}
-    given = (
-        (name, one)
-        for name, values in priors.items()
-        for one in (values if isinstance(values, list | tuple) else [values])
-    )
-    for name, value in given:
-        own = [item for item in geometric if name in _goes_by(item)]
+    several = {name: one if isinstance(one, list | tuple) else [one] for name, one in priors.items()}
+    for name, value in ((name, one) for name, values in several.items() for one in values):
+        own = [item for item, names in goes_by if name in names]
         if not own:
-            known = [one for item in geometric for one in _goes_by(item)]
-            raise OptionError(
-                "priors", f"{name!r} is no geometric parameter that is sought{suggest(name, known)}"
-            )
+            hint = suggest(name, [one for _, names in goes_by for one in names])
+            raise OptionError("priors", f"{name!r} is no geometric parameter that is sought{hint}")
         if not isinstance(value, str) and len({item.unit for item in own}) > 1:
             raise OptionError("priors", f"{name}: found {shown(value)}, expected a unit such as mm or deg")
         found, failure = {}, None
@@ -162,9 +156,8 @@ def each_prior(
         if not found:
             raise OptionError("priors", f"{name}: {failure}")
         if min(found.values()) <= 0:
-            raise OptionError(
-                "priors", f"{name}: found {shown(value)}, expected a positive standard deviation"
-            )
+            told = f"found {shown(value)}, expected a positive standard deviation"
+            raise OptionError("priors", f"{name}: {told}")
         result |= found
     return result
 

@@ -56,15 +56,9 @@ class CampaignState(Shown):
         told = {"rows": self.rows, "stop": self.stop, "proposed": self.proposed, "proposal": self.proposal}
         if ahead is None or self.diagnosis is None:
             return told
-        return told | {
-            "leading": ahead.leading,
-            "probability": ahead.probability,
-            "separates": list(ahead.separates),
-            "settles": ahead.settles,
-            "turns": ahead.turns,
-            "ever": ahead.ever,
-            "diagnosis": self.diagnosis.to_dict(),
-        }
+        shown = ("leading", "probability", "separates", "settles", "turns", "ever")
+        told |= {name: getattr(ahead, name) for name in shown}
+        return told | {"separates": list(ahead.separates), "diagnosis": self.diagnosis.to_dict()}
 
 
 def campaign(
@@ -114,13 +108,8 @@ def campaign(
     machine = as_robot(robot)
     whole("rows", rows, 1, MOST_TESTS)
     if not batches:
-        return CampaignState(
-            0,
-            None,
-            None,
-            rows,
-            plan(machine, tests=rows, region=region, directions=directions, seed=seed).to_csv(),
-        )
+        first = plan(machine, tests=rows, region=region, directions=directions, seed=seed)
+        return CampaignState(0, None, None, rows, first.to_csv())
     tables = as_tables(list(batches), machine)
     found = diagnose(machine, tables, region=region or ANYWHERE, batch=rows, directions=directions, seed=seed)
     ahead = outlook(found)

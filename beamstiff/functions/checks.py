@@ -57,9 +57,8 @@ def axes_of(name: str, value: Sequence[str]) -> tuple[str, ...]:
     try:
         force_loads(1.0, axes)
     except BeamstiffError:
-        raise OptionError(
-            name, f"found {shown(list(axes))}, expected x, y or z, with a sign or not"
-        ) from None
+        found = shown(list(axes))
+        raise OptionError(name, f"found {found}, expected x, y or z, with a sign or not") from None
     return axes
 
 
@@ -72,13 +71,8 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
 def start_values(robot: Robot) -> tuple[str, ...]:
     """Return the note on stiffness that measurements did not determine; none where they did."""
     names = listed(robot.unmeasured, 6)
-    plural = len(robot.unmeasured) > 1
-    said = (
-        "are start values: no measurement determined them"
-        if plural
-        else "is a start value: no measurement determined it"
-    )
-    return (f"{names} {said}",) if names else ()
+    said, them = ("are start values", "them") if len(robot.unmeasured) > 1 else ("is a start value", "it")
+    return (f"{names} {said}: no measurement determined {them}",) if names else ()
 
 
 def model_note(robot: Robot) -> tuple[str, ...]:
@@ -114,7 +108,5 @@ def six_numbers(name: str, wrench: ArrayLike) -> Array:
 def shown_value(robot: Robot, name: str, value: float) -> str:
     """Return the value of a variable as people read it: in degrees or millimetres, to a millionth."""
     angle = variable_kinds(robot)[name] == "angle"
-    size = (
-        round(degrees(value) if angle else 1e3 * value, 6) + 0.0
-    )  # a loop closes to rounding; no minus zero
+    size = round(degrees(value) if angle else 1e3 * value, 6) + 0.0  # closed to rounding; no minus zero
     return f"{size:.6g} {'deg' if angle else 'mm'}"

@@ -96,14 +96,13 @@ def compare_runs(
     tables = [as_tables(one, machine)[0] for one in (a, b)]
     for table in tables:
         require_tracker(table, "compare-runs")
-    kinds = [one.kind for one in tables]
-    if kinds[0] != kinds[1]:
-        told = ["displacements" if kind == "displacement" else "absolute positions" for kind in kinds]
+    first, second = ("absolute positions" if one.kind == "absolute" else "displacements" for one in tables)
+    if first != second:
         raise BeamstiffError(
-            f"{tables[0].source} and {tables[1].source}: found {told[0]} in the first and {told[1]} in the "
+            f"{tables[0].source} and {tables[1].source}: found {first} in the first and {second} in the "
             "second, expected the same kind of readings"
         )
-    if kinds[0] == "absolute":
+    if tables[0].kind == "absolute":
         each = names_of("compliances", compliances) or []
         found = _of_positions(machine, tables, names, fixed, each)
     elif compliances:
@@ -117,11 +116,8 @@ def compare_runs(
         except BeamstiffError as error:
             raise BeamstiffError(f"{table.source}: {error}") from None
     result = compare_fits(found.names, found.units, found.sizes, fits[0], fits[1], level)
-    return replace(
-        result,
-        not_compared=(*result.not_compared, *found.left_out),
-        notes=(*found.notes, *_widened(tables, fits)),
-    )
+    left_out = (*result.not_compared, *found.left_out)
+    return replace(result, not_compared=left_out, notes=(*found.notes, *_widened(tables, fits)))
 
 
 Linearised = tuple[Array, Array, Array, int, bool]  # arguments of `campaign_fit`
@@ -165,12 +161,10 @@ def _of_displacements(
         columns = np.column_stack([by_log @ statement.parameters.sums / value, *more])
         known = np.concatenate([value, np.ones(len(causes))])
         fits.append((residual, columns, known, len(known), problem.sigma_known))
-    labels = [*((name, unit) for name, unit, _ in free), *((key, OF_SIZE) for key in causes)]
-    unknown = np.full(len(labels), np.inf)
+    labels, units = [*(name for name, _, _ in free), *causes], [unit for _, unit, _ in free]
     silent = [f"1/{item.name}" for item in pooled.parameters if item.silent]
-    return _Both(
-        [one for one, _ in labels], [unit for _, unit in labels], unknown, fits, silent, pooled.notes
-    )
+    sizes = np.full(len(labels), np.inf)
+    return _Both(labels, [*units, *(OF_SIZE for _ in causes)], sizes, fits, silent, pooled.notes)
 
 
 def _free_compliances(

@@ -102,10 +102,9 @@ def compensate(
         When the path cannot be read, the robots do not fit, or the load is not defined somewhere.
     """
     program, machine = _placed(robot, actual, path, only, base, tool)
-    controller = machine.controller
     if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
-    start = None if q is None else actuated_values(controller, q)[0]
+    start = None if q is None else actuated_values(machine.controller, q)[0]
     constant, own, learned = _constant(wrench), _process(process), None
     if measured:
         program, learned = learned_from(program, machine, own, constant, measured, ran, start)
@@ -124,8 +123,7 @@ def compensate(
         load_std=None if load_std is None else six_numbers("load_std", load_std),
         leave_doubtful=leave_doubtful,
     )
-    given = {"base": base is not None, "tool": tool is not None}
-    result = replace(result, learned=learned)
+    result, given = replace(result, learned=learned), {"base": base is not None, "tool": tool is not None}
     return replace(result, notes=tuple(compensation_notes(result, program, given, q is not None, taught)))
 
 
@@ -174,12 +172,8 @@ def compensate_online(
     """
     program, machine = _placed(robot, actual, path, only, base, tool)
     start = None if q is None else actuated_values(machine.controller, q)[0]
-    online = OnlineCompensation(
-        machine,
-        dict(std or {}),
-        np.zeros(6) if load_std is None else six_numbers("load_std", load_std),
-        leave_doubtful,
-    )
+    spread = np.zeros(6) if load_std is None else six_numbers("load_std", load_std)
+    online = OnlineCompensation(machine, dict(std or {}), spread, leave_doubtful)
     return prepared(program, online, _sum(_constant(wrench), _process(process)), start)
 
 
@@ -190,9 +184,8 @@ def read_std(path: str | os.PathLike[str]) -> dict[str, float]:
         found = {name: one["std"] for name, one in parameters.items() if one.get("std") is not None}
         return {str(name): float(value) for name, value in found.items()}
     except (ValueError, TypeError, KeyError, AttributeError):
-        raise OptionError(
-            "std", f"{path}: found no parameters with a std, expected what identify --json writes"
-        ) from None
+        told = "found no parameters with a std, expected what identify --json writes"
+        raise OptionError("std", f"{path}: {told}") from None
 
 
 def _placed(
@@ -206,26 +199,13 @@ def _placed(
     """Return the program, and the machine with the frames that it counts in."""
     controller = as_robot(robot)
     real = None if actual is None else as_robot(actual, "actual")
-    program = _program(path)
+    if not isinstance(path, Program | str | os.PathLike):
+        raise BeamstiffError(f"path: found {shown(path)}, expected a program or the path of its file")
+    program = path if isinstance(path, Program) else read_program(Path(path))
     if names := names_of("only", only):
         program = program.only(names)
     frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
     return program, Machine(controller, real, frames=frames)
-
-
-def _program(path: Program | str | os.PathLike[str]) -> Program:
-    if isinstance(path, Program):
-        return path
-    if isinstance(path, str | os.PathLike):
-        return read_program(Path(path))
-    raise BeamstiffError(f"path: found {shown(path)}, expected a program or the path of its file")
-
-
-def _frame(name: str, frame: ArrayLike | None) -> Array:
-    found = np.eye(4) if frame is None else np.asarray(frame, dtype=np.float64)
-    if found.shape != (4, 4) or not np.isfinite(found).all():
-        raise OptionError(name, f"found an array of shape {found.shape}, expected a transform, 4 x 4")
-    return found
 
 
 def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array:
@@ -235,9 +215,8 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
     it states one without saying where that is, or several where one can be, the path is refused.
     """
     own: list[StatedFrame | None] = [getattr(place, what) for place in program.places]
-    counting = [
-        one for place, one in zip(program.places, own, strict=True) if place.position or what == "tool"
-    ]
+    places = zip(program.places, own, strict=True)
+    counting = [one for place, one in places if place.position or what == "tool"]
     by_name = {"" if one is None else one.name: one for one in counting or [None]}
     names = listed([name or "none" for name in by_name], 4)
     source, many = program.path.source, len(by_name) > 1
@@ -245,7 +224,10 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
     if given is not None:
         if many:
             raise OptionError(what, f"{several}, or leave {what} away where the program says them all")
-        return _frame(what, given)
+        frame = np.asarray(given, dtype=np.float64)
+        if frame.shape != (4, 4) or not np.isfinite(frame).all():
+            raise OptionError(what, f"found an array of shape {frame.shape}, expected a transform, 4 x 4")
+        return frame
     poses: dict[str, Array] = {}
     for name, one in by_name.items():
         if one is None:
@@ -254,11 +236,9 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
             poses[name] = one.pose
         else:
             at = f":{one.line}" if one.line else ""
-            raise OptionError(
-                what,
-                f"is needed: {source}{at} has {one.name}, whose place the program does not say"
-                + (f"; take the targets of one at a time with only: {names}" if many else ""),
-            )
+            told = f"is needed: {source}{at} has {one.name}, whose place the program does not say"
+            each = f"; take the targets of one at a time with only: {names}" if many else ""
+            raise OptionError(what, told + each)
     first = next(iter(poses.values()))
     if all(np.array_equal(pose, first) for pose in poses.values()):
         return np.asarray(first)

@@ -56,34 +56,26 @@ def compensation_notes(
     if not branch:
         names = [variable.name for variable in machine.controller.actuated]
         first = zip(names, found.q[0].round(6).tolist(), strict=True)
-        shown = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
-        posture = ", ".join(shown)
-        said.append(f"the path begins at {posture}; --q chooses another posture")
+        posture = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
+        said.append(f"the path begins at {', '.join(posture)}; --q chooses another posture")
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
         said.append(f"the joints must jump to another configuration before line {lines}")
-    if result.learned is not None:
-        if result.learned.effects:
+    if (learned := result.learned) is not None:
+        if effects := effects_text(learned.effects):
+            said.append(f"the run shows {effects} besides the process; added to the robot")
+        if names := [one.name for one in learned.parameters if not one.identifiable]:
+            said.append(f"the run does not identify {listed(names)}, which stay near their expected values")
+        if not learned.pays:
             said.append(
-                f"the run shows {effects_text(result.learned.effects)} besides the process; added to the "
-                f"robot"
-            )
-        if open_ones := [one.name for one in result.learned.parameters if not one.identifiable]:
-            said.append(
-                f"the run does not identify {listed(open_ones)}, which stay near their expected values"
-            )
-        if not result.learned.pays:
-            said.append(
-                "another correction would not help: the run was "
-                f"{1e3 * result.learned.before:.3f} mm (RMS) from its targets, of which "
-                f"{1e3 * result.learned.unexplained:.3f} mm are not explained"
+                f"another correction would not help: the run was {1e3 * learned.before:.3f} mm (RMS) from "
+                f"its targets, of which {1e3 * learned.unexplained:.3f} mm are not explained"
             )
     if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
         names = [found.path.names[row] for row in partly]
         said.append(
             f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
-            f"jumps there: "
-            f"at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
+            f"jumps there: at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
         )
     if result.left_alone:
         names = [found.path.names[row] for row in result.left_alone]

@@ -115,10 +115,8 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
         name, named, value = text.rpartition("=")
         name = name.strip()
         if named and name not in own:
-            raise OptionError(
-                "joint_stiffness",
-                f"there is no moving joint {name!r}{suggest(name, own)}, expected one of {listed(own, 12)}",
-            )
+            hint = f"{suggest(name, own)}, expected one of {listed(own, 12)}"
+            raise OptionError("joint_stiffness", f"there is no moving joint {name!r}{hint}")
         found: dict[str, float] = {}
         problems: dict[str, BeamstiffError] = {}
         for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
@@ -129,47 +127,34 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
         if len(found) != 1:  # a plain number fits both
             meant = own.get(name, "torsional" if "torsional" in own.values() else "axial")
             why = f": {problems[meant]}" if not found else ""
-            raise OptionError(
-                "joint_stiffness",
-                f"found {shown(text)}, expected a stiffness with its unit, such as "
-                f"'1e6 N*m/rad' or '1e8 N/m'{why}",
-            )
+            expected = f"expected a stiffness with its unit, such as '1e6 N*m/rad' or '1e8 N/m'{why}"
+            raise OptionError("joint_stiffness", f"found {shown(text)}, {expected}")
         ((direction, size),) = found.items()
         fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
         if not fitting or own[fitting[0]] != direction:
-            raise OptionError(
-                "joint_stiffness",
-                f"found {shown(text)}, which is {direction}; no joint "
-                f"{'of this name ' if named else ''}moves so",
-            )
-        rigid = [
-            joint for joint in fitting if named or robot.parameter(f"{joint}.{direction}") == float("inf")
-        ]
-        given |= {f"{joint}.{direction}": size for joint in rigid}
+            why = f"which is {direction}; no joint {'of this name ' if named else ''}moves so"
+            raise OptionError("joint_stiffness", f"found {shown(text)}, {why}")
+        parameters = [f"{joint}.{direction}" for joint in fitting]
+        given |= {one: size for one in parameters if named or robot.parameter(one) == float("inf")}
     wanted = {*robot.identify, *given}
     ordered = [name for name in stiffness_parameters(robot) if name in wanted]
     return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
 
 
-def missing_stiffness_notes(robot: Robot) -> list[str]:
-    """Return a note on the joints that are rigid, where there are some."""
-    missing = missing_stiffness(robot)
-    if not missing:
-        return []
-    return [
-        f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness with "
-        "--joint-stiffness '1e6 N*m/rad' (or NAME='...')"
-    ]
-
-
-def missing_mass_notes(robot: Robot) -> list[str]:
-    """Return a note on a robot that weighs nothing, where gravity would load its drives."""
-    if robot.masses or robot.beams or not (robot.actuated and any(robot.gravity)):
-        return []
-    return [
-        "no masses: gravity cannot load the drives, and of positions (x y z) the sag under the robot's own "
-        "weight is taken for other errors; give masses (URDF: <inertial>), estimates are enough"
-    ]
+def missing_notes(robot: Robot) -> list[str]:
+    """Return notes on the joints that are rigid, and on a robot that weighs nothing where it should."""
+    notes, rigid = list[str](), listed(missing_stiffness(robot), 12)
+    if rigid:
+        notes.append(
+            f"no compliance: the joints {rigid} are rigid; give them a stiffness with --joint-stiffness "
+            "'1e6 N*m/rad' (or NAME='...')"
+        )
+    if not (robot.masses or robot.beams) and robot.actuated and any(robot.gravity):
+        notes.append(
+            "no masses: gravity cannot load the drives, and of positions (x y z) the sag under the robot's "
+            "own weight is taken for other errors; give masses (URDF: <inertial>), estimates are enough"
+        )
+    return notes
 
 
 def convert_log(
@@ -191,9 +176,8 @@ def convert_log(
     signals, notes = _read(path, profile, skip)
     if joints is not None:
         more, others = _read(joints, joints_profile, ())
-        signals = [one for one in signals if one.kind != "joints"] + [
-            one for one in more if one.kind not in ("point", "pose")
-        ]
+        signals = [one for one in signals if one.kind != "joints"]
+        signals += [one for one in more if one.kind not in ("point", "pose")]
         notes += others
     made = table_of_log(signals, str(path), points=points, lag=lag, robot=robot, shortest=shortest)
     return replace(made, notes=(*notes, *made.notes))

@@ -82,12 +82,8 @@ def diagnose(
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     doubts += displacement_doubts(machine, rows, fitted_names(machine))
-    rows = replace(
-        rows,
-        region=None if region is None else tuple(region),
-        batch=batch,
-        directions=axes_of("directions", directions),
-    )
+    where, axes = None if region is None else tuple(region), axes_of("directions", directions)
+    rows = replace(rows, region=where, batch=batch, directions=axes)
     with doubted(doubts):
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
         if known:  # so that geometry and measuring frame can be left open beside them

@@ -103,33 +103,24 @@ def examine(
     whole("cases", cases, 1)
     whole("seed", seed, 0)
     names = names_of("classes", classes)
+    other = "found other options of what to examine"
     if crowded and (robot is not None or plan is not None or sets is not None or names):
-        raise OptionError(
-            "crowded", "found other options of what to examine, expected the cases' number only"
-        )
+        raise OptionError("crowded", f"{other}, expected the cases' number only")
     check_kept(out, reports, sets, cases)
     examiner = Examiner(_diagnose(), controls=_controls(crowded) if compare else {}, reports=_folder(reports))
     if sets is not None:
         if robot is not None or plan is not None or out is not None or names:
-            raise OptionError("sets", "found other options of what to examine, expected the folder only")
+            raise OptionError("sets", f"{other}, expected the folder only")
         records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
         return Examination(records, {"sets": os.fspath(sets)})
     asked, notes = (CrowdedExam(seed), []) if crowded else _asked(robot, plan, seed, names)
     procedure: Procedure[Any] = CROWDED if crowded else SINGLE
-    records = run_cases(
-        procedure,
-        asked,
-        cases,
-        examiner,
-        processes=processes,
-        scheduler=scheduler,
-        results=None if out is None else Path(out),
-        progress=progress or (lambda _: None),
-    )
+    kept, tell = None if out is None else Path(out), progress or (lambda _: None)
+    where: dict[str, Any] = {"processes": processes, "scheduler": scheduler}
+    records = run_cases(procedure, asked, cases, examiner, **where, results=kept, progress=tell)
     if not records:
-        raise BeamstiffError(
-            f"exam: none of {cases} cases could be simulated, expected another robot or plan"
-        )
+        told = f"none of {cases} cases could be simulated, expected another robot or plan"
+        raise BeamstiffError(f"exam: {told}")
     if len(records) < cases:
         notes.append(f"{cases - len(records)} of {cases} cases could not be simulated and count nowhere")
     return Examination(records, asked.settings(), tuple(notes))
@@ -143,16 +134,15 @@ def _asked(
         raise OptionError("plan", "found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV")
     notes: list[str] = []
     machine = None if robot is None else as_robot(robot)
-    if machine is not None and machine.effects:  # the exam's own simulator does not know them
-        notes += left_out(machine.effects, "the exam, neither of its machines nor of its models")
-        machine = machine.model_copy(update={"effects": ()})
-    if machine is not None:
-        notes += robot_doubts(machine)
-        machine = with_closed_guesses(machine)
     shares, effects = (SHARES if plan is None else PLAN_SHARES), EFFECTS
     if classes:
         shares, effects = shares_of(classes)
     if machine is not None:
+        # the exam's own simulator does not know the effects of a robot
+        notes += left_out(machine.effects, "the exam, neither of its machines nor of its models")
+        machine = machine.model_copy(update={"effects": ()})
+        notes += robot_doubts(machine)
+        machine = with_closed_guesses(machine)
         possible = possible_effects(machine, effects)
         missing = [effect for effect in effects if effect not in possible]
         if not possible:
@@ -178,10 +168,8 @@ def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]
     """
     names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
     if unknown := [name for name in names if name not in known]:
-        raise OptionError(
-            "classes",
-            f"found {unknown[0]!r}{suggest(unknown[0], known)}, expected {listed(known, len(known))}",
-        )
+        found = f"found {unknown[0]!r}{suggest(unknown[0], known)}"
+        raise OptionError("classes", f"{found}, expected {listed(known, len(known))}")
     effects = EFFECTS if "single" in names else tuple(name for name in names if name in EFFECTS)
     shares: dict[Kind, int] = {kind: 1 for kind in KINDS if kind in names and kind != "single"}
     if effects:

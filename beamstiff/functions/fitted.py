@@ -56,12 +56,8 @@ def fitted_robot(
     if positions is not None and isinstance(model, GriddedStiffness):
         model = with_kinematics(replace(model, robot=robot), positions, shrink=not options.separate)
     notes.append(f"model {kind}: {fitted.about}")
-    return with_model(robot, _writable(model), rows), tuple(notes)
-
-
-def _writable(model: object) -> Fitted:
     assert isinstance(model, Fitted)
-    return model
+    return with_model(robot, model, rows), tuple(notes)
 
 
 def judged_notes(found: Models) -> list[str]:
@@ -101,6 +97,7 @@ def robot_with(found: Models, judged: Judged) -> Robot:
     assert robot is not None
     if isinstance(judged.model, StructuralModel):
         return judged.model.robot.model_copy(update={"effects": robot.effects})
-    model = _writable(judged.model)
+    model = judged.model
+    assert isinstance(model, Fitted)
     base = robot if isinstance(model, FuzzyCompliance) else model.robot
     return with_model(base.model_copy(update={"effects": robot.effects}), model, found.table)

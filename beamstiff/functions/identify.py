@@ -150,7 +150,19 @@ def identify(
     kind = None if model is None else model_kind(model)
     if kind is None and (cube is not None or separate or positions is not None):
         raise OptionError("model", "is missing: cube, separate and positions say how it is fitted")
-    _check(method, loss, components, folds, bootstrap, seed, evaluations, population, searches)
+    one_of("method", method, list(METHODS))
+    one_of("loss", loss, list(LOSSES))
+    one_of("components", components, USES)
+    for name, number in (("folds", folds), ("bootstrap", bootstrap), ("seed", seed)):
+        whole(name, number, 0)
+    for name, number in (("evaluations", evaluations), ("searches", searches)):
+        whole(name, number, 1)
+    if population is not None:
+        whole("population", population, LEAST)
+    if folds == 1:
+        raise OptionError("folds", "found 1, expected 2 or more, or 0 for none")
+    if searches > 1 and method not in GLOBAL:
+        raise OptionError("searches", f"found the method {method}, expected {', '.join(GLOBAL)}")
     if pareto and (loss != "linear" or priors or components != "both"):
         raise OptionError("pareto", "is of squared errors of both: found a loss, priors or one of them alone")
     notes: list[str] = [*dropped]
@@ -186,9 +198,8 @@ def identify(
         bare, rows = without_effects(machine, rows)
         if machine.effects and np.isfinite(rows.link).any():
             rows = without_encoders(rows)
-            notes.append(
-                "encoders behind the gears are not used: the robot's effects are not in their readings"
-            )
+            why = "the robot's effects are not in their readings"
+            notes.append(f"encoders behind the gears are not used: {why}")
         found = fit(bare, rows, method=method, folds=folds, effort=effort, progress=progress, **said)
     drawn: Bootstrap | None = None
     reduced: Reduced | None = None
@@ -219,58 +230,15 @@ def identify(
         found = replace(found, robot=found.robot.model_copy(update=effects))
         if reduced is not None:
             reduced = replace(reduced, robot=reduced.robot.model_copy(update=effects))
-    return replace(
-        found,
-        start=machine,
-        rows=rows,
-        bootstrap=drawn,
-        reduced=reduced,
-        notes=(*doubts, *notes, *found.notes, *left_out),
-    )
-
-
-def _check(
-    method: str,
-    loss: str,
-    components: str,
-    folds: int,
-    bootstrap: int,
-    seed: int,
-    evaluations: int,
-    population: int | None,
-    searches: int,
-) -> None:
-    """Refuse options that make no sense."""
-    one_of("method", method, list(METHODS))
-    one_of("loss", loss, list(LOSSES))
-    one_of("components", components, USES)
-    for name, value, least in (
-        ("folds", folds, 0),
-        ("bootstrap", bootstrap, 0),
-        ("seed", seed, 0),
-        ("evaluations", evaluations, 1),
-        ("searches", searches, 1),
-    ):
-        whole(name, value, least)
-    if population is not None:
-        whole("population", population, LEAST)
-    if folds == 1:
-        raise OptionError("folds", "found 1, expected 2 or more, or 0 for none")
-    if searches > 1 and method not in GLOBAL:
-        raise OptionError("searches", f"found the method {method}, expected {', '.join(GLOBAL)}")
+    notes = [*doubts, *notes, *found.notes, *left_out]
+    return replace(found, start=machine, rows=rows, bootstrap=drawn, reduced=reduced, notes=tuple(notes))
 
 
 def _draw(statement: Statement, found: Identification, repetitions: int, effort: Effort) -> Bootstrap:
     """Return the bootstrap about what was found."""
     statement = statement.holding(found.stiffness).weighed(found.stiffness)
-    return draw(
-        statement,
-        statement.theta(found.stiffness),
-        repetitions,
-        effort.seed,
-        processes=effort.processes,
-        scheduler=effort.scheduler,
-    )
+    where: dict[str, Any] = {"processes": effort.processes, "scheduler": effort.scheduler}
+    return draw(statement, statement.theta(found.stiffness), repetitions, effort.seed, **where)
 
 
 def _reduce(robot: Robot, rows: Measurements, found: Identification, components: Components) -> Reduced:

@@ -42,9 +42,8 @@ def learned_from(
     runs. `start`: as of `learn`.
     """
     if ran and len(ran) != len(measured):
-        raise OptionError(
-            "ran", f"found {len(ran)} programs for {len(measured)} measured runs, expected as many"
-        )
+        found = f"found {len(ran)} programs for {len(measured)} measured runs"
+        raise OptionError("ran", f"{found}, expected as many")
     sent = [read_program(Path(one)) for one in ran] if ran else [program] * len(measured)
     runs, sigmas = [], []
     for file, one in zip(map(Path, measured), sent, strict=True):

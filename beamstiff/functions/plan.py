@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -84,9 +84,8 @@ class MeasurementPlan(Shown):
         """Return plain data for JSON, SI."""
         design, tests, drawn = self.campaign.design, self.campaign.tests, self.at_random
         median = float(np.median(drawn.worst))
-        moving: dict[str, Any] = {}
-        if self.moving is not None:
-            moving = {"moving_s": {"most_telling": self.moving[0], "chosen": self.moving[1]}}
+        moving = {"moving_s": dict(zip(("most_telling", "chosen"), self.moving or (), strict=False))}
+        states = zip(tests.pose.tolist(), tests.q.tolist(), tests.wrench.tolist(), strict=True)
         return {
             "parameters": {
                 name: {
@@ -114,11 +113,9 @@ class MeasurementPlan(Shown):
             "seed": self.seed,
             "tests": [
                 {"pose": pose, "q": dict(zip(tests.variables, q, strict=True)), "wrench": wrench}
-                for pose, q, wrench in zip(
-                    tests.pose.tolist(), tests.q.tolist(), tests.wrench.tolist(), strict=True
-                )
+                for pose, q, wrench in states
             ],
-        } | moving
+        } | (moving if self.moving is not None else {})
 
 
 def plan(
@@ -200,7 +197,7 @@ def plan(
     by = str(criterion).upper()
     if by not in CRITERIA:
         one_of("criterion", criterion, CRITERIA)
-    noise = replace(_noise(sigma_position, sigma_rotation), gauges=_gauges(gauges, sigma_rotation))
+    noise = _noise(sigma_position, sigma_rotation, axes_of("gauges", gauges))
     wrenches = _loads(force, moment, directions) if loads is None else np.asarray(loads, dtype=np.float64)
     names, fastest = names_of("parameters", parameters), _speed(machine, speed)
     drawn = candidate_poses(compile_kinematics(machine), candidates, seed, region)
@@ -213,10 +210,8 @@ def plan(
     campaign = plan_of(possible, best, noise, poses is not None, 1.0 if fastest is None else fastest)
     moving = None
     if fastest is not None:
-        states = possible.q[:: len(possible) // len(tells)]
-        sooner = plan_of(
-            possible, sooner_driven(best, tells, states, fastest), noise, poses is not None, fastest
-        )
+        chosen = sooner_driven(best, tells, possible.q[:: len(possible) // len(tells)], fastest)
+        sooner = plan_of(possible, chosen, noise, poses is not None, fastest)
         moving = driven(campaign.tests.q, fastest), driven(sooner.tests.q, fastest)
         campaign = sooner if moving[1] < moving[0] else campaign
         moving = moving[0], min(moving)
@@ -258,13 +253,6 @@ def _speed(robot: Robot, speed: Sequence[str] | None) -> Array | None:
     return result
 
 
-def _gauges(gauges: Sequence[str], sigma_rotation: float | str | None) -> tuple[str, ...]:
-    names = axes_of("gauges", gauges)
-    if names and sigma_rotation is not None:
-        raise OptionError("sigma_rotation", "found beside gauges, which read no rotation; leave it out")
-    return names
-
-
 def _size(name: str, value: float | str, kind: str) -> float:
     try:
         return quantity(value, kind)
@@ -272,14 +260,16 @@ def _size(name: str, value: float | str, kind: str) -> float:
         raise OptionError(name, str(error)) from None
 
 
-def _noise(position: float | str, rotation: float | str | None) -> Noise:
+def _noise(position: float | str, rotation: float | str | None, gauges: tuple[str, ...]) -> Noise:
     sizes = {"sigma_position": _size("sigma_position", position, "length")}
     if rotation is not None:
         sizes["sigma_rotation"] = _size("sigma_rotation", rotation, "angle")
     for name, size in sizes.items():
         if size <= 0:
             raise OptionError(name, f"found {shown(size)}, expected a positive standard deviation")
-    return Noise(sizes["sigma_position"], sizes.get("sigma_rotation"))
+    if gauges and rotation is not None:
+        raise OptionError("sigma_rotation", "found beside gauges, which read no rotation; leave it out")
+    return Noise(sizes["sigma_position"], sizes.get("sigma_rotation"), gauges=gauges)
 
 
 def _loads(force: float | str, moment: float | str, directions: Sequence[str]) -> Array:

@@ -130,10 +130,9 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
     doubts = [*doubts_of(machine, tables), *start_values(machine)]
     rows = concatenate(tables)
     require_tracker(rows, "deflect")
-    if rows.kind == "absolute":
-        with doubted(doubts):
-            return _positions(machine, rows, (*doubts, *extrapolation_notes(machine, rows.q)))
     with doubted(doubts):
+        if rows.kind == "absolute":
+            return _positions(machine, rows, (*doubts, *extrapolation_notes(machine, rows.q)))
         moved = predict_displacements(machine, rows, preload) + model_correction(machine, rows)
         if preload:
             doubts += preload_notes(machine, rows)

@@ -131,6 +131,7 @@ def stiffness(
         if not len(rigid) or len(rigid) == len(compliance[0]):  # refused for another reason
             raise
     pose = pose_of(structure.kinematics, where, machine.tcp)[0]
+    effects = left_out(machine.effects, "its stiffness (beamstiff deflect includes them)")
     return TcpStiffness(
         robot=machine,
         stiffness=inverse,
@@ -141,12 +142,7 @@ def stiffness(
         preload=preload,
         rigid=rigid,
         singular=singular,
-        notes=(
-            *robot_doubts(machine),
-            *left_out(machine.effects, "its stiffness (beamstiff deflect includes them)"),
-            *start_values(machine),
-            *coarse,
-        ),
+        notes=(*robot_doubts(machine), *effects, *start_values(machine), *coarse),
     )
 
 

@@ -6,7 +6,7 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis_words import stiffness_in_words
-from beamstiff.report.tables import Column, Table, add_rows, scale_of, table, worth
+from beamstiff.report.tables import Column, Table, scale_of, table, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
@@ -61,8 +61,8 @@ def recalibration_text(changed: Recalibration, others: str = "in --json and --ap
 
 def changes_table(changed: Recalibration, title: str) -> Table:
     """Return all that the calibration changed, the largest first."""
-    made = table(title, "parameter", "change", "std", Column("unit", left=True))
-    add_rows(made, (_change(one) for one in changed.changes))
+    rows = map(_change, changed.changes)
+    made = table(title, "parameter", "change", "std", Column("unit", left=True), rows=rows)
     made.most = NAMED
     return made
 

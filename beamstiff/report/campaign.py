@@ -34,12 +34,10 @@ def campaign_told(plan: MeasurementPlan) -> Iterator[RenderableType]:
 def campaign_table(plan: MeasurementPlan) -> Table:
     """Return a table: every parameter with its present value and the standard error to expect."""
     campaign, robot = plan.campaign, plan.robot
-    title = f"{robot.name}: expected from {counted(len(campaign.tests), 'test')}"
-    columns = ("parameter", "present value", "expected std", "std/value")
-    result = table(title, *columns, Column("unit", left=True))
+    columns = ("parameter", "present value", "expected std", "std/value", Column("unit", left=True))
+    result = table(f"{robot.name}: expected from {counted(len(campaign.tests), 'test')}", *columns)
     for name, error in campaign.design.standard_errors.items():
-        value = robot.parameter(name)
-        unit = parameter_unit(robot, name)
+        value, unit = robot.parameter(name), parameter_unit(robot, name)
         result.add_row(name, number(value), number(error * value), percent(error), unit)
     return result
 
@@ -50,12 +48,12 @@ def campaign_verdict(plan: MeasurementPlan) -> Verdict:
     well = [name for name, error in errors.items() if error <= HARDLY]
     asked = len(errors) + len(plan.left_out)
     worst = max((errors[name] for name in well), default=float("nan"))
+    certain = f", the least certain to {percent(worst)}" if well else ""
     headline = (
         f"{counted(len(campaign.tests), 'test')} at {counted(len(np.unique(campaign.tests.pose)), 'pose')} "
-        f"determine {len(well)} of {counted(asked, 'stiffness value')}"
-        + (f", the least certain to {percent(worst)}" if well else "")
+        f"determine {len(well)} of {counted(asked, 'stiffness value')}{certain}."
     )
-    return Verdict(f"{headline}.", "agrees" if len(well) == asked else "doubtful")
+    return Verdict(headline, "agrees" if len(well) == asked else "doubtful")
 
 
 def campaign_text(plan: MeasurementPlan) -> str:
@@ -85,10 +83,10 @@ def campaign_text(plan: MeasurementPlan) -> str:
             f"tests {plan.moving[0]:.3g} s."
         )
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
-    needed = ((error, enough.tests_for(error)) for error in WANTED)
+    needed = {error: enough.tests_for(error) for error in WANTED}
     sizes = ", ".join(
         f"{size if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
-        for error, size in needed
+        for error, size in needed.items()
     )
     lines.append(
         f"{counted(enough.knee, unit)}{fewer} are enough to determine the values; more only average the "

@@ -1,6 +1,7 @@
 """Models side by side: errors by what was held out and by load, and over the workspace."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,6 @@ from beamstiff.report.tables import Table, counted, table
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
-AXES = ("x", "y", "z")
 COLUMNS = 3  # of maps side by side
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
@@ -35,32 +35,34 @@ def models_told(models: Models) -> Iterator[RenderableType]:
 
 def models_table(models: Models, title: str) -> Table:
     """Return RMS and largest error of every model, by what was held out: fitted, new poses, new loads."""
-    kinds = [kind for kind in range(len(KINDS)) if (models.split.kind == kind).any()]
-    counts = np.bincount(models.split.kind, minlength=len(KINDS))
-    result = table(
-        title, "model", *(f"{KINDS[kind]} ({counts[kind]})" for kind in kinds), "outside", "time, s"
-    )
+    kinds, counts = np.unique(models.split.kind, return_counts=True)
+    heads = (f"{KINDS[kind]} ({count})" for kind, count in zip(kinds, counts, strict=True))
+    result = table(title, "model", *heads, "outside", "time, s")
     for one in models.judged:
-        if one.model is None:
-            result.add_row(one.name, *("-" for _ in kinds), "-", "-")
-            continue
-        cells = [_both(one, models.split.kind == kind) for kind in kinds]
-        result.add_row(one.name, *cells, str(int(one.outside.sum()) or ""), f"{one.seconds:.2f}")
+        cells = ["-"] * (len(kinds) + 2)
+        if one.model is not None:
+            cells = [_both(one, models.split.kind == kind) for kind in kinds]
+            cells += [str(int(one.outside.sum()) or ""), f"{one.seconds:.2f}"]
+        result.add_row(one.name, *cells)
     return result
 
 
 def loads_table(models: Models, title: str) -> Table:
     """Return RMS and largest error of every model over the rows that were not fitted, by load."""
     split = models.split
-    levels = [at for at in range(len(split.loads)) if (~split.fitted & (split.level == at)).any()]
-    heads = [f"{split.loads[at]:.4g} {split.unit}" for at in levels]
-    result = table(title, "model", *heads, *(["all"] if len(levels) > 1 else []))
+    some = {f"{split.loads[at]:.4g} {split.unit}": rows for at, rows in held_out_levels(models).items()}
+    some |= {"all": ~split.fitted} if len(some) > 1 else {}
+    result = table(title, "model", *some)
     for one in models.judged:
-        if one.model is None:
-            continue
-        cells = [_both(one, ~split.fitted & (split.level == at)) for at in levels]
-        result.add_row(one.name, *cells, *([_both(one, ~split.fitted)] if len(levels) > 1 else []))
+        if one.model is not None:
+            result.add_row(one.name, *(_both(one, rows) for rows in some.values()))
     return result
+
+
+def held_out_levels(models: Models) -> dict[int, NDArray[np.bool_]]:
+    """Return the rows that were not fitted, by the number of their load."""
+    rows = {at: ~models.split.fitted & (models.split.level == at) for at in range(len(models.split.loads))}
+    return {at: some for at, some in rows.items() if some.any()}
 
 
 def ranked(models: Models) -> list[Judged]:
@@ -89,10 +91,10 @@ def models_verdict(models: Models) -> Verdict:
     rms = first.rms(unseen) or 0.0
     held = counted(int(unseen.sum()), "held-out row")
     said = f"{first.name} predicts best: {rounded(1e3 * rms)} mm RMS on {held}"
-    if not models.noise:
-        return Verdict(said, data=data, action="--out FILE writes the robot with this model.")
-    level = level_of(rms / models.noise)
     action = "--out FILE writes the robot with this model."
+    if not models.noise:
+        return Verdict(said, data=data, action=action)
+    level = level_of(rms / models.noise)
     if level != "agrees":
         action = "All of them leave more than noise: beamstiff diagnose says what is missing."
     return Verdict(f"{said}, {rms / models.noise:.1f} times the noise", level, data, action)
@@ -104,9 +106,8 @@ def models_text(models: Models) -> list[str]:
     if models.noise is not None:
         lines.append(f"Noise floor: {1e3 * models.noise:.4f} mm RMS.")
     if models.robot is not None and models.robot.effects:
-        lines.append(
-            f"All models include the robot's effects unchanged: {effects_text(models.robot.effects)}."
-        )
+        effects = effects_text(models.robot.effects)
+        lines.append(f"All models include the robot's effects unchanged: {effects}.")
     return lines
 
 
@@ -127,11 +128,8 @@ def models_figure(models: Models, title: str) -> Figure:
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     across, up = widest_plane(models.position)
     largest = 1e3 * max(float(np.nanmax(one.error)) for one in shown)
-    drawn: PathCollection | None = None
-    for axes, one in zip(panels, shown, strict=False):
-        drawn = _map(axes, one, models, across, up, largest)
-    assert drawn is not None
-    figure.colorbar(drawn, ax=panels[: len(shown)].tolist(), label="mm", shrink=0.6)
+    drawn = [_map(axes, one, models, across, up, largest) for axes, one in zip(panels, shown, strict=False)]
+    figure.colorbar(drawn[-1], ax=panels[: len(shown)].tolist(), label="mm", shrink=0.6)
     _by_load(panels[len(shown)], shown, models)
     for axes in panels[len(shown) + 1 :]:
         axes.set_visible(False)
@@ -146,42 +144,29 @@ def widest_plane(position: Array) -> tuple[int, int]:
 
 def _map(axes: Axes, one: Judged, models: Models, across: int, up: int, largest: float) -> PathCollection:
     """Draw one model's errors: at each place the largest that was not fitted, on top."""
-    result: PathCollection | None = None
     split = models.split
+    look: dict[str, Any] = {"s": 30, "edgecolors": "black", "linewidths": 0.3}
     for held, marker in ((False, "o"), (True, "s")):
         own = np.isfinite(one.error) & (split.new_pose == held)
         own &= ~split.fitted | np.isin(models.table.pose, models.table.pose[~split.fitted], invert=True)
         order = np.flatnonzero(own)[np.argsort(one.error[own])]
+        x, y = models.position[order, across], models.position[order, up]
         result = axes.scatter(
-            models.position[order, across],
-            models.position[order, up],
-            c=1e3 * one.error[order],
-            marker=marker,
-            s=30,
-            cmap="viridis",
-            vmin=0.0,
-            vmax=largest,
-            edgecolors="black",
-            linewidths=0.3,
+            x, y, c=1e3 * one.error[order], marker=marker, cmap="viridis", vmin=0.0, vmax=largest, **look
         )
     axes.set_title(f"{one.name}: {_both(one, ~models.split.fitted)}", fontsize="medium")
-    axes.set_xlabel(f"{AXES[across]} of the TCP, m")
-    axes.set_ylabel(f"{AXES[up]} of the TCP, m")
+    axes.set(xlabel=f"{'xyz'[across]} of the TCP, m", ylabel=f"{'xyz'[up]} of the TCP, m")
     plain(axes)
-    assert result is not None
     return result
 
 
 def _by_load(axes: Axes, shown: Sequence[Judged], models: Models) -> None:
-    split = models.split
-    unseen = ~split.fitted
-    levels = [at for at in range(len(split.loads)) if (unseen & (split.level == at)).any()]
+    levels, loads = held_out_levels(models), models.split.loads
     for one, marker in zip(shown, MARKERS * 2, strict=False):
-        values = [one.rms(unseen & (split.level == at)) for at in levels]
+        values = [one.rms(rows) for rows in levels.values()]
         drawn = [np.nan if value is None else 1e3 * value for value in values]
-        axes.plot([split.loads[at] for at in levels], drawn, marker=marker, label=one.name, linewidth=1)
-    axes.set_xlabel(f"load, {split.unit}")
-    axes.set_ylabel("held-out RMS, mm")
+        axes.plot([loads[at] for at in levels], drawn, marker=marker, label=one.name, linewidth=1)
+    axes.set(xlabel=f"load, {models.split.unit}", ylabel="held-out RMS, mm")
     axes.set_ylim(bottom=0.0)
     axes.legend(frameon=False, fontsize="small")
     plain(axes)

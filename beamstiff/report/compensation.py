@@ -15,9 +15,10 @@ from beamstiff.compensation.path import Frames, difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.functions.checks import effects_text
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Column, Table, add_rows, counted, nice, number, table
+from beamstiff.report.tables import Column, Table, counted, nice, number, table
 from beamstiff.report.verdict import NOTHING, Verdict, rounded
 
+UNCORRECTED = "Targets that cannot be corrected"
 LEAST = 0.001  # mm, that no robot reaches
 UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
@@ -39,8 +40,8 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
 
     A page shows where the targets are, too, and into which direction commands move.
     """
-    found = result.correction
-    moved = difference(found.commands, found.path.poses)
+    found, path = result.correction, result.correction.path
+    moved = difference(found.commands, path.poses)
     places = [Column(f"{axis}, mm", only="page") for axis in "xyz"]
     shifts = [Column(f"moved {axis}, mm", only="page") for axis in "xyz"]
     errors = ("before, mm", "before, deg", "after, mm", "after, deg")
@@ -49,49 +50,39 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
         for gap in (found.before, result.after)
         for part, factor in PARTS
     ]
-    numbers = np.column_stack(
-        [
-            1e3 * found.path.poses[:, :3, 3],
-            np.linalg.norm(found.wrench[:, :3], axis=1),
-            np.linalg.norm(found.wrench[:, 3:], axis=1),
-            *sizes,
-            1e3 * moved[:, :3],
-            1e3 * np.linalg.norm(moved[:, :3], axis=1),
-            np.degrees(np.linalg.norm(moved[:, 3:], axis=1)),
-        ]
-    )
-    made = Table(
+    loads = (np.linalg.norm(part, axis=1) for part in (found.wrench[:, :3], found.wrench[:, 3:]))
+    by = (factor * np.linalg.norm(moved[:, part], axis=1) for part, factor in PARTS)
+    numbers = np.column_stack([1e3 * path.poses[:, :3, 3], *loads, *sizes, 1e3 * moved[:, :3], *by])
+    return table(
         "Predicted error of the tool at the targets",
-        (
-            *(Column("target", left=True), Column("line"), *places, Column("force, N")),
-            *(Column("moment, N m", only="page"), *map(Column, errors), *shifts),
-            *(Column("moved, mm", only="console"), Column("turned, deg"), Column("", left=True)),
+        "target",
+        "line",
+        *places,
+        "force, N",
+        Column("moment, N m", only="page"),
+        *errors,
+        *shifts,
+        Column("moved, mm", only="console"),
+        "turned, deg",
+        Column("", left=True),
+        rows=(
+            [path.names[row], path.line(row), *map(_seen, numbers[row]), found.reasons.get(row, "")]
+            for row in (range(len(path)) if some is None else some)
         ),
     )
-    rows = range(len(found.path)) if some is None else some
-    path = found.path
-    cells = (
-        [path.names[row], path.line(row), *map(_seen, numbers[row]), found.reasons.get(row, "")]
-        for row in rows
-    )
-    add_rows(made, cells)
-    return made
 
 
 def uncorrected_table(result: Compensated) -> Table:
     """Return a table of all targets that have no command of their own, and why."""
-    found = result.correction
-    made = table("Targets that cannot be corrected", "target", "line", "why", left=3)
-    for row, reason in found.reasons.items():
-        made.add_row(found.path.names[row], found.path.line(row), reason)
+    path, made = result.correction.path, table(UNCORRECTED, "target", "line", "why", left=3)
+    for row, reason in result.correction.reasons.items():
+        made.add_row(path.names[row], path.line(row), reason)
     return made
 
 
 def learned_table(learned: Learned) -> Table:
     """Return a table of the process parameters that measured runs taught."""
-    made = table(
-        "Process, from the measured runs", "parameter", "value", "std", "before", "identifiable", left=1
-    )
+    made = table("Process, from the measured runs", "parameter", "value", "std", "before", "identifiable")
     for one in learned.parameters:
         made.add_row(*_shown(one), "yes" if one.identifiable else "no")
     return made
@@ -124,9 +115,9 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = "Move these targets, or keep them as they are (--unreachable keep)."
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    said = f"Predicted error along the path: {told(before.rms_mm)} mm, "
-    said += f"after correction {told(after.rms_mm)} mm"
-    said += " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
+    assumed = " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
+    errors = f"{told(before.rms_mm)} mm, after correction {told(after.rms_mm)} mm"
+    said = f"Predicted error along the path: {errors}{assumed}"
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
 
 
@@ -151,14 +142,13 @@ def compensation_text(result: Compensated) -> str:
     known = result.known
     before, after = size_of(result.correction.before[known]), size_of(result.after[known])
     targets = counted(int(known.sum()), "target")
-    text = (
-        f"Predicted error of the tool at {targets}: RMS {told(before.rms_mm)} mm, "
-        f"at most {told(before.max_mm)} mm and {told(before.max_deg)} deg. With the corrected commands: "
+    was, then = (
+        f"RMS {told(one.rms_mm)} mm, at most {told(one.max_mm)} mm and {told(one.max_deg)} deg"
+        for one in (before, after)
     )
     if max(after.max_mm, after.max_deg) < LEAST:
-        text += f"under {LEAST} mm and {LEAST} deg everywhere"
-    else:
-        text += f"RMS {told(after.rms_mm)} mm, at most {told(after.max_mm)} mm and {told(after.max_deg)} deg"
+        then = f"under {LEAST} mm and {LEAST} deg everywhere"
+    text = f"Predicted error of the tool at {targets}: {was}. With the corrected commands: {then}"
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
         text += f" ({less:.2f} % less, if the real robot is as assumed)"
@@ -190,7 +180,7 @@ def compensation_figure(result: Compensated, title: str = "") -> Figure:
 
 def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> None:
     """Draw the path in the plane of its two longest directions along x, y, z."""
-    targets = 1e3 * result.correction.path.poses[:, :3, 3]
+    targets, lines = 1e3 * result.correction.path.poses[:, :3, 3], {"markersize": 3, "linewidth": 1}
     before, after = 1e3 * result.correction.before[known, :3], 1e3 * result.after[known, :3]
     extent = np.ptp(targets, axis=0)
     size = np.abs(before).max(axis=0, initial=0.0)
@@ -201,18 +191,16 @@ def _draw_path(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
     largest = float(np.linalg.norm(before, axis=1).max(initial=0.0))
     scale = nice(0.15 * float(extent.max()) / largest) if largest > 0 and extent.max() > 0 else 1.0
     axes.plot(*targets[:, shown].T, "-", color=GREY, linewidth=5, alpha=0.4, label="target")
-    for errors, style, colour, label in (
-        (before, "o-", ORANGE, "without compensation"),
-        (after, "s--", BLUE, "compensated"),
-    ):
-        at = targets[known] + scale * errors
-        axes.plot(*at[:, shown].T, style, color=colour, markersize=3, linewidth=1, label=label)
     moved = 1e3 * result.correction.commands[known, :3, 3] - targets[known]
-    at = targets[known] + scale * moved
-    axes.plot(*at[:, shown].T, ":", color=GREEN, linewidth=1.2, label="commands")
-    lost = targets[~known]
-    if len(lost):
-        axes.plot(*lost[:, shown].T, "x", color="black", label="out of reach")
+    for away, style, colour, label, look in (
+        (before, "o-", ORANGE, "without compensation", lines),
+        (after, "s--", BLUE, "compensated", lines),
+        (moved, ":", GREEN, "commands", {"linewidth": 1.2}),
+    ):
+        at = targets[known] + scale * away
+        axes.plot(*at[:, shown].T, style, color=colour, label=label, **look)
+    if not known.all():
+        axes.plot(*targets[~known][:, shown].T, "x", color="black", label="out of reach")
     axes.set_xlabel(f"{'xyz'[shown[0]]}, mm (base frame)")
     axes.set_ylabel(f"{'xyz'[shown[1]]}, mm; deviation {scale:g} times enlarged")
     axes.set_aspect("equal", adjustable="datalim")
@@ -229,9 +217,8 @@ def _draw_size(axes: Axes, result: Compensated, known: NDArray[np.bool_]) -> Non
         far = 1e3 * np.linalg.norm(errors[known, :3], axis=1)
         axes.plot(along, np.maximum(far, 1e-7), style, color=colour, markersize=3, linewidth=1, label=label)
     axes.axhline(1e-3, color=GREEN, linewidth=0.8, linestyle=":", label="0.001 mm")
-    axes.set_yscale("log")
-    axes.set_xlabel("way along the path, mm")
-    axes.set_ylabel("distance of the tool from its target, mm")
+    up = "distance of the tool from its target, mm"
+    axes.set(yscale="log", xlabel="way along the path, mm", ylabel=up)
     axes.legend(frameon=False)
     plain(axes)
 

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from beamstiff.functions.checks import effects_text
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT
-from beamstiff.report.tables import Table, add_rows, number, table
+from beamstiff.report.tables import Table, number, table
 from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
@@ -37,20 +37,15 @@ def deflection_table(found: Prediction) -> Table:
         predicted = [[*map(number, row)] for row in moved]
     else:
         title = f"{name}: predicted position, base frame, and displacement from the undeformed machine"
-        columns, shown = [f"{axis} [mm]" for axis in "xyz"], _place
+        columns, shown = [f"{axis} [mm]" for axis in "xyz"], "{:.3f}".format
         heads = [*columns, *units[:3]]
         placed = zip(1e3 * found.pose[:, :3], moved[:, :3], strict=True)
-        predicted = [[*map(_place, at), *map(number, by)] for at, by in placed]
+        predicted = [[*map(shown, at), *map(number, by)] for at, by in placed]
     compared = np.flatnonzero(rows.measured_mask[:, : len(columns)].any(axis=0)).tolist()
-    result = table(title, "line", *heads, *(f"measured {columns[at]}" for at in compared))
     measured = [["" if np.isnan(row[at]) else shown(row[at]) for at in compared] for row in seen]
     cells = zip(rows.rows.tolist(), predicted, measured, strict=True)
-    add_rows(result, ([str(line), *one, *other] for line, one, other in cells))
-    return result
-
-
-def _place(value: float) -> str:
-    return f"{value:.3f}"
+    heads = ["line", *heads, *(f"measured {columns[at]}" for at in compared)]
+    return table(title, *heads, rows=([str(line), *one, *other] for line, one, other in cells))
 
 
 def deflection_verdict(found: Prediction) -> Verdict:

@@ -16,27 +16,17 @@ from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
+from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import drives_table, recalibration_text
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
     verdict,
 )
-from beamstiff.report.diagnosis_words import (
-    causes,
-    chance,
-    in_words,
-    named,
-    one_posture,
-    percent,
-    percents,
-    several,
-    told,
-)
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.tables import Column, Table, add_rows, below, scale_of, table, worth
+from beamstiff.report.tables import Column, Table, below, scale_of, table, worth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,10 +35,10 @@ if TYPE_CHECKING:
 
 SHOWN, SIZES = 8, 16  # candidates and places; parameters
 PARTS_OF_GAP = {
-    "directions": "By direction",
-    "loads": "By load",
-    "history": "Loading and unloading",
-    "time": "Over time",
+    "directions": "direction",
+    "loads": "load",
+    "history": "loading and unloading",
+    "time": "time",
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
 LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
@@ -143,11 +133,11 @@ def causes_table(found: Decomposition, title: str) -> Table:
     made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
     for cause in found.causes:
         made.add_row(
-            "\n  or ".join(in_words([one]) for one in (cause.key, *cause.indistinguishable)),
-            percent(cause.closes),
-            percents(cause.closes_interval),
+            "\n  or ".join(words.in_words([one]) for one in (cause.key, *cause.indistinguishable)),
+            words.percent(cause.closes),
+            words.percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
-            chance(cause.probability),
+            words.chance(cause.probability),
         )
     return made
 
@@ -164,11 +154,11 @@ def next_best_text(result: Diagnosis) -> list[str]:
     """Return, in words, what would stand in place of each cause that has no look-alike."""
     lines = []
     for one in result.runners_up:
-        without, ratio = f"Without {in_words([one.cause])}", one.rms / one.rms_with
+        without, ratio = f"Without {words.in_words([one.cause])}", one.rms / one.rms_with
         if not one.keys:
             lines.append(f"{without} nothing explains its share: the gap is {ratio:.2g} times as large.")
             continue
-        names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
+        names = " with ".join(OUTSIDE if key == UNKNOWN else words.in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
         gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else f"{100.0 * (ratio - 1.0):.0f} % larger"
@@ -187,11 +177,11 @@ def steps(result: Diagnosis) -> dict[str, float]:
     left["fitted model"] = result.rms
     if found is not None:
         for at, one in enumerate(found.causes):
-            left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
+            left[f"{'and' if at else 'with'} {words.in_words([one.key])}"] = one.rms_after
         if found.unclear:
             left["and uncertain causes"] = found.unclear[-1].rms_after
     elif result.verdict.shrink is not None:
-        left[f"with {causes(result)}"] = result.verdict.shrink.after
+        left[f"with {words.causes(result)}"] = result.verdict.shrink.after
     if result.decomposition is None:
         left["any elastic model"] = result.ceiling
     return left | {"noise floor": result.noise}
@@ -200,31 +190,35 @@ def steps(result: Diagnosis) -> dict[str, float]:
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
     """Return the candidates with their probability, and how far the gap closes with each, if there is one."""
     heads = [("cause, its shape", "console"), ("cause", "page"), ("shape", "page")]
-    told = [] if result.verdict.effect == "none" or one_posture(result) else ["gap after", "closes", INTERVAL]
+    told = (
+        []
+        if result.verdict.effect == "none" or words.one_posture(result)
+        else ["gap after", "closes", INTERVAL]
+    )
     made = table(title, *(Column(name, left=True, only=only) for name, only in heads), "probability", *told)
     for one in some:
         cells, cause = ["-"] * len(told), in_full(one, result)
         if one.shrink is not None and told:
-            share, ends = percent(one.shrink.shrink), percents(one.shrink.interval)
+            share, ends = words.percent(one.shrink.shrink), words.percents(one.shrink.interval)
             cells = [f"{1e3 * one.shrink.after:.3f} mm", share, ends]
-        made.add_row(below(cause, one.shape), cause, one.shape, chance(one.probability), *cells)
+        made.add_row(below(cause, one.shape), cause, one.shape, words.chance(one.probability), *cells)
     rest = 1.0 - sum(one.probability for one in some)
     if rest >= LEAST:
-        made.add_row("all others", "all others", "", chance(rest), *(["-"] * len(told)))
+        made.add_row("all others", "all others", "", words.chance(rest), *(["-"] * len(told)))
     return made
 
 
 def sizes_table(result: Diagnosis, title: str) -> Table:
     """Return the parameters of the verdict and of its look-alikes, beside realistic sizes."""
     made = table(title, "effect, its parameters", "value", "std", "realistic", "unit")
-    own = {result.verdict.key, *(one.key for one in (result.also, *several(result)) if one is not None)}
-    for one in sorted(told(result), key=lambda one: one.key not in own):
+    own = {result.verdict.key, *(one.key for one in (result.also, *words.several(result)) if one is not None)}
+    for one in sorted(words.told(result), key=lambda one: one.key not in own):
         fitted = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
         for at, item in enumerate(fitted or one.estimates):
             name, *cells = sized(item)
             name += " (?)" if _open(item) else "" if item.plausible else " (!)"
             if not at:
-                made.add_row(named(one))
+                made.add_row(words.named(one))
             made.add_row(f"  {name}", *cells)
         if one.key in own:  # look-alikes are cut
             made.most = max(SIZES, len(made.rows))
@@ -239,7 +233,7 @@ def _open(item: Estimate) -> bool:
 
 def names_text(result: Diagnosis) -> list[str]:
     """Return what parts of the parameters' names mean, and the mark of sizes, where they occur."""
-    items = [item for one in told(result) for item in one.estimates]
+    items = [item for one in words.told(result) for item in one.estimates]
     names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
     marks = [DOUBTFUL] if any(not item.plausible for item in items) else []
@@ -256,7 +250,7 @@ def _slips_text(result: Diagnosis) -> Iterator[str]:
         several = [f"{number} from {row}" for number, row in enumerate(rows, 1)]
         if rows:
             said = listed(several) if len(rows) > 1 else f"from {rows[0]}"
-            yield f"{in_words([cause.key])}: {said} on (FILE:LINE)."
+            yield f"{words.in_words([cause.key])}: {said} on (FILE:LINE)."
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
@@ -268,7 +262,7 @@ def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
         made.columns = (*made.columns, Column("or, not distinguished by these rows", left=True))
     for item, others in zip(places, alike, strict=True):
         share = item["share"]
-        cells = percent(share), f"{100 * share:.1f} %", percents(item["interval"]), others
+        cells = words.percent(share), f"{100 * share:.1f} %", words.percents(item["interval"]), others
         made.add_row(item["component"], *cells[: len(made.columns) - 1])
     made.most = SHOWN
     return made
@@ -279,12 +273,12 @@ def gap_tables(result: Diagnosis) -> Table:
     found = result.decomposition
     without = " without the causes" if found is not None and (found.causes or found.unclear) else ""
     title = f"Residual of the fitted rows{without}, RMS (the gap above is that of held-out rows)"
-    made = table(title, "by", "part", "mm", left=2)
-    for key, name in PARTS_OF_GAP.items():
-        by = name.removeprefix("By ").removeprefix("Over ").lower()
-        values = result.where.get(key, {}).items()
-        add_rows(made, ([by, POWER.sub(_spelled, part), f"{value:.3f}"] for part, value in values))
-    return made
+    rows = (
+        [by, POWER.sub(_spelled, part), f"{value:.3f}"]
+        for key, by in PARTS_OF_GAP.items()
+        for part, value in result.where.get(key, {}).items()
+    )
+    return table(title, "by", "part", "mm", left=2, rows=rows)
 
 
 def _spelled(power: Match[str]) -> str:
@@ -293,18 +287,16 @@ def _spelled(power: Match[str]) -> str:
 
 def gap_table(values: Mapping[str, float], title: str, head: str) -> Table:
     """Return the position gap, RMS in mm, by a part of the rows."""
-    made = table(title, head, "mm")
-    add_rows(made, ([name, f"{value:.3f}"] for name, value in values.items()))
-    return made
+    return table(title, head, "mm", rows=([name, f"{value:.3f}"] for name, value in values.items()))
 
 
 def untestable_table(result: Diagnosis, title: str) -> Table:
     """Return the effects that the data cannot show, those of one reason in a row."""
-    made, reasons = table(title, "effects", "why", left=2), dict[str, list[str]]()
+    reasons = dict[str, list[str]]()
     for one in (one for one in result.untestable if one.why != NO_CAMERA):
-        reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
-    add_rows(made, ([", ".join(effects), why] for why, effects in reasons.items()))
-    return made
+        reasons.setdefault(one.why, []).append(words.in_words([f"{one.effect}:{one.component or ''}"]))
+    rows = ([", ".join(effects), why] for why, effects in reasons.items())
+    return table(title, "effects", "why", left=2, rows=rows)
 
 
 def sized(item: Estimate) -> tuple[str, str, str, str, str]:
@@ -319,7 +311,7 @@ def sized(item: Estimate) -> tuple[str, str, str, str, str]:
 
 def in_full(one: Candidate, result: Diagnosis) -> str:
     """Return a candidate in words, the verdict with its second cause."""
-    return causes(result) if one.key == result.verdict.key else named(one)
+    return words.causes(result) if one.key == result.verdict.key else words.named(one)
 
 
 def diagnosis_figure(result: Diagnosis) -> Figure:
@@ -334,21 +326,20 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
     found = by_causes(result)
     if found is not None:
         some = found.causes[::-1]
-        ends = np.array([one.closes_interval for one in some])
         closes = np.array([one.closes for one in some])
-        error = np.abs(np.stack([closes - ends[:, 0], ends[:, 1] - closes]))
-        axes[0].barh([in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
+        error = np.abs(np.array([one.closes_interval for one in some]).T - closes)
+        axes[0].barh([words.in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
         shown = likely(result, SHOWN)[::-1]
         axes[0].barh([in_full(one, result) for one in shown], [one.probability for one in shown], color=BLUE)
         axes[0].set(title="Which", xlabel="probability", xlim=(0, 1))
     places = result.where.get("components", [])[:SHOWN][::-1]
-    share = [item["share"] for item in places]
-    low = [item["share"] - item["interval"][0] for item in places]
-    high = [item["interval"][1] - item["share"] for item in places]
     if places:
-        axes[1].barh([item["component"] for item in places], share, xerr=[low, high], color=ORANGE)
+        share = [item["share"] for item in places]
+        ends = [(item["share"] - item["interval"][0], item["interval"][1] - item["share"]) for item in places]
+        names, error = [item["component"] for item in places], np.transpose(ends)
+        axes[1].barh(names, share, xerr=error, color=ORANGE)
         axes[1].set(title="Where", xlabel="share of the gap above noise", xlim=(0, 1))
     else:
         axes[1].set_axis_off()
@@ -362,7 +353,6 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         q = np.array([worst[0]["q"][name] for name in result.baseline.rows.variables])
         shares = {item["component"]: item["share"] for item in result.where.get("components", [])}
         draw_shares(axes[3], result.baseline.robot, q, shares)
-        axes[3].set(
-            title=f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)", xlabel="m", ylabel="m"
-        )
+        title = f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)"
+        axes[3].set(title=title, xlabel="m", ylabel="m")
     return figure

@@ -12,27 +12,8 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import calibrated_away
-from beamstiff.report.diagnosis_words import (
-    causes,
-    chance,
-    closed,
-    hardly_checked,
-    in_words,
-    named,
-    one_posture,
-    oversized,
-    percent,
-    percents,
-    postures,
-    probability,
-    second,
-    several,
-    sure,
-    tested,
-    told,
-    unrealistic,
-)
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import (
@@ -55,8 +36,8 @@ ELASTIC = "best achievable by any elastic model (compliance of every kind at eve
 def verdict(result: Diagnosis) -> Verdict:
     """Return the headline with the gap and its cause, the data, and the one thing to do next."""
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
-    found, close, level = several(result), result.verdict.shrink, level_of(ratio)
-    gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(postures(result), 'posture')}"
+    found, close, level = words.several(result), result.verdict.shrink, level_of(ratio)
+    gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(words.postures(result), 'posture')}"
     each = doubt = ""
     if result.recalibration is not None and result.recalibration.placed > result.rms:
         gap += ", geometry calibrated"
@@ -78,19 +59,19 @@ def verdict(result: Diagnosis) -> Verdict:
             by = _first_cause(found)
             if len(found) > 1:
                 each = f"Causes, with the share that each closes: {_each(found)}."
-            said = f"{gap}, {_explained(result, closed(found), by)}"
+            said = f"{gap}, {_explained(result, words.closed(found), by)}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
             said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
-            share = "" if one_posture(result) else percent(close.shrink)
+            share = "" if words.one_posture(result) else words.percent(close.shrink)
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
-            said = f"{gap}, {_explained(result, share, _or_alike(causes(result), alike))}"
+            said = f"{gap}, {_explained(result, share, _or_alike(words.causes(result), alike))}"
         else:
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
-        doubt = " ".join(_doubt(*one) for one in unrealistic(result)[:NAMED])
+        doubt = " ".join(_doubt(*one) for one in words.unrealistic(result)[:NAMED])
         doubt += " Another effect may look like it." if doubt else ""
         if MASSLESS in result.notes:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
@@ -102,7 +83,7 @@ def _warmth(result: Diagnosis) -> str:
     """Return, in words, that nothing follows the measured temperature; empty where something does."""
     warmth, found = result.baseline.rows.temperature, result.decomposition
     undecided = () if found is None else found.unclear
-    keys = [one.key for one in told(result)] + [one.key for one in undecided]
+    keys = [one.key for one in words.told(result)] + [one.key for one in undecided]
     if any("thermal-drift" in key for key in keys) or not (
         np.isfinite(warmth).all() and np.ptp(warmth) > 0.0
     ):
@@ -113,7 +94,8 @@ def _warmth(result: Diagnosis) -> str:
 def _each(found: Sequence[Cause]) -> str:
     """Return, in words, several causes with their look-alikes, and what each closes."""
     return ", ".join(
-        f"{_or_alike(in_words([one.key]), one.indistinguishable, 1)} {percent(one.closes)}" for one in found
+        f"{_or_alike(words.in_words([one.key]), one.indistinguishable, 1)} {words.percent(one.closes)}"
+        for one in found
     )
 
 
@@ -124,9 +106,9 @@ def _first_cause(found: Sequence[Cause]) -> str:
     stand in the list below the headline.
     """
     first, others = found[0], len(found) - 1
-    name = in_words([first.key])
+    name = words.in_words([first.key])
     if first.probability < LIKELY:
-        name = _or_alike(f"{name}, {chance(first.probability)}", first.indistinguishable)
+        name = _or_alike(f"{name}, {words.chance(first.probability)}", first.indistinguishable)
         which = f"{counted(len(found), 'cause')}, the largest" if others else "a cause that is"
         return f"{which} undecided: {name}"
     if not others:
@@ -136,7 +118,7 @@ def _first_cause(found: Sequence[Cause]) -> str:
 
 def _explained(result: Diagnosis, share: str, by: str) -> str:
     """Return, in words, what explains the gap; a doubt about its share is none about the cause."""
-    if hardly_checked(result):
+    if words.hardly_checked(result):
         return f"explained by {by}; the share, {share}, is uncertain"
     return f"{share} explained by {by}".strip()
 
@@ -152,28 +134,34 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    names = ["an unknown cause" if one.partition(":")[0] == "unknown" else in_words([one]) for one in alike]
+    names = [
+        "an unknown cause" if one.partition(":")[0] == "unknown" else words.in_words([one]) for one in alike
+    ]
     return f"{name} (or {_shortly(names, most)})"
 
 
 def _doubt(cause: Candidate, size: Estimate) -> str:
     """Return, in words, that a size is unrealistic."""
     negative = size.positive and size.value < 0
-    is_it = "negative" if negative else f"{oversized(size):.2g} times the largest realistic size"
-    return f"Doubt {named(cause)}: its {size.name} is {is_it}."
+    is_it = "negative" if negative else f"{words.oversized(size):.2g} times the largest realistic size"
+    return f"Doubt {words.named(cause)}: its {size.name} is {is_it}."
 
 
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
-    said = f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({percent(rest.share)} of the gap)."
+    said = (
+        f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({words.percent(rest.share)} of the gap)."
+    )
     if rest.follows:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
     if found.unclear:
-        share, names = closed(found.unclear), in_words([one.key for one in found.unclear])
+        share, names = words.closed(found.unclear), words.in_words([one.key for one in found.unclear])
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
     if found.unmodelled:
-        each = [f"{one.forms[0].component} ({percent(one.closes)} of the gap)" for one in found.unmodelled]
+        each = [
+            f"{one.forms[0].component} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
+        ]
         said += f"\nOutside the library, the readings look as if {', '.join(each)}."
     return said
 
@@ -182,23 +170,23 @@ def summary(result: Diagnosis) -> str:
     """Return the verdict in plain words."""
     rms, noise = 1e3 * result.rms, 1e3 * result.noise
     gap = f"{rms:.3f} mm RMS between measured and predicted position"
-    first = f"Gap {tested(result)}: {gap}; noise floor {noise:.3f} mm{_scaled(result)}"
-    if not one_posture(result) and result.decomposition is None:
+    first = f"Gap {words.tested(result)}: {gap}; noise floor {noise:.3f} mm{_scaled(result)}"
+    if not words.one_posture(result) and result.decomposition is None:
         first += f"; {ELASTIC} {1e3 * result.ceiling:.3f} mm"
     first += "."
     verdict, head = result.verdict, headline(result)
-    if found := several(result):
+    if found := words.several(result):
         return f"{first}\n{_of_several(found)}{_weak(result)}"
-    certain = sure(result)
+    certain = words.sure(result)
     if head == UNDECIDED:
         first_ones = ", ".join(
-            f"{NOTHING if one.effect == 'none' else named(one)} ({chance(one.probability)})"
+            f"{NOTHING if one.effect == 'none' else words.named(one)} ({words.chance(one.probability)})"
             for one in result.candidates[:NAMED]
         )
         structure = " The gap is systematic, not noise." if verdict.effect == "unknown" else ""
         others = [key for key in result.indistinguishable if key != UNKNOWN]
         alike = (
-            f"\nIndistinguishable from {named(verdict)} with these data: {in_words(others)}."
+            f"\nIndistinguishable from {words.named(verdict)} with these data: {words.in_words(others)}."
             if others and verdict.effect != "unknown"
             else ""
         )
@@ -223,17 +211,17 @@ def summary(result: Diagnosis) -> str:
                 "effects act together that these rows cannot separate."
             )
         if result.indistinguishable:
-            text += f"\nStill possible: {in_words(result.indistinguishable)}."
+            text += f"\nStill possible: {words.in_words(result.indistinguishable)}."
         return text
-    also = second(result)
+    also = words.second(result)
     meaning = f" {EFFECTS[verdict.effect].meaning}"
     if also is not None and also.effect != verdict.effect:
         meaning = f"\n{verdict.effect}:{meaning}\n{also.effect}: {EFFECTS[also.effect].meaning}"
     text = f"{first}\n{head} (probability {certain}).{meaning}"
-    if verdict.shrink is not None and one_posture(result):
+    if verdict.shrink is not None and words.one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
-        share, ends = percent(verdict.shrink.shrink), percents(verdict.shrink.interval)
+        share, ends = words.percent(verdict.shrink.shrink), words.percents(verdict.shrink.interval)
         interval = "" if ends == share else f" (90 % interval over the postures: {ends})"
         text += (
             f"\nWith {'it' if also is None else 'both'}, {1e3 * verdict.shrink.after:.3f} mm are left on "
@@ -242,14 +230,14 @@ def summary(result: Diagnosis) -> str:
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
-        text += f"\nIndistinguishable with these data: {in_words(others)}."
+        text += f"\nIndistinguishable with these data: {words.in_words(others)}."
     elif others:
-        text += f"\nPossible in place of one of the two: {in_words(others)}."
+        text += f"\nPossible in place of one of the two: {words.in_words(others)}."
     if UNKNOWN in result.indistinguishable:
         open_to = sum(one.probability for one in result.candidates if one.key == UNKNOWN)
-        text += f"\nA cause outside the library remains possible ({chance(open_to)})."
+        text += f"\nA cause outside the library remains possible ({words.chance(open_to)})."
     if result.also is not None and also is None:
-        text += f"\nAlso: {named(result.also)} (probability {chance(result.also.probability)})."
+        text += f"\nAlso: {words.named(result.also)} (probability {words.chance(result.also.probability)})."
     if result.outliers:
         text += f"\nOutliers, excluded from the fit: {', '.join(_by_line(result.outliers))}."
     return text
@@ -260,26 +248,24 @@ def _perhaps(result: Diagnosis) -> str:
     unclear = () if result.decomposition is None else result.decomposition.unclear
     if sum(one.closes for one in unclear) < HALF:
         return ""
-    each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in unclear]
-    return f"{_shortly(each)}, {'which close' if len(each) > 1 else 'which closes'} {closed(unclear)}"
+    each = [_or_alike(words.in_words([one.key]), one.indistinguishable) for one in unclear]
+    return f"{_shortly(each)}, {'which close' if len(each) > 1 else 'which closes'} {words.closed(unclear)}"
 
 
 def _weak(result: Diagnosis) -> str:
     """Return, in words, that the share is hardly checked; empty where it is well."""
-    if not hardly_checked(result):
+    if not words.hardly_checked(result):
         return ""
-    return (
-        f" This share is uncertain: it was checked on {counted(postures(result), 'posture')} only. Measure "
-        "others, and check the written robot on them (beamstiff verify)."
-    )
+    checked = f"This share is uncertain: it was checked on {counted(words.postures(result), 'posture')} only."
+    return f" {checked} Measure others, and check the written robot on them (beamstiff verify)."
 
 
 def headline(result: Diagnosis) -> str:
     """Return the verdict in a few words: as sure as its probability and its rows allow."""
     verdict = result.verdict
-    if found := several(result):
-        names = _shortly([in_words([one.key]) for one in found])
-        return f"Cause{'s' * (len(found) > 1)} of {closed(found)} of the gap: {names}"
+    if found := words.several(result):
+        names = _shortly([words.in_words([one.key]) for one in found])
+        return f"Cause{'s' * (len(found) > 1)} of {words.closed(found)} of the gap: {names}"
     if verdict.effect == "none":
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
         if left < FEW_VALUES:
@@ -289,13 +275,13 @@ def headline(result: Diagnosis) -> str:
         if verdict.probability < LIKELY:
             return UNDECIDED
         return "A gap whose cause is unknown"
-    plural = "" if second(result) is None else "s"
-    if probability(result) >= LIKELY:
-        return f"Cause{plural}: {causes(result)}"
+    plural = "" if words.second(result) is None else "s"
+    if words.probability(result) >= LIKELY:
+        return f"Cause{plural}: {words.causes(result)}"
     no_cause = (one.probability for one in result.candidates if one.effect in ("none", "unknown"))
     if max(no_cause, default=0.0) > verdict.probability:
         return UNDECIDED
-    return f"Likeliest cause{plural}: {causes(result)}"
+    return f"Likeliest cause{plural}: {words.causes(result)}"
 
 
 def _of_several(found: Sequence[Cause]) -> str:
@@ -334,7 +320,7 @@ def undecided_text(found: Decomposition) -> str:
     """Return, in words, which effects of the written robot are undecided, and why they stand there."""
     if not found.unclear:
         return ""
-    each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
+    each = "; ".join(_or_alike(words.in_words([one.key]), one.indistinguishable) for one in found.unclear)
     return (
         f"these effects are undecided: {each}. The robot predicts best with them, but they may not be the "
         f"cause"

@@ -1,5 +1,6 @@
 """Tables and figures of an exam of the diagnosis: targets and results, the worst class first."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
 from typing import Any
@@ -39,15 +40,10 @@ def exam_tables(records: Records) -> Iterator[Table]:
     told, lean = by_design(records)
     yield headline_table(_seen(headline(told)), f"Diagnosis examined: {_cases(told)}")
     if lean:
-        yield headline_table(
-            _seen(headline(lean, lean=True)), f"Lean designs, ten poses with one load each: {_cases(lean)}"
-        )
-    yield effects_table(told)
-    yield groups_table(records)
-    yield bands_table(told)
-    yield reliability_table(told)
-    yield confusion_table(told)
-    yield control_table(controls(told))
+        title = f"Lean designs, ten poses with one load each: {_cases(lean)}"
+        yield headline_table(_seen(headline(lean, lean=True)), title)
+    yield from (effects_table(told), groups_table(records), bands_table(told))
+    yield from (reliability_table(told), confusion_table(told), control_table(controls(told)))
     if any(record.error is not None for record in records):
         yield failures_table(records)
 
@@ -70,10 +66,9 @@ def plan_verdict(records: Records) -> Verdict:
     exact = score.exact(singles)
     right = 0 if exact.value is None else round(exact.value * len(singles))
     cases = counted(len(singles), "case")
-    return Verdict(
-        f"In {right} of {cases} the effect would be found exactly, at realistic sizes as drawn",
-        action="Effects that are seldom found want other postures or loads (beamstiff plan).",
-    )
+    said = f"In {right} of {cases} the effect would be found exactly, at realistic sizes as drawn"
+    action = "Effects that are seldom found want other postures or loads (beamstiff plan)."
+    return Verdict(said, action=action)
 
 
 def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
@@ -81,16 +76,13 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
     who = names_of(records)
     heads = [head for one in who for head in (one, "cases")]
     for group, some in by_data(records).items():
-        kinds = [record.label.kind for record in some]
-        title = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        kinds = Counter(record.label.kind for record in some)
+        title = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
         result = table(f"Crowded machines, {group}: {title}", "figure", "target", "", *heads)
         for found in figures(some):
             row = found[who[0]]
-            asked = f"{'>=' if row.better == 'high' else '<='} {row.required:g}" if row.required else ""
-            cells = ((share if one.share else _plain)(one.figure) for one in found.values())
-            counts = (str(one.figure.count) for one in found.values())
-            pairs = (cell for pair in zip(cells, counts, strict=True) for cell in pair)
-            result.add_row(row.name, asked, mark(row), *pairs)
+            pairs = (cell for one in found.values() for cell in (_reached(one), str(one.figure.count)))
+            result.add_row(row.name, _asked(row, row.required or None), mark(row), *pairs)
         yield result
     misses = table("Largest cause not named first", "case", "truth", "closes", "named", left=2)
     for label, reply in with_main(pairs_of(records, who[0])):
@@ -103,27 +95,19 @@ def crowded_tables(records: Sequence[CrowdedRecord]) -> Iterator[Table]:
 def plan_tables(records: Records) -> Iterator[Table]:
     """Return what a campaign could find: effects, the hardest to find first; then by size, and nulls."""
     title = f"What this plan could find: {_cases(records)}, sizes all over the realistic range"
-    heads = ("cases", "diagnosis/noise", "gap seen", "exact", "set holds it", "set size")
-    result = table(title, "effect", *heads)
+    heads = ("effect", "cases", "diagnosis/noise", "gap seen", "exact", "set holds it", "set size")
+    result = table(title, *heads)
     singles = score.by_effect(score.of_kind(records, "single"))
     rates = {effect: score.coverage(cases).value for effect, cases in singles.items()}
     for effect in sorted(rates, key=lambda one: (-1.0 if rates[one] is None else rates[one], one)):
-        cases = singles[effect]
+        cases, found = singles[effect], effect_figures(singles[effect])
         gaps = sorted(record.gap for record in cases)
-        found = effect_figures(cases)
-        result.add_row(
-            effect,
-            str(len(cases)),
-            f"{gaps[len(gaps) // 2]:.2g}",
-            *(share(found[name]) for name in ("detected", "exact", "covered")),
-            _plain(found["set_size"]),
-        )
-    yield result
-    yield bands_table(records)
-    alarms = score.false_alarms(records)
-    yield headline_table(
-        [row for row in headline(records) if row.figure.count], f"{alarms.count} nulls among them"
-    )
+        shares = (share(found[name]) for name in ("detected", "exact", "covered"))
+        middle = f"{gaps[len(gaps) // 2]:.2g}"
+        result.add_row(effect, str(len(cases)), middle, *shares, _plain(found["set_size"]))
+    yield from (result, bands_table(records))
+    rows = [row for row in headline(records) if row.figure.count]
+    yield headline_table(rows, f"{score.false_alarms(records).count} nulls among them")
 
 
 def mark(row: Row) -> str:
@@ -135,11 +119,17 @@ def headline_table(rows: Iterable[Row], title: str) -> Table:
     """Return the figures, each with its 95 % interval, beside what is required and aimed at."""
     result = table(title, "figure", "result", "95 %", "cases", "target", "aim", "")
     for row in rows:
-        sign = ">=" if row.better == "high" else "<="
-        asked = ["" if value is None else f"{sign} {value:g}" for value in (row.required, row.aim)]
-        reached = share(row.figure) if row.share else _plain(row.figure)
-        result.add_row(row.name, reached, _interval(row), str(row.figure.count), *asked, mark(row))
+        asked = (_asked(row, value) for value in (row.required, row.aim))
+        result.add_row(row.name, _reached(row), _interval(row), str(row.figure.count), *asked, mark(row))
     return result
+
+
+def _asked(row: Row, value: float | None) -> str:
+    return "" if value is None else f"{'>=' if row.better == 'high' else '<='} {value:g}"
+
+
+def _reached(row: Row) -> str:
+    return share(row.figure) if row.share else _plain(row.figure)
 
 
 def control_table(rows: Iterable[Row]) -> Table:
@@ -185,22 +175,12 @@ def groups_table(records: Records) -> Table:
     heads = ("singles", "exact", "family", "set holds it", "of names", "set size", "calibration")
     title = "By sort of case (singles with gap >= 1 sigma)"
     result = table(title, "cases", "all", "nulls", "alarms", *heads)
+    of = (score.exact, score.right_family, score.coverage, score.coverage_of_names)
     for name, cases in groups(records).items():
-        singles = score.clear_singles(cases)
-        nulls = score.false_alarms(cases)
-        result.add_row(
-            name,
-            str(len(cases)),
-            str(nulls.count),
-            share(nulls),
-            str(len(singles)),
-            share(score.exact(singles)),
-            share(score.right_family(singles)),
-            share(score.coverage(singles)),
-            share(score.coverage_of_names(singles)),
-            _plain(score.set_size(singles)),
-            _plain(calibration_error(cases)),
-        )
+        singles, nulls = score.clear_singles(cases), score.false_alarms(cases)
+        counts = (str(len(cases)), str(nulls.count), share(nulls), str(len(singles)))
+        sizes = (_plain(score.set_size(singles)), _plain(calibration_error(cases)))
+        result.add_row(name, *counts, *(share(one(singles)) for one in of), *sizes)
     return result
 
 
@@ -208,14 +188,9 @@ def reliability_table(records: Records) -> Table:
     """Return, for verdicts by their probability, how many are right."""
     result = table("Reliability of the probabilities", "said", "mean said", "right", "95 %", "cases")
     for item in reliability(records):
-        row = Row("", item.right)
-        result.add_row(
-            f"{item.low:.1f} to {item.high:.1f}",
-            f"{item.said:.3f}",
-            share(item.right),
-            _interval(row),
-            str(item.right.count),
-        )
+        said = (f"{item.low:.1f} to {item.high:.1f}", f"{item.said:.3f}")
+        right = (share(item.right), _interval(Row("", item.right)), str(item.right.count))
+        result.add_row(*said, *right)
     return result
 
 
@@ -233,11 +208,8 @@ def confusion_table(records: Records) -> Table:
     result = table("Confusion, gap >= 1 sigma: truth down, verdict across", "", "truth", *heads, left=2)
     truths = [name for name in (*order, "removed", "outside") if name in rows]
     for truth in [*truths, *sorted(set(rows) - set(truths))]:
-        result.add_row(
-            number.get(truth, ""),
-            truth,
-            *(str(rows[truth][name]) if rows[truth][name] else "." for name in columns),
-        )
+        counts = (str(rows[truth][name]) if rows[truth][name] else "." for name in columns)
+        result.add_row(number.get(truth, ""), truth, *counts)
     return result
 
 
@@ -251,13 +223,8 @@ def reliability_figure(records: Records) -> Drawing:
     ends = [(item.right.low or 0.0, item.right.high or 0.0) for item in bins]
     _said_and_right(above, [item.said for item in bins], [item.right.value or 0.0 for item in bins], ends)
     above.set(xlim=(0, 1), ylim=(0, 1), ylabel="share of verdicts that are right", title="Reliability")
-    below.bar(
-        [item.low for item in bins],
-        [item.right.count for item in bins],
-        width=[item.high - item.low for item in bins],
-        align="edge",
-        color=BLUE,
-    )
+    x, width = [item.low for item in bins], [item.high - item.low for item in bins]
+    below.bar(x, [item.right.count for item in bins], width=width, align="edge", color=BLUE)
     below.set(xlabel="probability said of the verdict", ylabel="cases")
     return figure
 
@@ -269,25 +236,17 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
 
     `told`: of `table_dict`: ``headline``, ``reliability``, ``effects``.
     """
-    rows = [
-        (name, row)
+    rows = {
+        name: row
         for name, row in told["headline"].get("rich, all", told["headline"].get("all", {})).items()
-        if row["required"] is not None and row["value"] is not None and row["low"] is not None
-    ]
-    rows = [(name, row) for name, row in rows if name not in SIZES]
+        if name not in SIZES and None not in (row["required"], row["value"], row["low"])
+    }
     figure = new_figure(12.0, 6.4)
     figure.suptitle(title or f"The diagnosis examined: {told['cases']} cases")
     asked, right = figure.subplots(1, 2, width_ratios=(1.1, 1))
-    _reached(asked, [name for name, _ in rows], [row for _, row in rows])
-    asked.plot(
-        [row["required"] for _, row in rows],
-        range(len(rows)),
-        "|",
-        color="black",
-        ms=18,
-        mew=2,
-        label="target",
-    )
+    _draw_reached(asked, rows)
+    required = [row["required"] for row in rows.values()]
+    asked.plot(required, range(len(rows)), "|", color="black", ms=18, mew=2, label="target")
     asked.set(title="Targets and results", xlabel="share of the cases, 95 %")
     asked.legend(loc="center left", frameon=False)
     bins = told["reliability"]
@@ -295,9 +254,8 @@ def exam_figure(told: Mapping[str, Any], title: str = "") -> Drawing:
     ends = [(one["low"], one["high"]) for one in shares]
     _said_and_right(right, [one["said"] for one in bins], [one["value"] for one in shares], ends)
     for one in bins:
-        right.annotate(
-            str(one["right"]["count"]), (one["said"], 0.01), ha="center", fontsize="x-small", color=GREY
-        )
+        text, at = str(one["right"]["count"]), (one["said"], 0.01)
+        right.annotate(text, at, ha="center", fontsize="x-small", color=GREY)
     right.set(xlim=(0, 1.02), ylim=(0, 1.02), title="Reliability (numbers: cases)")
     right.set(xlabel="probability said of the verdict", ylabel="share of verdicts that are right")
     plain(right)
@@ -316,19 +274,15 @@ def _said_and_right(
     axes.legend(loc="upper left", frameon=False)
 
 
-def _reached(axes: Axes, names: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+def _draw_reached(axes: Axes, rows: Mapping[str, Mapping[str, Any]]) -> None:
     """Draw results with their intervals, a row a name, the first on top; a missed target as a cross."""
-    for at, row in enumerate(rows):
-        missed = row["met"] == "missed"
-        colour = ORANGE if missed else BLUE
+    for at, row in enumerate(rows.values()):
+        label, colour, mark = ("missed", ORANGE, "X") if row["met"] == "missed" else ("met", BLUE, "o")
         axes.plot([row["low"], row["high"]], [at, at], color=colour, linewidth=2)
-        label = "missed" if missed else "met"
         known = axes.get_legend_handles_labels()[1]
-        axes.plot(
-            row["value"], at, "X" if missed else "o", color=colour, label="" if label in known else label
-        )
-    axes.set_yticks(range(len(names)), ["\n".join(wrap(name, 34)) for name in names])
-    axes.set(xlim=(-0.02, 1.02), ylim=(len(names) - 0.4, -0.6))
+        axes.plot(row["value"], at, mark, color=colour, label="" if label in known else label)
+    axes.set_yticks(range(len(rows)), ["\n".join(wrap(name, 34)) for name in rows])
+    axes.set(xlim=(-0.02, 1.02), ylim=(len(rows) - 0.4, -0.6))
     plain(axes)
 
 

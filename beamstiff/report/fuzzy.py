@@ -33,10 +33,10 @@ def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
     for column, (i, j) in enumerate(chosen):
         name = f"{DISPLACEMENT[i]} per {WRENCH[j]}"
         if first == second:
-            _line(figure.add_subplot(grid[0, column]), model, premises, first, (i, j), unit)
+            _line(figure.add_subplot(grid[0, column]), model, first, (i, j), unit)
         else:
             axes = figure.add_subplot(grid[0, column], projection="3d")
-            _surface(axes, model, premises, (first, second), (i, j), unit)
+            _surface(axes, model, (first, second), (i, j), unit)
         unit_of_term = f"{'µm' if i < 3 else 'µrad'} / {'kN' if j < 3 else 'kN m'}"
         figure.axes[-1].set_title(f"compliance {name}, {unit_of_term}", fontsize="medium")
     for column, at in enumerate(dict.fromkeys((first, second))):
@@ -63,13 +63,9 @@ def _steps(premises: Partition, at: int, count: int) -> Array:
 
 
 def _surface(
-    axes: Axes,
-    model: FuzzyCompliance,
-    premises: Partition,
-    inputs: tuple[int, int],
-    term: tuple[int, int],
-    unit: dict[str, float],
+    axes: Axes, model: FuzzyCompliance, inputs: tuple[int, int], term: tuple[int, int], unit: dict[str, float]
 ) -> None:
+    premises = model.system.premises
     a, b = (_steps(premises, at, POINTS) for at in inputs)
     at_a, at_b = np.meshgrid(a, b)
     x = _middle(premises, at_a.size)
@@ -77,42 +73,18 @@ def _surface(
     height = 1e9 * model.system(x, extrapolate=True)[:, term[0], term[1]].reshape(at_a.shape)
     names = [premises.inputs[at] for at in inputs]
     low, high = np.nanpercentile(height, (2, 98)).tolist()  # an outlying rule does not flatten the colours
-    axes.plot_surface(  # type: ignore[attr-defined]
-        at_a * unit[names[0]],
-        at_b * unit[names[1]],
-        height,
-        cmap="viridis",
-        vmin=low,
-        vmax=high,
-        linewidth=0,
-        alpha=0.85,
-    )
-    corners = premises.corners()
-    own = 1e9 * model.system.conclusions[:, term[0], term[1]]
-    middle = _middle(premises, 1)[0]
-    others = [at for at in range(len(premises.inputs)) if at not in inputs and premises.sets[at] > 1]
-    if not others:
-        corners = np.where(np.isin(np.arange(len(middle)), inputs), corners, middle)
-        axes.plot(
-            corners[:, inputs[0]] * unit[names[0]],
-            corners[:, inputs[1]] * unit[names[1]],
-            own,
-            "o",
-            color="black",
-            markersize=4,
-        )
-    axes.set_xlabel(_label(names[0], unit))
-    axes.set_ylabel(_label(names[1], unit))
+    look = {"cmap": "viridis", "vmin": low, "vmax": high, "linewidth": 0, "alpha": 0.85}
+    scales = [unit[name] for name in names]
+    axes.plot_surface(at_a * scales[0], at_b * scales[1], height, **look)  # type: ignore[attr-defined]
+    if all(at in inputs or premises.sets[at] < 2 for at in range(len(premises.inputs))):
+        own = 1e9 * model.system.conclusions[:, term[0], term[1]]
+        corners = (premises.corners()[:, inputs] * scales).T
+        axes.plot(*corners, own, "o", color="black", markersize=4)
+    axes.set(xlabel=_label(names[0], unit), ylabel=_label(names[1], unit))
 
 
-def _line(
-    axes: Axes,
-    model: FuzzyCompliance,
-    premises: Partition,
-    at: int,
-    term: tuple[int, int],
-    unit: dict[str, float],
-) -> None:
+def _line(axes: Axes, model: FuzzyCompliance, at: int, term: tuple[int, int], unit: dict[str, float]) -> None:
+    premises = model.system.premises
     x = _middle(premises, POINTS)
     x[:, at] = _steps(premises, at, POINTS)
     name = premises.inputs[at]
@@ -126,12 +98,9 @@ def _memberships(axes: Axes, premises: Partition, at: int, unit: dict[str, float
     x[:, at] = _steps(premises, at, len(x))
     name = premises.inputs[at]
     for number, degrees in enumerate(premises.memberships(x)[at].T):
-        axes.plot(
-            x[:, at] * unit[name], degrees, color=LINES[number % 3], linestyle=("-", "--")[number // 3 % 2]
-        )
-    axes.set_xlabel(_label(name, unit))
-    axes.set_ylabel("membership")
-    axes.set_ylim(0.0, 1.05)
+        style = ("-", "--")[number // 3 % 2]
+        axes.plot(x[:, at] * unit[name], degrees, color=LINES[number % 3], linestyle=style)
+    axes.set(xlabel=_label(name, unit), ylabel="membership", ylim=(0.0, 1.05))
     plain(axes)
 
 

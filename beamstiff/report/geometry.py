@@ -43,31 +43,17 @@ def parameters_table(found: Calibration, title: str) -> Table:
     """Return a table of the parameters that were sought: what the robot said, what was found, how sure."""
     between, unit_head = Column("95 % of the change", only="page"), Column("unit", left=True)
     result = table(title, "parameter", "nominal", "found", "change", "std", between, unit_head)
-    for item in found.parameters:
-        if item.identified:
-            unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
-            wide = WITHIN * (item.std or 0.0)
-            values = (item.nominal, item.value, item.change, item.std or 0.0)
-            placed = item.parameter.group in ("base", "target") and not any(
-                one.nominal for one in found.parameters if _owner(one) == _owner(item)
-            )
-            ends = _cells(unit, [factor * (item.change - wide), factor * (item.change + wide)])
-            cells = _cells(unit, [factor * value for value in values])
-            if placed:  # the robot file has no place for it
-                cells[0] = cells[2] = "-"
-            result.add_row(item.name, *cells, " to ".join(ends), unit)
+    stated = {item.name.rpartition(".")[0] for item in found.parameters if item.nominal}
+    for item in (item for item in found.parameters if item.identified):
+        unit, factor = PER_SI.get(item.parameter.unit, (item.parameter.unit, 1.0))
+        std, wide = item.std or 0.0, WITHIN * (item.std or 0.0)
+        values = (item.nominal, item.value, item.change, std, item.change - wide, item.change + wide)
+        shown = (factor * value for value in values)
+        *cells, low, high = (f"{v + 0.0:.4f}" if unit in ("mm", "deg") else number(v) for v in shown)
+        if item.parameter.group in ("base", "target") and item.name.rpartition(".")[0] not in stated:
+            cells[0] = cells[2] = "-"  # the robot file has no place for it
+        result.add_row(item.name, *cells, f"{low} to {high}", unit)
     return result
-
-
-def _owner(item: Found) -> str:
-    """Return what a parameter belongs to: a frame, a reflector, the base."""
-    return item.name.rpartition(".")[0]
-
-
-def _cells(unit: str, values: list[float]) -> list[str]:
-    if unit in ("mm", "deg"):
-        return [f"{value + 0.0:.4f}" for value in values]
-    return [number(value) for value in values]
 
 
 def errors_table(found: Calibration) -> Table:
@@ -80,18 +66,11 @@ def errors_table(found: Calibration) -> Table:
     if found.held_out is not None:
         rows["calibrated, held-out poses"] = found.held_out
     rows |= {f"calibrated, {Path(name).name}": errors for name, errors in found.tests.items()}
+    parts = (("position", 1e3), ("orientation", 180 / np.pi))[: len(kinds) // 3]
     for name, errors in rows.items():
-        position = (errors.position_mean, errors.position_rms, errors.position_max)
-        cells = [_error(value, 1e3) for value in position]
-        if len(kinds) > 3:
-            turned = (errors.orientation_mean, errors.orientation_rms, errors.orientation_max)
-            cells += [_error(value, 180 / np.pi) for value in turned]
-        result.add_row(name, *cells)
+        values = ((getattr(errors, f"{part}_{k}"), f) for part, f in parts for k in ("mean", "rms", "max"))
+        result.add_row(name, *("-" if value is None else f"{f * value:.4f}" for value, f in values))
     return result
-
-
-def _error(value: float | None, factor: float) -> str:
-    return "-" if value is None else f"{factor * value:.4f}"
 
 
 def dependent_table(found: Calibration) -> Table | None:
@@ -144,14 +123,13 @@ def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[
 
 def calibration_text(found: Calibration) -> list[str]:
     """Return sentences: how many parameters, what the noise says, where the base stands."""
-    seen = found.observability
+    seen, stated = found.observability, "stated noise" if found.claimed else "usual noise (none is stated)"
     lines = [
         f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} estimated, "
         f"{len(seen.dependent)} indistinguishable from others, {len(seen.silent)} without influence on "
-        f"the readings; condition number {seen.condition:.3g}."
+        f"the readings; condition number {seen.condition:.3g}.",
+        f"The residual is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.",
     ]
-    stated = "stated noise" if found.claimed else "usual noise (none is stated)"
-    lines.append(f"The residual is {found.noise:.2g} times the {stated}. {found.method}: {found.message}.")
     if any(item.parameter.group == "base" and item.identified for item in found.parameters):
         places = [", ".join(f"{1e3 * value:.3f}" for value in base[:3, 3]) for base in found.bases]
         shown = listed([f"({place})" for place in places], 4)
@@ -162,12 +140,10 @@ def calibration_text(found: Calibration) -> list[str]:
 
 
 def _stiffness(item: Found) -> str:
-    unit = {"rad/(N*m)": "N*m/rad", "m/N": "N/m"}.get(item.parameter.unit, "Pa")
-    if item.value <= (item.std or 0.0) * 2:
-        bound = 1.0 / (max(item.value, 0.0) + 2 * (item.std or 0.0))
-        return f"{item.name} over {number(bound)} {unit}"
-    spread = (item.std or 0.0) / item.value
-    return f"{item.name} {number(1.0 / item.value)} {unit} (std {100 * spread:.2g} %)"
+    unit, std = {"rad/(N*m)": "N*m/rad", "m/N": "N/m"}.get(item.parameter.unit, "Pa"), item.std or 0.0
+    if item.value <= std * 2:
+        return f"{item.name} over {number(1.0 / (max(item.value, 0.0) + 2 * std))} {unit}"
+    return f"{item.name} {number(1.0 / item.value)} {unit} (std {100 * (std / item.value):.2g} %)"
 
 
 def calibration_figure(found: Calibration, title: str) -> Figure:
@@ -198,22 +174,18 @@ def calibration_figure(found: Calibration, title: str) -> Figure:
 
 
 def _errors(axes: Axes, found: Calibration) -> None:
-    part, factor, unit = (slice(0, 3), 1e3, "mm")
-    if found.after.position_rms is None:
-        part, factor, unit = (slice(3, 6), 180 / np.pi, "deg")
+    moved, turned = (slice(0, 3), 1e3, "mm"), (slice(3, 6), 180 / np.pi, "deg")
+    part, factor, unit = turned if found.after.position_rms is None else moved
     gaps = {"nominal": found.nominal_residual, "calibrated": found.residual}
     if found.held_out_residual is not None:
         gaps["held-out poses"] = found.held_out_residual
-    for (name, gap), colour, style in zip(
-        gaps.items(), (ORANGE, BLUE, GREEN), ("-", "-", "--"), strict=False
-    ):
+    looks = ((ORANGE, "-"), (BLUE, "-"), (GREEN, "--"))
+    for (name, gap), (colour, style) in zip(gaps.items(), looks, strict=False):
         seen = gap[np.isfinite(gap[:, part]).any(axis=1), part]
         size = np.sort(factor * np.linalg.norm(np.nan_to_num(seen), axis=1))
         share = np.arange(1, size.size + 1) / size.size
-        rms = float(np.sqrt((size**2).mean()))
-        axes.step(
-            size, share, where="post", color=colour, linestyle=style, label=f"{name}: RMS {rms:.3g} {unit}"
-        )
+        label = f"{name}: RMS {float(np.sqrt((size**2).mean())):.3g} {unit}"
+        axes.step(size, share, where="post", color=colour, linestyle=style, label=label)
     axes.set(xlabel=f"error, {unit}", ylabel="share of the readings", xscale="log", ylim=(0, 1.02))
     plain(axes)
 
@@ -226,10 +198,8 @@ def sensitivity_figure(found: SensitivityIndices, title: str) -> Figure:
     for column, (unit, what, error) in enumerate((("m", "lengths", "mm"), ("rad", "angles", "mrad"))):
         own = [at for at, name in enumerate(found.units) if name == unit]
         names = [found.names[at] for at in own]
-        for row, (indices, moved) in enumerate(
-            ((found.position, "position, mm"), (found.orientation, "orientation, mrad"))
-        ):
-            axes = panels[row, column]
+        kinds = ((found.position, "position, mm"), (found.orientation, "orientation, mrad"))
+        for axes, (indices, moved) in zip(panels[:, column], kinds, strict=True):
             axes.set(title=f"Errors of {what}", ylabel=f"{moved} per {error}")
             _bars(axes, names, indices[:, own])
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="upper right", ncols=2)

@@ -74,17 +74,10 @@ def identification_table(
     named = {joint.name: joint.variable for joint in found.robot.joints if joint.variable}
     drives = [named.get(item.name.rpartition(".")[0], "") for item in found.parameters]
     whose = [Column("axis", left=True)] if any(drives) else []
-    columns: list[Column | str] = [
-        "parameter",
-        *whose,
-        *(["start"] if before is not None else []),
-        "identified",
-        "std",
-    ]
-    page = [Column("95 %", only="page"), Column("unit", left=True)]
-    drawn = [] if found.bootstrap is None else ["bootstrap 95 %"]
+    old, drawn = ["start"] * (before is not None), ["bootstrap 95 %"] * (found.bootstrap is not None)
+    page = (Column("std/value", only="console"), Column("95 %", only="page"), Column("unit", left=True))
     why = Column("why no value", left=True, only="page")
-    result = table(title, *columns, Column("std/value", only="console"), *page, *drawn, why)
+    result = table(title, "parameter", *whose, *old, "identified", "std", *page, *drawn, why)
     far = far_off(found, before)
     for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
@@ -133,8 +126,7 @@ def combinations_text(found: Identification) -> Iterator[str | Table]:
     """
     groups = (*found.degenerate, *found.ill_determined)
     if any(item.value is not None for item in groups):
-        yield combinations_table(found)
-        yield ""
+        yield from (combinations_table(found), "")
     told = set[tuple[str, ...]]()
     for item in groups:
         if item.parameters not in told:
@@ -163,9 +155,9 @@ def combinations_table(found: Identification) -> Table:
     result = table("Identifiable only in combination", "sum", how, "value", "std", between, unit, one)
     for item in (*found.degenerate, *found.ill_determined):
         if item.value is not None:
-            value, std = (number(item.value), "-") if item.std is None else worth(item.value, item.std)
-            cells = (value, std, _interval(item.interval), item.unit, _as_one(item))
-            result.add_row(item.relation, item.kind, *cells)
+            cells = (number(item.value), "-") if item.std is None else worth(item.value, item.std)
+            more = (_interval(item.interval), item.unit, _as_one(item))
+            result.add_row(item.relation, item.kind, *cells, *more)
     return result
 
 
@@ -211,23 +203,19 @@ def identification_text(found: Identification, measured: Measurements, folds: in
         judged = "As many parameters as readings: any model would fit, so the residual says nothing."
     else:
         judged = _against_noise(sqrt(found.chi_square), measured)
-    lines = [f"{gap}{held_out} {judged}"]
-    if unbounded:
-        lines.insert(
-            0,
-            f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "
-            "> marks the lower bound (97.5 % confidence).",
-        )
+    lines = ["Stopped by hand: the best values so far."] if found.interrupted else []
     if far := far_off(found, found.start):
         each = (f"{name} ({times_off(ratio)})" for name, ratio in far.items())
-        lines.insert(
-            0,
+        lines.append(
             f"(!) Far from the robot file: {listed(each)}. If that value was no guess, check it, and whether "
-            "another part is compliant: the fit takes it for the drive's own.",
+            "another part is compliant: the fit takes it for the drive's own."
         )
-    if found.interrupted:
-        lines.insert(0, "Stopped by hand: the best values so far.")
-    return "\n".join(lines)
+    if unbounded:
+        lines.append(
+            f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "
+            "> marks the lower bound (97.5 % confidence)."
+        )
+    return "\n".join([*lines, f"{gap}{held_out} {judged}"])
 
 
 def identification_verdict(
@@ -260,11 +248,9 @@ def identification_verdict(
 
 def method_text(found: Identification) -> str:
     """Return a sentence: which method, how many evaluations, why it stopped."""
-    # scipy names the tolerance that was met
-    why = re.sub(
-        r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied", "converged", found.message
-    )
-    why = why.replace(".;", ";").rstrip(".")
+    # scipy names the tolerance
+    met = r"(Both )?`\w+`( and `\w+`)? termination conditions? (is|are) satisfied"
+    why = re.sub(met, "converged", found.message).replace(".;", ";").rstrip(".")
     return f"{found.method}, {counted(found.evaluations, 'evaluation')}: {why}."
 
 

@@ -55,47 +55,41 @@ def describe(robot: Robot, samples: int = 1000, seed: int = 0) -> dict[str, Any]
         "gravity": list(robot.gravity),
         "variables": [_variable(robot, item, values[item.name]) for item in robot.variables],
         "frames": _frames(kinematics, reference),
-        "loops": [
-            {"name": item.name, "a": item.a, "b": item.b, "constrain": item.constrain} for item in robot.loops
-        ],
+        "loops": [_told(item, "name", "a", "b", "constrain") for item in robot.loops],
         "assemblies": _assemblies(kinematics),
         "nodes": _nodes(robot, reference),
         "beams": [
-            {"name": item.name, "nodes": list(item.nodes), "length": length, "section": item.section}
+            _told(item, "name", "nodes") | {"length": length, "section": item.section}
             for item, length in zip(robot.beams, geometry.beam_length[0].tolist(), strict=True)
         ],
-        "rigids": [{"name": item.name, "nodes": list(item.nodes)} for item in robot.rigids],
+        "rigids": [_told(item, "name", "nodes") for item in robot.rigids],
         "joints": [
-            {
-                "name": item.name,
-                "nodes": list(item.nodes),
-                "variable": item.variable,
-                "stiffness": {
-                    kind: stiffness_text(getattr(item.stiffness, kind)) for kind in STIFFNESS_KINDS
-                },
-            }
+            _told(item, "name", "nodes", "variable")
+            | {"stiffness": {k: stiffness_text(getattr(item.stiffness, k)) for k in STIFFNESS_KINDS}}
             for item in robot.joints
         ],
         "struts": [
-            {
-                "name": item.name,
-                "nodes": list(item.nodes),
-                "stiffness": stiffness_text(item.stiffness),
-                **({"EA": item.EA, "fixed_length": item.fixed_length} if item.EA else {}),
-            }
+            _told(item, "name", "nodes")
+            | {"stiffness": stiffness_text(item.stiffness)}
+            | (_told(item, "EA", "fixed_length") if item.EA else {})
             for item in robot.struts
         ],
         "structural_loops": structural_loops(structure_graph(robot), robot.fixed),
         "tcp": {"node": robot.tcp, "position": _tcp(kinematics, reference.transforms)[0].tolist()},
         "identify": list(robot.identify),
         "mass": float(total_mass(structure, geometry)[0]),
-        "weightless": [
-            item.name for item in robot.beams if not robot.materials[item.material].density
-        ],  # their material has no density
+        # their material has no density
+        "weightless": [item.name for item in robot.beams if not robot.materials[item.material].density],
         "unknowns": structure.unknowns.count,
         "condition": _condition(structure, geometry),
         "reach": {**_reach(kinematics, closure.values[closure.closed]), "samples": len(q), "seed": seed},
     }
+
+
+def _told(item: object, *names: str) -> dict[str, Any]:
+    """Return what a part says under some names."""
+    values = ((name, getattr(item, name)) for name in names)
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in values}
 
 
 def _assemblies(kinematics: Kinematics) -> list[dict[str, Any]]:
@@ -162,15 +156,11 @@ def _variable(robot: Robot, variable: Variable, value: float) -> dict[str, Any]:
 
 
 def _frames(kinematics: Kinematics, reference: Posture) -> list[dict[str, Any]]:
-    at = kinematics.frame_index
+    frames = kinematics.robot.frames
+    placed = [reference.transforms[0, kinematics.frame_index[frame.name]] for frame in frames]
     return [
-        {
-            "name": frame.name,
-            "parent": frame.parent,
-            "position": reference.transforms[0, at[frame.name], :3, 3].tolist(),
-            "rotation": reference.transforms[0, at[frame.name], :3, :3].tolist(),
-        }
-        for frame in kinematics.robot.frames
+        _told(frame, "name", "parent") | {"position": at[:3, 3].tolist(), "rotation": at[:3, :3].tolist()}
+        for frame, at in zip(frames, placed, strict=True)
     ]
 
 

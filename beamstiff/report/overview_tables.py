@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from rich.tree import Tree
 
 from beamstiff.errors import listed
-from beamstiff.report.tables import MOST_ROWS, Table, add_rows, counted, millimetres, number, table
+from beamstiff.report.tables import MOST_ROWS, Table, counted, millimetres, number, table
 
 MOST_LOOPS = 5
 MOST_PASSIVE = 6
@@ -23,14 +23,13 @@ def overview_tables(facts: dict[str, Any]) -> list[RenderableType]:
         *(item for item in before if item.rows),
         _tree(facts),
         *(item for item in after if item.rows),
-        _summary(facts),
+        table("Summary", "", "", left=2, rows=_summary_rows(facts)),
     ]
 
 
 def _variables(facts: dict[str, Any]) -> Table:
-    result = table("Joint variables", "name", "type", "role", "limits", "reference", left=5)
-    add_rows(result, map(_variable, facts["variables"]))
-    return result
+    heads, rows = ("name", "type", "role", "limits", "reference"), map(_variable, facts["variables"])
+    return table("Joint variables", *heads, left=5, rows=rows)
 
 
 def _variable(item: dict[str, Any]) -> list[str]:
@@ -48,18 +47,14 @@ def _variable(item: dict[str, Any]) -> list[str]:
 
 
 def _frames(facts: dict[str, Any]) -> Table:
-    result = table("Frames at the reference, mm, base frame", "name", "parent", "x", "y", "z", left=2)
+    title, heads = "Frames at the reference, mm, base frame", ("name", "parent", "x", "y", "z")
     rows = ([item["name"], item["parent"], *millimetres(item["position"])] for item in facts["frames"])
-    add_rows(result, rows)
-    return result
+    return table(title, *heads, left=2, rows=rows)
 
 
 def _loops(facts: dict[str, Any]) -> Table:
-    result = table("Closed loops", "name", "between", "constrains", left=3)
-    add_rows(
-        result, ([item["name"], f"{item['a']}, {item['b']}", item["constrain"]] for item in facts["loops"])
-    )
-    return result
+    rows = ([item["name"], f"{item['a']}, {item['b']}", item["constrain"]] for item in facts["loops"])
+    return table("Closed loops", "name", "between", "constrains", left=3, rows=rows)
 
 
 def _assemblies(facts: dict[str, Any]) -> Table:
@@ -81,29 +76,25 @@ def _assemblies(facts: dict[str, Any]) -> Table:
 
 
 def _beams(facts: dict[str, Any]) -> Table:
-    result = table("Beams", "name", "nodes", "section", "length, mm", left=3)
     rows = (
         [item["name"], ", ".join(item["nodes"]), item["section"], *millimetres([item["length"]])]
         for item in facts["beams"]
     )
-    add_rows(result, rows)
-    return result
+    return table("Beams", "name", "nodes", "section", "length, mm", left=3, rows=rows)
 
 
 def _springs(facts: dict[str, Any]) -> Table:
-    kinds = ("axial", "radial", "torsional", "tilting")
-    result = table("Joints and struts, N/m and N m/rad", "name", "variable", *kinds, left=2)
-
     def shown(value: float | str) -> str:
         return value if isinstance(value, str) else number(value)
 
+    kinds = ("axial", "radial", "torsional", "tilting")
     joints = (
         [item["name"], item["variable"] or "", *(shown(item["stiffness"][kind]) for kind in kinds)]
         for item in facts["joints"]
     )
-    struts = ([item["name"], "", shown(item["stiffness"]), "", "", ""] for item in facts["struts"])
-    add_rows(result, [*joints, *struts])
-    return result
+    struts = ([item["name"], "", shown(item["stiffness"])] for item in facts["struts"])
+    title, heads = "Joints and struts, N/m and N m/rad", ("name", "variable", *kinds)
+    return table(title, *heads, left=2, rows=[*joints, *struts])
 
 
 def _tree(facts: dict[str, Any]) -> Tree:
@@ -126,12 +117,6 @@ def _tree(facts: dict[str, Any]) -> Tree:
         branches[name] = branches[item["hangs_on"]].add(label)
         waiting += below.get(name, [])  # grows while it is gone through: nearest to the base first
     return tree
-
-
-def _summary(facts: dict[str, Any]) -> Table:
-    result = table("Summary", "", "", left=2)
-    add_rows(result, _summary_rows(facts))
-    return result
 
 
 def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
@@ -161,7 +146,5 @@ def _summary_rows(facts: dict[str, Any]) -> Iterator[list[str]]:
     if facts["loops"]:
         sampled = f"the {reach['closing']} of {sampled} whose loops close"
     yield ["", f"over {sampled} (seed {reach['seed']})"]
-    yield [
-        "identify",
-        ", ".join(facts["identify"]) or "nothing listed: name stiffness values with --parameters",
-    ]
+    nothing = "nothing listed: name stiffness values with --parameters"
+    yield ["identify", ", ".join(facts["identify"]) or nothing]

@@ -30,29 +30,25 @@ def residual_figure(found: Identification, measured: Measurements, title: str = 
     mask = measured.measured_mask & (measured.kind == "displacement")
     panels = [one for one in _PARTS if mask[:, one[0]].any()]
     if not panels:
-        raise BeamstiffError(
-            f"{measured.source}: holds no measured displacement, so there is nothing to draw"
-        )
+        told = "holds no measured displacement, so there is nothing to draw"
+        raise BeamstiffError(f"{measured.source}: {told}")
     models = {AFTER: (found.predicted, {"marker": ".", "color": BLUE, "markersize": 7})}
     if (before := before_fit(found, measured)) is not None:
         open_circle = {"marker": "o", "color": ORANGE, "markerfacecolor": "none", "markersize": 5}
         models = {BEFORE: (before, open_circle), **models}
     figure = new_figure(10.4, 3.8 * len(panels))
     figure.suptitle(f"{title}: measured minus predicted" if title else "Measured minus predicted")
-    for row, (part, what, unit, load) in zip(
-        figure.subplots(len(panels), 2, squeeze=False), panels, strict=True
-    ):
+    rows = figure.subplots(len(panels), 2, squeeze=False)
+    for row, (part, what, unit, load) in zip(rows, panels, strict=True):
         seen = mask[:, part].any(axis=1)
         size = np.linalg.norm(measured.wrench[:, part], axis=1)
         loaded = np.ptp(size[seen]) > 0.0 or not measured.variables
         by_load = (size, load) if loaded else _moved_most(found.robot, measured)
-        along = (by_load, (measured.pose, "pose"))
-        for axes, (where, name) in zip(row, along, strict=True):
+        for axes, (where, name) in zip(row, (by_load, (measured.pose, "pose")), strict=True):
             for label, (predicted, look) in models.items():
                 gap = np.where(mask, measured.displacement - predicted, 0.0)[seen, part]
-                axes.plot(
-                    where[seen], 1e3 * np.linalg.norm(gap, axis=1), linestyle="none", label=label, **look
-                )
+                far = 1e3 * np.linalg.norm(gap, axis=1)
+                axes.plot(where[seen], far, linestyle="none", label=label, **look)
             axes.set(xlabel=name, ylabel=f"size of the {what} residual, {unit}", ylim=(0.0, None))
             plain(axes)
     figure.axes[0].legend(frameon=False)
@@ -82,7 +78,6 @@ def front_figure(front: Front, title: str = "") -> Figure:
     figure.suptitle(f"{title}: position against rotation" if title else "Position against rotation")
     axes = figure.subplots()
     axes.plot(1e3 * front.rms[:, 0], np.degrees(front.rms[:, 1]), "o-", color=BLUE, markersize=5)
-    axes.set_xlabel("RMS position error, mm")
-    axes.set_ylabel("RMS rotation error, deg")
+    axes.set(xlabel="RMS position error, mm", ylabel="RMS rotation error, deg")
     plain(axes)
     return figure

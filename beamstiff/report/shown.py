@@ -49,15 +49,8 @@ PRE = '<pre style="white-space:pre;overflow-x:auto;line-height:1.2;font-family:m
 
 def console(width: int = WIDTH) -> Console:
     """Return a console that takes names as they are: no markup, no emoji codes, no guessed colours."""
-    return Console(
-        file=io.StringIO(),
-        width=width,
-        record=True,
-        markup=False,
-        emoji=False,
-        highlight=False,
-        no_color=True,
-    )
+    plain: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False, "no_color": True}
+    return Console(file=io.StringIO(), width=width, record=True, **plain)
 
 
 def as_text(thing: object) -> str:
@@ -88,26 +81,22 @@ def as_html(thing: object) -> str:
 def _html_table(one: Table) -> str:
     columns, rows = one.drawn("page")
     sides = [f' style="text-align:{"left" if column.left else "right"}"' for column in columns]
-    cells = [
-        "<tr>" + "".join(f"<td{s}>{escape(c)}</td>" for s, c in zip(sides, row, strict=True)) for row in rows
-    ]
-    heads = "".join(f"<th{s}>{escape(column.head)}</th>" for s, column in zip(sides, columns, strict=True))
+
+    def line(kind: str, texts: Iterable[str]) -> str:
+        cells = (f"<{kind}{s}>{escape(text)}</{kind}>" for s, text in zip(sides, texts, strict=True))
+        return f"<tr>{''.join(cells)}"
+
+    heads, body = line("th", [column.head for column in columns]), "".join(line("td", row) for row in rows)
     caption = f'<caption style="text-align:left"><strong>{escape(one.title)}</strong></caption>'
-    return f"<table>{caption}<thead><tr>{heads}</thead><tbody>{''.join(cells)}</tbody></table>"
+    return f"<table>{caption}<thead>{heads}</thead><tbody>{body}</tbody></table>"
 
 
 @singledispatch
 def line(thing: object) -> str:
     """Return what a robot or a result is, in a line."""
     for part in told(thing):
-        said = (
-            part.title
-            if isinstance(part, Table)
-            else str(part).strip()
-            if isinstance(part, str | Text)
-            else ""
-        )
-        if said:
+        text = part.title if isinstance(part, Table) else part
+        if isinstance(text, str | Text) and (said := str(text).strip()):
             return said.splitlines()[0]
     return type(thing).__name__
 
@@ -193,12 +182,9 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
             axes.plot([low, high], [at, at], color=BLUE)
         elif low > 0:  # nothing bounds it from above
             axes.plot([low, 10 * low], [at, at], ":>", color=BLUE, markevery=[1])
-    axes.set_yticks(
-        range(len(thing.parameters)), [f"{one.name}, {one.unit}" for one in thing.parameters][::-1]
-    )
-    axes.set(
-        xscale="log", xlabel="stiffness, with its 95 % interval", ylim=(-0.7, len(thing.parameters) - 0.3)
-    )
+    names, what = [f"{one.name}, {one.unit}" for one in thing.parameters], "stiffness, with its 95 % interval"
+    axes.set_yticks(range(len(names)), names[::-1])
+    axes.set(xscale="log", xlabel=what, ylim=(-0.7, len(names) - 0.3))
     plain(axes)
     return figure
 

@@ -1,6 +1,6 @@
 """A robot as lines in a picture: beams, rigids and struts, its joints, in the plane that shows most of it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize, to_hex
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Beam, Rigid, Strut
 from beamstiff.se3 import Array
 
 COLOURS = "YlOrRd"
@@ -27,29 +28,17 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
     `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by joint component, beam, rigid,
     ``base``, ``tool`` or ``tool point``.
     """
-    kinematics = compile_kinematics(robot)
-    positions = posture(kinematics, q[None]).node_positions[0]
-    at = dict(
-        zip((node.name for node in robot.nodes), _flat(positions, np.array(robot.gravity)), strict=True)
-    )
-    most = max([0.05, *shares.values()])
-    colours = ScalarMappable(Normalize(0.0, most), colormaps[COLOURS])
-
-    def colour(name: str) -> str:
-        return to_hex(colours.to_rgba(np.array([shares[name]]))[0]) if shares.get(name, 0.0) > 0.0 else QUIET
-
+    positions = posture(compile_kinematics(robot), q[None]).node_positions[0]
+    names = (node.name for node in robot.nodes)
+    at = dict(zip(names, _flat(positions, np.array(robot.gravity)), strict=True))
+    most, colour = _colours(shares)
     middle: dict[str, Array] = {}
-    ends = [(rigid.name, rigid.nodes) for rigid in robot.rigids]
-    ends += [(beam.name, beam.nodes) for beam in robot.beams]
-    ends += [(strut.name, strut.nodes) for strut in robot.struts]
-    for name, nodes in ends:
-        line = np.array([at[node] for node in nodes])
-        middle[name] = line.mean(axis=0)
-        wide = 4.0 if shares.get(name) else 2.0
-        axes.plot(line[:, 0], line[:, 1], color=colour(name), lw=wide, solid_capstyle="round", zorder=1)
-    marks = [(component_of(robot, joint), joint.nodes[0], "o") for joint in robot.joints]
-    marks += [("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
-    marks += [(TOOL_POINT, robot.tcp, "D")] if TOOL_POINT in shares else []
+    for part in _lines(robot):
+        line = np.array([at[node] for node in part.nodes])
+        middle[part.name] = line.mean(axis=0)
+        wide = 4.0 if shares.get(part.name) else 2.0
+        axes.plot(line[:, 0], line[:, 1], color=colour(part.name), lw=wide, solid_capstyle="round", zorder=1)
+    marks = _marks(robot) + ([(TOOL_POINT, robot.tcp, "D")] if TOOL_POINT in shares else [])
     for name, node, mark in marks:
         x, y = middle[name] = at[node]
         size = 40.0 + 160.0 * shares.get(name, 0.0) / most
@@ -71,26 +60,16 @@ def draw_in_space(axes: Any, robot: Robot, q: Array, shares: Mapping[str, float]
     `axes`: of the projection 3d. `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by part,
     which colour it.
     """
-    kinematics = compile_kinematics(robot)
-    positions = posture(kinematics, q[None]).node_positions[0]
+    positions = posture(compile_kinematics(robot), q[None]).node_positions[0]
     at = dict(zip((node.name for node in robot.nodes), positions, strict=True))
-    colours = ScalarMappable(Normalize(0.0, max([0.05, *shares.values()])), colormaps[COLOURS])
-
-    def colour(name: str) -> str:
-        return to_hex(colours.to_rgba(np.array([shares[name]]))[0]) if shares.get(name, 0.0) > 0.0 else QUIET
-
-    ends = [(part.name, part.nodes) for part in robot.rigids]
-    ends += [(part.name, part.nodes) for part in robot.beams]
-    ends += [(part.name, part.nodes) for part in robot.struts]
-    for name, nodes in ends:
-        axes.plot(*np.array([at[node] for node in nodes]).T, color=colour(name), lw=3.0)
-    marks = [(component_of(robot, joint), joint.nodes[0], "o") for joint in robot.joints]
-    marks += [("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
-    for name, node, mark in marks:
+    _, colour = _colours(shares)
+    for part in _lines(robot):
+        axes.plot(*np.array([at[node] for node in part.nodes]).T, color=colour(part.name), lw=3.0)
+    for name, node, mark in _marks(robot):
         axes.scatter(*at[node], s=36.0, color=colour(name), marker=mark, edgecolors="0.2", depthshade=False)
     size = float(np.ptp(positions, axis=0).max()) or 1.0
     places = list[tuple[Array, list[str]]]()  # what stands close together shares a label
-    for name, node, _ in marks:
+    for name, node, _ in _marks(robot):
         near = [names for place, names in places if np.linalg.norm(place - at[node]) < NEAR * size]
         if near:
             near[0].append(name)
@@ -104,6 +83,27 @@ def draw_in_space(axes: Any, robot: Robot, q: Array, shares: Mapping[str, float]
         axes.locator_params(axis=name, nbins=5)
         axes.set(**{f"{name}lim": (value - half, value + half), f"{name}label": f"{name}, m"})
     axes.set_box_aspect((1, 1, 1))
+
+
+def _colours(shares: Mapping[str, float]) -> tuple[float, Callable[[str], str]]:
+    """Return the share that has the full colour, and what gives a part's colour by its name."""
+    most = max([0.05, *shares.values()])
+    colours = ScalarMappable(Normalize(0.0, most), colormaps[COLOURS])
+
+    def colour(name: str) -> str:
+        return to_hex(colours.to_rgba(np.array([shares[name]]))[0]) if shares.get(name, 0.0) > 0.0 else QUIET
+
+    return most, colour
+
+
+def _lines(robot: Robot) -> list[Rigid | Beam | Strut]:
+    return [*robot.rigids, *robot.beams, *robot.struts]
+
+
+def _marks(robot: Robot) -> list[tuple[str, str, str]]:
+    """Return name, node and mark of joints, base and tool."""
+    joints = [(component_of(robot, joint), joint.nodes[0], "o") for joint in robot.joints]
+    return [*joints, ("base", robot.fixed[0], "^"), ("tool", robot.tcp, "D")]
 
 
 def _flat(positions: Array, gravity: Array) -> Array:

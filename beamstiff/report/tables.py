@@ -68,16 +68,17 @@ class Table:
         yield from made.__rich_console__(console, options)
 
 
-def table(title: str, *columns: Column | str, left: int = 1) -> Table:
-    """Return an empty table, its first `left` columns aligned left and the others right."""
-    return Table(title, columns, left=left)
+def table(
+    title: str, *columns: Column | str, left: int = 1, rows: Iterable[Sequence[str]] | None = None
+) -> Table:
+    """Return a table, its first `left` columns aligned left and the others right.
 
-
-def add_rows(into: Table, rows: Iterable[Sequence[str]]) -> None:
-    """Add rows, of which a console shows the first `MOST_ROWS`."""
-    for row in rows:
-        into.add_row(*row)
-    into.most = MOST_ROWS
+    Of `rows` a console shows the first `MOST_ROWS`; without them the table is empty.
+    """
+    made = Table(title, columns, left=left, most=None if rows is None else MOST_ROWS)
+    for row in rows or ():
+        made.add_row(*row)
+    return made
 
 
 def below(head: str, name: str) -> str:

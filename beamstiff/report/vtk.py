@@ -106,15 +106,9 @@ def _text(robot: Robot, positions: Array, response: Response) -> str:
     moved = response.displacement[0]
     shares = {name: float(value[0]) for name, value in response.energy_shares().items()}
     points, motions = [*positions], [*moved]
-    cells: list[list[int]] = []
-    kinds: list[int] = []
-    energy: list[float] = []
-    groups: list[Sequence[Beam | Rigid | Joint | Strut]] = [
-        robot.beams,
-        robot.rigids,
-        robot.joints,
-        robot.struts,
-    ]
+    cells, kinds, energy = list[list[int]](), list[int](), list[float]()
+    groups: list[Sequence[Beam | Rigid | Joint | Strut]]
+    groups = [robot.beams, robot.rigids, robot.joints, robot.struts]
     for kind, elements in enumerate(groups):
         for element in elements:
             a, b = (index[name] for name in element.nodes)
@@ -134,7 +128,7 @@ def _text(robot: Robot, positions: Array, response: Response) -> str:
             cells += parts
             kinds += [kind] * len(parts)
             energy += [own] * len(parts)
-    table = np.array(motions)
+    table, kind_of = np.array(motions), [VERTEX if len(cell) == 1 else LINE for cell in cells]
     return "\n".join(
         [
             '<?xml version="1.0"?>',
@@ -145,7 +139,7 @@ def _text(robot: Robot, positions: Array, response: Response) -> str:
             "<Cells>",
             _array("connectivity", np.array([node for cell in cells for node in cell], dtype=np.int64)),
             _array("offsets", np.cumsum([len(cell) for cell in cells], dtype=np.int64)),
-            _array("types", np.array([VERTEX if len(cell) == 1 else LINE for cell in cells], dtype=np.int64)),
+            _array("types", np.array(kind_of, dtype=np.int64)),
             "</Cells>",
             '<PointData Vectors="displacement">',
             _array("displacement", table[:, :3]),
@@ -166,6 +160,5 @@ def _array(name: str, values: Array | NDArray[np.int64]) -> str:
     components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
     rows = values if values.ndim == 2 else values[None]
     text = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
-    return (
-        f'<DataArray type="{kind}" Name={quoteattr(name)}{components} format="ascii">\n{text}\n</DataArray>'
-    )
+    head = f'type="{kind}" Name={quoteattr(name)}{components} format="ascii"'
+    return f"<DataArray {head}>\n{text}\n</DataArray>"

@@ -56,23 +56,17 @@ def map_tables(facts: Mapping[str, Any]) -> Iterator[Table | str]:
     if facts["quantities"]:
         ends = ("min", *(f"{share} %" for share in PERCENTILES), "max")
         result = table("Over the map", "quantity", "unit", *ends, Column("worst at", left=True), left=2)
+        keys = ("min", *(f"p{share}" for share in PERCENTILES), "max")
         for name, told in facts["quantities"].items():
-            unit = told["unit"]
-            values = [
-                shown(told[key], unit) if key in told else ""
-                for key in ("min", *(f"p{share}" for share in PERCENTILES), "max")
-            ]
-            result.add_row(name, shown_unit(unit), *values, _place(facts, told))
+            values = (shown(told[key], told["unit"]) if key in told else "" for key in keys)
+            result.add_row(name, shown_unit(told["unit"]), *values, _place(facts, told))
         yield result
     if facts["reasons"]:
-        result = table(
-            "Poses that lack values", "reason", "poses", "share", Column("for instance", left=True)
-        )
+        heads = ("reason", "poses", "share", Column("for instance", left=True))
+        result = table("Poses that lack values", *heads)
         for label, told in facts["reasons"].items():
-            share = 100.0 * told["count"] / facts["poses"]
-            result.add_row(
-                label.replace("_", " "), f"{told['count']:,}", f"{number(share)} %", told["example"]
-            )
+            share = f"{number(100.0 * told['count'] / facts['poses'])} %"
+            result.add_row(label.replace("_", " "), f"{told['count']:,}", share, told["example"])
         yield result
 
 
@@ -102,13 +96,12 @@ def map_figure(dataset: xarray.Dataset, quantities: list[str] | None = None) -> 
     BeamstiffError
         When the map has no such quantity.
     """
-    names = ordered_quantities(dataset) if quantities is None else quantities
+    drawn = ordered_quantities(dataset)
+    names = drawn if quantities is None else quantities
     for name in names:
-        if name not in ordered_quantities(dataset):
-            raise BeamstiffError(
-                f"plot: {name!r} is not drawn, expected some of "
-                f"{', '.join(ordered_quantities(dataset)) or 'none'}"
-            )
+        if name not in drawn:
+            expected = ", ".join(drawn) or "none"
+            raise BeamstiffError(f"plot: {name!r} is not drawn, expected some of {expected}")
     if not names:
         raise BeamstiffError("plot: the map has matrices alone, expected a quantity of one number a pose")
     dataset = upright(dataset)
@@ -124,9 +117,8 @@ def map_figure(dataset: xarray.Dataset, quantities: list[str] | None = None) -> 
             _draw_slices(figure, panels[row], dataset, name, some)
     what = ", ".join(name.replace("_", " ") for name in names)
     title = f"{dataset.attrs.get('robot', '')}: {what}{_loaded(dataset, names)}"
-    figure.suptitle(
-        f"{title}\n{dataset['reason'].size:,} poses, base frame".replace("$", r"\$"), fontsize="medium"
-    )
+    title += f"\n{dataset['reason'].size:,} poses, base frame"
+    figure.suptitle(title.replace("$", r"\$"), fontsize="medium")
     return figure
 
 
@@ -178,9 +170,8 @@ def _draw_slices(figure: Figure, panels: Any, dataset: xarray.Dataset, name: str
     image = None
     for at, (panel, number_of) in enumerate(zip(panels, some, strict=False)):
         shown_values = np.ma.masked_invalid(np.where(np.isinf(values[at]), norm.vmax, values[at]))
-        image = panel.pcolormesh(
-            u, v, shown_values, norm=norm, cmap=colours, shading="nearest", rasterized=True
-        )
+        look = {"norm": norm, "cmap": colours, "shading": "nearest", "rasterized": True}
+        image = panel.pcolormesh(u, v, shown_values, **look)
         panel.set_facecolor(GREY)
         if {along, across} <= set("xyz"):
             panel.set_aspect("equal")
@@ -228,9 +219,8 @@ def _draw_line(panel: Axes, dataset: xarray.Dataset, name: str) -> None:
     if (worst := worst_pose(dataset, name)) is not None and np.isfinite(values[worst]):
         panel.plot(at[worst], values[worst], "X", color=ORANGE, markersize=9, label="worst")
         panel.legend(fontsize="small")
-    panel.set(
-        xlabel=_label(dataset, axis), ylabel=f"{name.replace('_', ' ')}, {shown_unit(unit)}".rstrip(", ")
-    )
+    up = f"{name.replace('_', ' ')}, {shown_unit(unit)}".rstrip(", ")
+    panel.set(xlabel=_label(dataset, axis), ylabel=up)
     plain(panel)
 
 
@@ -243,7 +233,5 @@ def _label(dataset: xarray.Dataset, axis: str) -> str:
 
 
 def _where(dataset: xarray.Dataset, axis: str, at: int) -> str:
-    unit = SHOWN[dataset[axis].attrs["units"]][1]
-    return f"{variable_of(dataset, axis)} = {number(float(_scaled(dataset, axis)[at]))} {unit}".replace(
-        "$", r"\$"
-    )
+    unit, value = SHOWN[dataset[axis].attrs["units"]][1], number(float(_scaled(dataset, axis)[at]))
+    return f"{variable_of(dataset, axis)} = {value} {unit}".replace("$", r"\$")

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
+from tests.remembered import remembered
 
 Run = Callable[..., Any]
 Refused = Callable[[Sequence[str], str | Sequence[str]], None]
@@ -54,6 +56,24 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "crane.yaml").write_text(CRANE, encoding="utf-8")
     (tmp_path / "crane.csv").write_text(CRANE_DATA, encoding="utf-8")
     return tmp_path
+
+
+# what takes long and sees no file: module and name of a function, and what calculates once what it is asked
+LONG = {
+    (module, name): remembered(getattr(import_module(f"beamstiff.functions.{module}"), name))
+    for module, name in (
+        ("diagnose", "run"), ("measured_runs", "learn"), ("compensate", "compensate_program")
+    )
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def remembering() -> Iterator[None]:
+    """Calculate once, in all modules that ask for it, what commands do with the same robots and tables."""
+    with pytest.MonkeyPatch.context() as patched:
+        for (module, name), once in LONG.items():
+            patched.setattr(import_module(f"beamstiff.functions.{module}"), name, once)
+        yield
 
 
 @pytest.fixture

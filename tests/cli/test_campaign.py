@@ -20,6 +20,7 @@ from benchmarks.kill_study import Command, ended, start
 from tests.cli.conftest import CRANE, CRANE_DATA, Refused, Run
 
 KILLS = 3
+pytestmark = pytest.mark.usefixtures("remembering")
 
 
 def told(run: Run, *words: str) -> dict[str, Any]:

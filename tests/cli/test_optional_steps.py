@@ -17,6 +17,7 @@ from tests.cli.test_calibrate import readings
 from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
 
+pytestmark = pytest.mark.usefixtures("remembering")
 REASON = "loop_1 does not close there"
 
 # A joint that goes up and down, without limits, below the joint that gives way.

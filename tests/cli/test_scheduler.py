@@ -39,7 +39,7 @@ def identified(run: Run, folder: Path) -> Callable[..., dict[str, Any]]:
 def test_a_bootstrap_and_several_searches_say_the_same_anywhere(
     succeed: Run, folder: Path, identified: Callable[..., dict[str, Any]], scheduler: str
 ) -> None:
-    what = ("--method", "crs2", "--searches", "3", "--evaluations", "200", "--bootstrap", "60")
+    what = ("--method", "crs2", "--searches", "3", "--evaluations", "200", "--bootstrap", "12")
     told = succeed("identify", "crane.yaml", "poses.csv", *what, "--json", "alone.json").stdout
     assert "3 of 3 searches ended there" in " ".join(told.split())
     alone = json.loads((folder / "alone.json").read_text())

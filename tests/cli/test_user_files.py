@@ -5,7 +5,6 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import chdir
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from beamstiff.outputs import LEDGER
 from tests.cli.conftest import CRANE, CRANE_DATA
 from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
-from tests.remembered import remembered
 
 POINTS = """\
 # sigma_position: 0.01 mm
@@ -151,18 +149,11 @@ def test_every_output_of_every_command_is_tried() -> None:
         assert named - INPUT_OPTIONS == set(outputs_of(name)), name
 
 
-# what takes long and sees no file: module and name of a function
-LONG = (("diagnose", "run"), ("measured_runs", "learn"), ("compensate", "compensate_program"))
-
-
 @pytest.fixture(scope="module", autouse=True)
-def quick() -> Iterator[None]:
-    """Calculate once what commands do with the same robots, tables and programs."""
+def quick(remembering: None) -> Iterator[None]:
+    """Examine what is over soon, and calculate once what commands do with the same files."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("beamstiff.functions.examine._diagnose", lambda: always_none)
-        for place, name in LONG:
-            module = import_module(f"beamstiff.functions.{place}")
-            patched.setattr(module, name, remembered(getattr(module, name)))
         yield
 
 

@@ -199,7 +199,7 @@ def test_residuals_over_the_load_are_those_of_loads_along_the_axis() -> None:
     rows = rows_of(robot, np.zeros((12, 2)), wrench)
     gap = np.random.default_rng(0).standard_normal((12, 6))
     made = row_figures(Compared(robot, rows, gap, np.zeros((12, 6)), np.ones((12, 6), dtype=bool)))
-    figures = {one.key: one for section in made.sections for one in section.figures}
+    figures = {one.key: one for section in made for one in section.figures}
     traces = figures["residual-load-before"].traces
     assert [len(one["x"]) for one in traces] == [3, 3, 4]
     for k, trace in enumerate(traces):

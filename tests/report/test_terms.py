@@ -99,7 +99,7 @@ def test_the_table_holds_the_texts() -> None:
         "... mm are left on held-out postures",  # terminal and report
         "The figures need JavaScript",  # report
         "no row carries a load: measure with one",  # notes
-        "expected NAME=NUMBER such as backlash:q2=0.5",  # errors
+        "NAME=NUMBER such as backlash:q2=0.5",  # errors
         "Check a robot with its effects on fresh measurements.",  # help of a command
         "Write the measurements that distinguish the causes best",  # help of an option
         "Position gap on held-out postures, and the noise floor.",  # docstrings

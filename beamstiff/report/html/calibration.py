@@ -20,11 +20,12 @@ from beamstiff.report.geometry import (
     parameters_table,
 )
 from beamstiff.report.html.charts import along, distribution, intervals
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.still_view import Deviations, StillView, still_view
+from beamstiff.report.html.robot_view import RobotView
+from beamstiff.report.html.still_view import Deviations, still_view
 from beamstiff.report.tables import Table, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -45,44 +46,35 @@ def calibration_html(
 
     `robot`: as it was described. `measured`: the rows that were fitted. `files`: see `calibration_verdict`.
     """
-    sizes = Sizes(
-        found.robot,
-        measured,
-        {"before": _size(found.nominal_residual), "after": _size(found.residual)},
-        (BEFORE, AFTER),
-        "error",
-    )
-    seen = _view(found, measured, sizes)
-    rows = over_places(sizes)
-    sections = [_errors(found), _parameters(found), *_untold(found), *rows.sections]
-    return render(
-        Page(
-            title="Calibration",
-            robot=robot.name,
-            verdict=calibration_verdict(found, measured, files),
-            summary=calibration_text(found),
-            facts=list(_facts(found)),
-            view=None if seen is None else seen.view,
-            sections=[
-                *sections,
-                Section("rows", "The rows", tables=[_rows(found, measured, sizes)], open=False),
-                Section("notes", "Notes", items=found.notes),
-            ],
-            provenance=provenance,
-            data=found.to_dict(),
-            shared=rows.shared | ({} if seen is None else seen.shared),
-        )
-    )
+    values = {"before": _size(found.nominal_residual), "after": _size(found.residual)}
+    sizes = Sizes(found.robot, measured, values, (BEFORE, AFTER), "error")
+    return Page(
+        title="Calibration",
+        robot=robot.name,
+        verdict=calibration_verdict(found, measured, files),
+        summary=calibration_text(found),
+        facts=list(_facts(found)),
+        view=_view(found, measured, sizes),
+        sections=[
+            _errors(found),
+            _parameters(found),
+            _untold(found),
+            *over_places(sizes),
+            Section("rows", "The rows", tables=[_rows(found, measured, sizes)], open=False),
+            Section("notes", "Notes", items=found.notes),
+        ],
+        provenance=provenance,
+        data=found.to_dict(),
+    ).html()
 
 
 def _facts(found: Calibration) -> Iterator[Fact]:
     for part, _, factor, unit in PARTS:
-        values = [
+        for name, errors, meaning in (
             ("Before", found.before, "RMS, robot file, base and reflectors fitted"),
             ("After", found.after, "RMS, calibrated, on the fitted rows"),
             ("Held out", found.held_out, "RMS, on held-out poses"),
-        ]
-        for name, errors, meaning in values:
+        ):
             value = None if errors is None else getattr(errors, f"{part}_rms")
             if value is not None and (part == "position" or found.after.position_rms is None):
                 yield Fact(name, f"{factor * value:.3g} {unit}", meaning)
@@ -100,7 +92,7 @@ def _norm(gap: Array, factor: float) -> Array:
     return np.asarray(np.where(seen, factor * np.linalg.norm(np.nan_to_num(gap), axis=1), np.nan))
 
 
-def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView | None:
+def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> RobotView | None:
     chosen = sizes.shown
     chosen = chosen[np.isfinite(_size(found.residual)[chosen])]
     stands = found.bases[measured.run if len(found.bases) > 1 else np.zeros(len(measured), dtype=np.intp)]
@@ -118,21 +110,15 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> StillView
         ]
         away = (back @ own[:, :, None])[:, :, 0]
         deviations.append(Deviations(key, name, colour, at, away, texts))
-    worst = np.argsort(-np.nan_to_num(sizes.values["after"]))
+    before, after = sizes.values["before"], sizes.values["after"]
+    worst = np.argsort(-np.nan_to_num(after))
     worst = worst[np.isin(worst, chosen)]
     first = worst[np.sort(np.unique(measured.pose[worst], return_index=True)[1])][:POSES].tolist()
-    before, after = _size(found.nominal_residual), _size(found.residual)
-    postures = [
-        (
-            f"pose {measured.pose[row]}: {after[row]:.3g} mm residual ({line_of(measured, row)})",
-            measured.q[row],
-        )
-        for row in first
-    ]
-    lines = [
-        [line_of(measured, row), str(measured.pose[row]), number(before[row]), number(after[row])]
-        for row in first
-    ]
+    postures, lines = [], []
+    for row in first:
+        pose, line = str(measured.pose[row]), line_of(measured, row)
+        postures.append((f"pose {pose}: {after[row]:.3g} mm residual ({line})", measured.q[row]))
+        lines.append([line, pose, number(before[row]), number(after[row])])
     table = Table("The postures shown", ("row", "pose", "before, mm", "after, mm"), lines, open=False)
     caption = (
         "The calibrated robot, and at every place that was measured a line from where the robot is predicted "
@@ -151,34 +137,15 @@ def _errors(found: Calibration) -> Section:
         sizes = {name: _norm(gap[:, columns], factor) for name, gap in gaps.items()}
         if not np.isfinite(sizes[AFTER]).any():
             continue
-        figures.append(
-            distribution(
-                f"errors-{part}",
-                f"Errors in {part}",
-                "Share of the rows whose error is below each size.",
-                sizes,
-                unit,
-            )
-        )
+        title, caption = f"Errors in {part}", "Share of the rows whose error is below each size."
+        figures.append(distribution(f"errors-{part}", title, caption, sizes, unit))
         rows = np.arange(1.0, len(found.residual) + 1)
-        texts = [f"row {row:.0f}" for row in rows]
-        axes = ("row, as in the table", f"error, {unit}")
+        texts, axes = [f"row {row:.0f}" for row in rows], ("row, as in the table", f"error, {unit}")
         caption = (
             "Every reading in its order: steps and drifts come from the measuring system, not from the robot."
         )
-        values = dict(list(sizes.items())[:2])
-        figures.append(
-            along(
-                f"order-{part}",
-                f"Errors in {part}, row by row",
-                caption,
-                rows,
-                values,
-                axes,
-                texts,
-                log=True,
-            )
-        )
+        key, title, values = f"order-{part}", f"{title}, row by row", dict(list(sizes.items())[:2])
+        figures.append(along(key, title, caption, rows, values, axes, texts, log=True))
     return Section("errors", "Before and after", figures=figures, tables=[errors_table(found)])
 
 
@@ -189,27 +156,18 @@ def _parameters(found: Calibration) -> Section:
     for at, unit in enumerate(dict.fromkeys(item.parameter.unit for item in own)):
         some = [item for item in own if item.parameter.unit == unit]
         shown, factor = PER_SI.get(unit, (unit, 1.0))
+        change, names = [factor * item.change for item in some], [item.name for item in some]
         half = [factor * WITHIN * (item.std or 0.0) for item in some]
-        change = [factor * item.change for item in some]
-        traces, layout = intervals(
-            [item.name for item in some],
-            change,
-            [(value - wide, value + wide) for value, wide in zip(change, half, strict=True)],
-            f"change, {shown}",
-            log=False,
-        )
+        ends = [(value - wide, value + wide) for value, wide in zip(change, half, strict=True)]
+        drawn = intervals(names, change, ends, f"change, {shown}", log=False)
         caption = "Change against the robot file, with its 95 % interval."
-        figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, traces, layout))
-    table = parameters_table(found, "What was found")
-    text = (
-        "Positions and rotations of the measurement setup (base, target) are in the table only."
-        if len(own) < len(sought)
-        else ""
-    )
-    return Section("parameters", "Parameters", [text] if text else [], figures, [table])
+        figures.append(Figure(f"parameters-{at + 1}", f"Changes, {shown}", caption, *drawn))
+    text = "Positions and rotations of the measurement setup (base, target) are in the table only."
+    texts = [text] if len(own) < len(sought) else []
+    return Section("parameters", "Parameters", texts, figures, [parameters_table(found, "What was found")])
 
 
-def _untold(found: Calibration) -> Iterator[Section]:
+def _untold(found: Calibration) -> Section:
     seen = found.observability
     texts = []
     if seen.dependent:
@@ -221,8 +179,7 @@ def _untold(found: Calibration) -> Iterator[Section]:
     if seen.silent:
         texts.append(f"Without influence on the readings: {listed(seen.silent, 40)}.")
     told = dependent_table(found)
-    tables = [] if told is None else [told]
-    yield Section("untold", "Not identifiable", texts, tables=tables)
+    return Section("untold", "Not identifiable", texts, tables=[] if told is None else [told])
 
 
 def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
@@ -234,10 +191,7 @@ def _rows(found: Calibration, measured: Measurements, sizes: Sizes) -> Table:
         if used[:, k].any()
     ]
     if used[:, :3].any():
-        more += [
-            ("error before, mm", _size(found.nominal_residual)),
-            ("error after, mm", _size(found.residual)),
-        ]
+        more += [(f"error {key}, mm", value) for key, value in sizes.values.items()]
         if found.held_out_residual is not None:
             more.append(("error held out, mm", _size(found.held_out_residual)))
     return rows_table(sizes, more)

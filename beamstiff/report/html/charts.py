@@ -27,6 +27,7 @@ WIDEST = 34  # characters of a name
 LINES = (("solid", "orange"), ("solid", "blue"), ("dash", "green"), ("dot", "muted"))
 MOST_POINTS = 400  # points of a curve
 SQUARE = 30  # px
+SHARE: dict[str, Any] = {"range": [0, 1.02], "tickformat": ".0%"}  # an axis of shares
 
 
 def bars(

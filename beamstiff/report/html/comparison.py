@@ -8,6 +8,7 @@ from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
 from beamstiff.report.compare import (
+    held_out_levels,
     loads_table,
     models_table,
     models_text,
@@ -17,7 +18,7 @@ from beamstiff.report.compare import (
     widest_plane,
 )
 from beamstiff.report.html.charts import intervals, log_axis
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
@@ -40,38 +41,29 @@ def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str
     """
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
-    sizes = Sizes(
-        robot,
-        models.table,
-        {key: 1e3 * one.error for key, one in keys.items()},
-        [one.name for one in keys.values()],
-        "error",
-    )
-    rows = over_places(sizes, joints=False, planes=(widest_plane(models.position),))
+    errors, names = {key: 1e3 * one.error for key, one in keys.items()}, [one.name for one in keys.values()]
+    sizes = Sizes(robot, models.table, errors, names, "error")
     more = [(f"error {one.name}, mm", 1e3 * one.error) for one in answered]
     table = rows_table(sizes, [*more, ("kind", models.split.kind.astype(float))])
     kinds = "; ".join(f"{at}: {kind}" for at, kind in enumerate(KINDS))
-    return render(
-        Page(
-            title="Comparison of models",
-            robot=robot.name,
-            verdict=models_verdict(models),
-            summary=list(_summary(models)),
-            facts=list(_facts(models)),
-            view=_view(models),
-            sections=[
-                _side_by_side(models),
-                _by_load(models),
-                Section("about", "What came out of each", items=models_text(models)),
-                *rows.sections,
-                Section("rows", "The rows", [f"Kinds: {kinds}."], tables=[table], open=False),
-                Section("notes", "Notes", items=models.notes),
-            ],
-            provenance=provenance,
-            data=models.to_dict(),
-            shared=rows.shared,
-        )
-    )
+    return Page(
+        title="Comparison of models",
+        robot=robot.name,
+        verdict=models_verdict(models),
+        summary=list(_summary(models)),
+        facts=list(_facts(models)),
+        view=_view(models),
+        sections=[
+            _side_by_side(models),
+            _by_load(models),
+            Section("about", "What came out of each", items=models_text(models)),
+            *over_places(sizes, joints=False, planes=(widest_plane(models.position),)),
+            Section("rows", "The rows", [f"Kinds: {kinds}."], tables=[table], open=False),
+            Section("notes", "Notes", items=models.notes),
+        ],
+        provenance=provenance,
+        data=models.to_dict(),
+    ).html()
 
 
 def _summary(models: Models) -> Iterator[str]:
@@ -96,22 +88,19 @@ def _facts(models: Models) -> Iterator[Fact]:
         if rms is not None and largest is not None:
             outside = int((one.outside & unseen).sum())
             more = f"; {outside} outside its training range" if outside else ""
-            yield Fact(
-                one.name, f"{1e3 * rms:.4f} mm", f"RMS, held out; at most {1e3 * largest:.3f} mm{more}"
-            )
+            meaning = f"RMS, held out; at most {1e3 * largest:.3f} mm{more}"
+            yield Fact(one.name, f"{1e3 * rms:.4f} mm", meaning)
     if models.noise is not None:
         yield Fact("Noise", f"{1e3 * models.noise:.4f} mm", "noise floor of the RMS")
 
 
 def _view(models: Models) -> RobotView | None:
     """Return the best of the models that are robots, at the rows that it predicts worst."""
-    best = [one for one in ranked(models) if isinstance(one.model, StructuralModel)]
-    if not best:
-        return None
-    one = best[0]
-    assert isinstance(one.model, StructuralModel)
-    shown = worst_postures(models.table, 1e3 * one.error, "error ")
-    return robot_view(one.model.robot, shown, "share of the strain energy", model=f"the {one.name} model")
+    for one in ranked(models):
+        if isinstance(one.model, StructuralModel):
+            shown, name = worst_postures(models.table, 1e3 * one.error, "error "), f"the {one.name} model"
+            return robot_view(one.model.robot, shown, "share of the strain energy", model=name)
+    return None
 
 
 def _side_by_side(models: Models) -> Section:
@@ -125,17 +114,14 @@ def _side_by_side(models: Models) -> Section:
         hover = "noise floor: %{x:.4g} mm<extra></extra>"
         traces.append(scatter([1e3 * models.noise] * 2, ends_of_line, "noise floor", hover, line=looks))
     partly = [one.name for one in best if not whole(models, one)]
-    caption = "Root mean square position error over the held-out rows, the best first" + (
-        "; dashed: noise floor." if models.noise is not None else "."
-    )
+    noise = "; dashed: noise floor" if models.noise is not None else ""
+    caption = f"Root mean square position error over the held-out rows, the best first{noise}."
     if partly:
         caption += f" Of fewer rows, where it has an answer: {', '.join(partly)}."
-    table = models_table(models, "Position error, RMS / max, mm")
-    figure = Figure("models", "Held-out rows", caption, traces, layout)
     kinds = [k for k in range(len(KINDS)) if (models.split.kind == k).any()]
-    return Section(
-        "models", "Models side by side", figures=[figure, _by_kind(models, best, kinds)], tables=[table]
-    )
+    figures = [Figure("models", "Held-out rows", caption, traces, layout), _by_kind(models, best, kinds)]
+    table = models_table(models, "Position error, RMS / max, mm")
+    return Section("models", "Models side by side", figures=figures, tables=[table])
 
 
 def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Figure:
@@ -159,13 +145,12 @@ def _millimetres(values: Iterable[float | None]) -> list[float | None]:
 
 
 def _by_load(models: Models) -> Section:
-    split, unseen = models.split, ~models.split.fitted
-    levels = [at for at in range(len(split.loads)) if (unseen & (split.level == at)).any()]
+    split, levels = models.split, held_out_levels(models)
     if len(levels) < 2:
         return Section("loads", "By load")
     traces, loads = [], [float(f"{split.loads[at]:.5g}") for at in levels]
     for one, (symbol, colour) in zip(ranked(models), LOOKS, strict=False):
-        values = _millimetres(one.rms(unseen & (split.level == at)) for at in levels)
+        values = _millimetres(one.rms(rows) for rows in levels.values())
         hover, line = "%{y:.4g} mm under %{x} " + split.unit, {"color": css(colour), "width": 1.5}
         traces.append(scatter(loads, values, label(one.name), hover, (symbol, colour, 9), line))
     layout = plain_layout(

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from beamstiff.compensation.path import difference
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.report.compensation import (
+    UNCORRECTED,
     compensation_table,
     compensation_text,
     compensation_verdict,
@@ -16,11 +16,12 @@ from beamstiff.report.compensation import (
     uncorrected_table,
 )
 from beamstiff.report.html.charts import along
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section, label, numbers
 from beamstiff.report.html.places import MARKS
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.html.still_view import Deviations, StillView, still_view
+from beamstiff.report.html.robot_view import RobotView
+from beamstiff.report.html.still_view import Deviations, still_view
 from beamstiff.report.tables import Table, number
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -38,40 +39,26 @@ def compensation_html(result: Compensated, robot: Robot, provenance: Provenance)
 
     `robot`: that the controller takes for true.
     """
-    some = shown(len(result.known))
-    seen = _view(result, robot, some)
-    names = [label(_name(result, row)) for row in some.tolist()]
-    way = numbers(1e3 * result.correction.path.way[some])
-    held: dict[str, list[Any]] = {"targets": names, "way": [*way]}
-    said = (
-        f"{MOST} of {len(result.known)} targets are shown, evenly chosen."
-        if len(some) < len(result.known)
-        else ""
-    )
-    return render(
-        Page(
-            title="Compensation",
-            robot=robot.name,
-            verdict=compensation_verdict(result),
-            summary=[compensation_text(result) if result.known.any() else NOWHERE, *([said] if said else [])],
-            facts=list(_facts(result)),
-            view=None if seen is None else seen.view,
-            sections=[
-                _uncorrected(result),
-                *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
-                Section("targets", "The targets", tables=[_targets(result, some)], open=False),
-                Section("notes", "Notes", items=result.notes),
-            ],
-            provenance=provenance,
-            data=result.to_dict(),
-            shared=held | ({} if seen is None else seen.shared),
-        )
-    )
-
-
-def shown(count: int) -> Array:
-    """Return which of so many targets are shown, at most `MOST`, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))
+    count = len(result.known)
+    # evenly chosen, the first and the last among them
+    some = np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))
+    said = [f"{MOST} of {count} targets are shown, evenly chosen."] if len(some) < count else []
+    return Page(
+        title="Compensation",
+        robot=robot.name,
+        verdict=compensation_verdict(result),
+        summary=[compensation_text(result) if result.known.any() else NOWHERE, *said],
+        facts=list(_facts(result)),
+        view=_view(result, robot, some),
+        sections=[
+            _uncorrected(result),
+            *([_errors(result, some), _changes(result, some)] if result.known.any() else []),
+            Section("targets", "The targets", tables=[_targets(result, some)], open=False),
+            Section("notes", "Notes", items=result.notes),
+        ],
+        provenance=provenance,
+        data=result.to_dict(),
+    ).html()
 
 
 def _facts(result: Compensated) -> Iterator[Fact]:
@@ -86,7 +73,7 @@ def _facts(result: Compensated) -> Iterator[Fact]:
     yield Fact("Corrected", f"{int(found.corrected.sum())} of {len(found.path)}", "targets")
 
 
-def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
+def _view(result: Compensated, robot: Robot, some: Array) -> RobotView | None:
     found, known = result.correction, result.known
     own = some[known[some]]
     if not own.size:
@@ -112,12 +99,8 @@ def _view(result: Compensated, robot: Robot, some: Array) -> StillView | None:
     stops = own[np.unique(np.linspace(0, own.size - 1, POSES).astype(int))].tolist()
     before, after = (1e3 * np.linalg.norm(gap[:, :3], axis=1) for gap in (found.before, result.after))
     postures = [(f"{_name(result, row)}: {before[row]:.3g} mm before", found.q[row]) for row in stops]
-    table = Table(
-        "The postures shown",
-        ("target", "before, mm", "after, mm"),
-        [[_name(result, row), number(before[row]), number(after[row])] for row in stops],
-        open=False,
-    )
+    numbers = [[_name(result, row), number(before[row]), number(after[row])] for row in stops]
+    table = Table("The postures shown", ("target", "before, mm", "after, mm"), numbers, open=False)
     caption = (
         "The tool's path in the base frame: as programmed, as predicted without compensation, as "
         "predicted with the corrected commands, and these commands. Deviations are magnified."
@@ -132,11 +115,9 @@ def _name(result: Compensated, row: int) -> str:
 
 def _uncorrected(result: Compensated) -> Section:
     reasons = result.correction.reasons
-    text = "These have no command of their own and stay as they are."
+    texts = ["These have no command of their own and stay as they are."] if reasons else []
     tables = [uncorrected_table(result)] if reasons else []
-    return Section(
-        "uncorrected", "Targets that cannot be corrected", [text] if reasons else [], tables=tables
-    )
+    return Section("uncorrected", UNCORRECTED, texts, tables=tables)
 
 
 def _errors(result: Compensated, some: Array) -> Section:
@@ -156,7 +137,10 @@ def _errors(result: Compensated, some: Array) -> Section:
         key, title = f"error-{part.lower()}", f"{part} along the path"
         caption = "Predicted error of the tool at its targets."
         figures.append(along(key, title, caption, "way", values, axes, "targets", lines=True, log=True))
-    return Section("errors", "Predicted error along the path", figures=figures)
+    names = [label(_name(result, row)) for row in some.tolist()]
+    way = numbers(1e3 * result.correction.path.way[some])
+    title = "Predicted error along the path"
+    return Section("errors", title, figures=figures, shared={"targets": names, "way": way})
 
 
 def _changes(result: Compensated, some: Array) -> Section:

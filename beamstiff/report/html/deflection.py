@@ -8,7 +8,7 @@ from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.deflection import UNITS, deflection_text, deflection_verdict
 from beamstiff.report.html.charts import along
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import MARKS, Sizes, line_of, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
@@ -31,35 +31,27 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
         rows = row_figures(Compared(robot, loads, measured, predicted, used), ("the model", ""))
     else:
         sizes = Sizes(robot, loads, {"moved": moved}, ("the tool",), "displacement")
-        rows = over_places(sizes)
         more = [(f"{name}, {UNITS[k]}", 1e3 * predicted[:, k]) for k, name in enumerate(DISPLACEMENT)]
         table = rows_table(sizes, [*more, ("displacement, mm", moved)])
-        rows.sections.append(Section("rows", "The rows", tables=[table], open=False))
+        rows = [*over_places(sizes), Section("rows", "The rows", tables=[table], open=False)]
     worst = int(np.argmax(moved))
-    return render(
-        Page(
-            title="Deflection",
-            robot=robot.name,
-            verdict=deflection_verdict(found),
-            summary=[
-                f"{counted(len(loads), 'row')}; the largest displacement is that of {line_of(loads, worst)}.",
-                *texts,
-            ],
-            facts=list(_facts(moved, predicted)),
-            view=robot_view(
-                robot, worst_postures(loads, moved), "share of the strain energy", model="the linear model"
-            ),
-            sections=[
-                _displacements(loads, predicted),
-                *rows.sections,
-                Section("notes", "Notes", items=found.notes),
-            ],
-            provenance=provenance,
-            data=found.to_dict(),
-            shared=rows.shared,
-            papers="",
-        )
-    )
+    return Page(
+        title="Deflection",
+        robot=robot.name,
+        verdict=deflection_verdict(found),
+        summary=[
+            f"{counted(len(loads), 'row')}; the largest displacement is that of {line_of(loads, worst)}.",
+            *texts,
+        ],
+        facts=list(_facts(moved, predicted)),
+        view=robot_view(
+            robot, worst_postures(loads, moved), "share of the strain energy", model="the linear model"
+        ),
+        sections=[_displacements(loads, predicted), *rows, Section("notes", "Notes", items=found.notes)],
+        provenance=provenance,
+        data=found.to_dict(),
+        papers="",
+    ).html()
 
 
 def _facts(moved: Array, predicted: Array) -> Iterator[Fact]:

@@ -7,43 +7,13 @@ import numpy as np
 
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.report import diagnosis as shown
+from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import changes_table, drives_table, recalibration_text
-from beamstiff.report.diagnosis import (
-    ACCOUNTS,
-    CAUSES,
-    SHOWN,
-    SUMMED,
-    by_causes,
-    candidates_table,
-    causes_table,
-    gap_table,
-    gap_tables,
-    in_full,
-    likely,
-    names_text,
-    next_best_text,
-    notable,
-    places_table,
-    probability_text,
-    sizes_table,
-    steps,
-    untestable_table,
-)
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
-from beamstiff.report.diagnosis_words import (
-    causes,
-    closed,
-    in_words,
-    one_posture,
-    second,
-    several,
-    sure,
-    tested,
-    told,
-)
 from beamstiff.report.drift import drift_tables
-from beamstiff.report.html.charts import bars
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.charts import SHARE, bars
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
@@ -69,50 +39,44 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         changed = recalibration_text(result.recalibration, "under Fitted parameters")
     if result.decomposition is not None and result.decomposition.gap_shows:
         changed = [*remainder_text(result.decomposition).splitlines(), *changed]
-    with_them = "with the causes" if result.decomposition is not None else f"with {causes(result)}"
+    with_them = "with the causes" if result.decomposition is not None else f"with {words.causes(result)}"
     rows = row_figures(compared, ("fitted model", with_them))
-    return render(
-        Page(
-            title="Diagnosis",
-            robot=baseline.nominal.name,
-            verdict=verdict(result),
-            summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
-            facts=list(_facts(result)),
-            view=_view(result),
-            sections=[
-                _which(result),
-                _next(result),
-                _where(result),
-                _how_far(result),
-                *rows.sections,
-                *_others(result),
-            ],
-            provenance=provenance,
-            data=result.to_dict(),
-            shared=rows.shared,
-        )
-    )
+    return Page(
+        title="Diagnosis",
+        robot=baseline.nominal.name,
+        verdict=verdict(result),
+        summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
+        facts=list(_facts(result)),
+        view=_view(result),
+        sections=[
+            *(_which(result), _next(result), _where(result), _how_far(result)),
+            *rows,
+            *_others(result),
+        ],
+        provenance=provenance,
+        data=result.to_dict(),
+    ).html()
 
 
 def _facts(result: Diagnosis) -> Iterator[Fact]:
-    also, found = second(result), several(result)
+    also, found = words.second(result), words.several(result)
     if found:
-        yield Fact("Causes close", closed(found), "of the gap above noise, on held-out data")
+        yield Fact("Causes close", words.closed(found), "of the gap above noise, on held-out data")
     else:
         of = {"none": "that nothing is beyond noise", "unknown": "that these data show no known cause"}
-        yield Fact("How sure", sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}")
+        yield Fact(
+            "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
+        )
     if result.recalibration is not None:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
         yield Fact("Uncalibrated", before, "RMS, frame and reflectors fitted")
-    yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {tested(result)}")
+    yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {words.tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
-    elif result.verdict.shrink is not None and not one_posture(result):
-        yield Fact(
-            f"With the cause{'s' * (also is not None)}",
-            f"{1e3 * result.verdict.shrink.after:.3f} mm",
-            "the same, its effect added" if also is None else "the same, their effects added",
-        )
+    elif result.verdict.shrink is not None and not words.one_posture(result):
+        plural, added = ("", "its effect") if also is None else ("s", "their effects")
+        left = f"{1e3 * result.verdict.shrink.after:.3f} mm"
+        yield Fact(f"With the cause{plural}", left, f"the same, {added} added")
     yield Fact("Noise", f"{1e3 * result.noise:.3f} mm", "noise floor of the RMS")
 
 
@@ -125,7 +89,7 @@ def _view(result: Diagnosis) -> RobotView | None:
     if DRIVES in shares:  # all of them
         shares |= {one.name: shares[DRIVES] for one in baseline.robot.actuated}
     # what the readings miss is drawn at the reflector, or where the frame is that they are read in
-    of_the_frame = "frame-misalignment" in {one.effect for one in told(result)}
+    of_the_frame = "frame-misalignment" in {one.effect for one in words.told(result)}
     for worst in result.where.get("poses", []):
         own = np.flatnonzero(rows.pose == worst["pose"])
         at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
@@ -138,63 +102,42 @@ def _view(result: Diagnosis) -> RobotView | None:
 
 
 def _which(result: Diagnosis) -> Section:
-    large = sizes_table(result, f"How large: {'their' if len(told(result)) > 1 else 'its'} parameters")
-    legend = " ".join(names_text(result))
+    large = shown.sizes_table(
+        result, f"How large: {'their' if len(words.told(result)) > 1 else 'its'} parameters"
+    )
+    legend = " ".join(shown.names_text(result))
     tables = [*([large] if large.rows else []), *drift_tables(result)]
-    if (found := by_causes(result)) is not None:
-        traces, layout = bars(
-            [in_words([one.key]) for one in found.causes],
-            [one.closes for one in found.causes],
-            "blue",
-            "share of the gap closed",
-            [one.closes_interval for one in found.causes],
-            range=[0, 1.02],
-            tickformat=".0%",
+    if (found := shown.by_causes(result)) is not None:
+        names = [words.in_words([one.key]) for one in found.causes]
+        values, ends = zip(*((one.closes, one.closes_interval) for one in found.causes), strict=True)
+        drawn = bars(names, values, "blue", "share of the gap closed", ends, **SHARE)
+        said = " ".join([shown.probability_text(found), *shown.next_best_text(result)])
+        caption = f"What each cause closes, added to those above it. {said}"
+        figure = Figure("which", "Causes", caption, *drawn, shown.causes_table(found, shown.CAUSES))
+    else:
+        first = shown.likely(result, shown.SHOWN)
+        names = [shown.in_full(one, result) for one in first]
+        drawn = bars(names, [one.probability for one in first], "blue", "probability", **SHARE)
+        caption, table = "Probability of the likeliest explanations.", "The candidates"
+        figure = Figure(
+            "which", "Which effect", caption, *drawn, shown.candidates_table(result, first, table)
         )
-        caption = (
-            f"What each cause closes, added to those above it. {probability_text(found)} "
-            f"{' '.join(next_best_text(result))}"
-        )
-        figure = Figure("which", "Causes", caption, traces, layout, causes_table(found, CAUSES))
-        plural = "s" * (len(found.causes) > 1)
-        return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
-    first = likely(result, SHOWN)
-    traces, layout = bars(
-        [in_full(one, result) for one in first],
-        [one.probability for one in first],
-        "blue",
-        "probability",
-        range=[0, 1.02],
-        tickformat=".0%",
-    )
-    figure = Figure(
-        "which",
-        "Which effect",
-        "Probability of the likeliest explanations.",
-        traces,
-        layout,
-        candidates_table(result, first, "The candidates"),
-    )
-    return Section("which", "Which cause", figures=[figure], tables=tables, footnote=legend)
+    plural = "s" * (found is not None and len(found.causes) > 1)
+    return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
 
 
 def _where(result: Diagnosis) -> Section:
-    places = notable(result)
-    first = places[:SHOWN]
+    places = shown.notable(result)
+    first = places[: shown.SHOWN]
     figures = []
     if first and result.verdict.effect != "none":
-        traces, layout = bars(
-            [item["component"] for item in first],
-            [item["share"] for item in first],
-            "orange",
-            "share of the gap above noise",
-            [tuple(item["interval"]) for item in first],
-            range=[0, 1.02],
-            tickformat=".0%",
-        )
-        table = places_table(places, "The places")
-        caption = f"{(SUMMED if by_causes(result) else ACCOUNTS).partition(': ')[2].capitalize()}."
-        figures.append(Figure("where", "Where on the robot", caption, traces, layout, table))
+        names, ends = [item["component"] for item in first], [tuple(item["interval"]) for item in first]
+        title = "share of the gap above noise"
+        drawn = bars(names, [item["share"] for item in first], "orange", title, ends, **SHARE)
+        table = shown.places_table(places, "The places")
+        share = shown.SUMMED if shown.by_causes(result) else shown.ACCOUNTS
+        caption = f"{share.partition(': ')[2].capitalize()}."
+        figures.append(Figure("where", "Where on the robot", caption, *drawn, table))
     parts = list[tuple[str, str, Mapping[str, float]]]()
     for name, values in result.where.get("joints", {}).items():
         turns = _turns(result, name)
@@ -202,8 +145,10 @@ def _where(result: Diagnosis) -> Section:
         parts.append((f"By {name}", head, _for_people(values, turns)))
     regions = result.where.get("regions", {})
     parts += [(f"By {axis} in the base frame", axis, values) for axis, values in regions.items()]
-    tables = [gap_tables(result)]
-    tables += [replace(gap_table(values, title, head), open=False) for title, head, values in parts if values]
+    tables = [shown.gap_tables(result)]
+    tables += [
+        replace(shown.gap_table(values, title, head), open=False) for title, head, values in parts if values
+    ]
     text = "Where the fitted model is off: by direction and load, and by joint reading and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
@@ -223,24 +168,19 @@ def _for_people(by_level: Mapping[str, float], turns: bool) -> dict[str, float]:
 
 
 def _how_far(result: Diagnosis) -> Section:
-    if one_posture(result):
-        return Section(
-            "how-far",
-            "How far the gap closes",
-            ["All rows are of one posture: none can be held out to test the reduction."],
-        )
-    left = steps(result)
-    traces, layout = bars(
-        list(left), [1e3 * value for value in left.values()], "green", "RMS gap, mm", rangemode="tozero"
-    )
+    if words.one_posture(result):
+        text = "All rows are of one posture: none can be held out to test the reduction."
+        return Section("how-far", "How far the gap closes", [text])
+    left = {name: 1e3 * value for name, value in shown.steps(result).items()}
+    drawn = bars(list(left), list(left.values()), "green", "RMS gap, mm", rangemode="tozero")
     caption = "Position gap on held-out data."
     if result.decomposition is None:
         caption += (
             " Any elastic model: compliance of every kind at every place at once, less than which no cause "
             "can be expected to leave."
         )
-    table = Table("What is left", ("model", "mm"), [[name, f"{1e3 * v:.4f}"] for name, v in left.items()])
-    figure = Figure("how-far", "What is left", caption, traces, layout, table)
+    table = Table("What is left", ("model", "mm"), [[name, f"{value:.4f}"] for name, value in left.items()])
+    figure = Figure("how-far", "What is left", caption, *drawn, table)
     return Section("how-far", "How far the gap closes", figures=[figure])
 
 
@@ -252,7 +192,7 @@ def _others(result: Diagnosis) -> Iterator[Section]:
         yield Section("parameters", "Fitted parameters", tables=fitted, open=False)
     nothing = result.verdict.effect == "none"
     hidden = [smallest_table(result)] if nothing else []
-    hidden += [made] if (made := untestable_table(result, "Not testable")).rows else []
+    hidden += [made] if (made := shown.untestable_table(result, "Not testable")).rows else []
     texts = [said] if nothing and (said := hidden_text(result)) else []
     yield Section("untestable", "What these data cannot show", texts, tables=hidden, open=False)
     limits = list(result.notes)
@@ -261,18 +201,12 @@ def _others(result: Diagnosis) -> Iterator[Section]:
 
 
 def _next(result: Diagnosis) -> Section:
-    following = [
-        [
-            ", ".join(
-                f"{name} = {number(value * (DEGREES if _turns(result, name) else 1e3))}"
-                for name, value in item["q"].items()
-            ),
-            ", ".join(number(value + 0.0) for value in item["wrench"]),
-            item["point"],
-            in_words(item["separates"]),
-        ]
-        for item in result.next
-    ]
+    following = []
+    for item in result.next:
+        q = {name: value * (DEGREES if _turns(result, name) else 1e3) for name, value in item["q"].items()}
+        joints = ", ".join(f"{name} = {number(value)}" for name, value in q.items())
+        wrench = ", ".join(number(value + 0.0) for value in item["wrench"])
+        following.append([joints, wrench, item["point"], words.in_words(item["separates"])])
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     wanted = bool(following) and result.verdict.effect != "none"
     title = proposed(result).replace("the", "The", 1) if wanted else ""

@@ -11,8 +11,8 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.reliability import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
-from beamstiff.report.html.charts import confusion_figure, error_bars, named_rows
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.charts import SHARE, confusion_figure, error_bars, named_rows
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
@@ -22,10 +22,10 @@ Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"
 ORDER = (*EFFECTS, NONE, UNKNOWN, FAILED, "removed", "outside")
 MARKS = {
-    "aim": ("circle", "green"),
-    "required": ("circle", "blue"),
-    "missed": ("x", "hot"),
-    None: ("circle-open", "muted"),
+    "aim": ("aim met", "circle", "green"),
+    "required": ("target met", "circle", "blue"),
+    "missed": ("missed", "x", "hot"),
+    None: ("no target", "circle-open", "muted"),
 }
 
 
@@ -47,29 +47,27 @@ def exam_html(
     rows = [row for row in headline(main, lean=not rich) if row.figure.count]
     broken = any(record.error is not None for record in records)
     failures = [told.failures_table(records)] if broken else []
-    return render(
-        Page(
-            title="Exam of a plan" if plan else "Exam of the diagnosis",
-            robot=examined,
-            verdict=told.plan_verdict(records) if plan else told.exam_verdict(rows, records),
-            summary=list(_summary(main, lean if rich else [], rows)),
-            facts=list(_facts(main)),
-            view=None,
-            sections=[
-                *([_plan(records)] if plan else []),
-                _asked(rows),
-                _reliability(main),
-                _effects(main),
-                _confusion(main),
-                _sorts(records, lean if rich else []),
-                _controls(main),
-                Section("failures", "Where the diagnosis broke off", tables=failures),
-                Section("notes", "Notes", items=notes),
-            ],
-            provenance=provenance,
-            data=facts,
-        )
-    )
+    return Page(
+        title="Exam of a plan" if plan else "Exam of the diagnosis",
+        robot=examined,
+        verdict=told.plan_verdict(records) if plan else told.exam_verdict(rows, records),
+        summary=list(_summary(main, lean if rich else [], rows)),
+        facts=list(_facts(main)),
+        view=None,
+        sections=[
+            *([_plan(records)] if plan else []),
+            _asked(rows),
+            _reliability(main),
+            _effects(main),
+            _confusion(main),
+            _sorts(records, lean if rich else []),
+            _controls(main),
+            Section("failures", "Where the diagnosis broke off", tables=failures),
+            Section("notes", "Notes", items=notes),
+        ],
+        provenance=provenance,
+        data=facts,
+    ).html()
 
 
 def _plan(records: Records) -> Section:
@@ -79,15 +77,11 @@ def _plan(records: Records) -> Section:
         return Section("plan", "What this plan could find")
     rates = {effect: score.coverage(cases) for effect, cases in singles.items()}
     names = sorted(rates, key=lambda effect: (rates[effect].value or 0.0, effect))
-    caption = (
-        "How often the verdict's set holds the truth, with its 95 % interval, the hardest to find first."
-    )
-    figure = _rates(
-        "plan-covered", "The verdict's set holds the truth", caption, names, [rates[n] for n in names]
-    )
-    return Section(
-        "plan", "What this plan could find", figures=[figure], tables=[next(told.plan_tables(records))]
-    )
+    title = "The verdict's set holds the truth"
+    caption = f"How often {title[0].lower()}{title[1:]}, with its 95 % interval, the hardest to find first."
+    figure = _rates("plan-covered", title, caption, names, [rates[name] for name in names])
+    tables = [next(told.plan_tables(records))]
+    return Section("plan", "What this plan could find", figures=[figure], tables=tables)
 
 
 def _rates(key: str, title: str, caption: str, names: Sequence[str], rates: Sequence[Rate]) -> Figure:
@@ -104,13 +98,14 @@ def _summary(main: Records, lean: Records, rows: Sequence[Row]) -> Iterator[str]
         "Each machine was simulated with a withheld effect, by a program that shares no equations with the "
         "diagnosis, and diagnosed from its rows alone."
     )
-    if missed := [row for row in rows if row.met == "missed"]:
-        parts = [
-            f"{row.name} {_text(row, row.figure.value)} (target "
-            f"{'at least' if row.better == 'high' else 'at most'} {_text(row, row.required)})"
-            for row in missed
-        ]
-        yield f"Missed: {'; '.join(parts)}."
+    missed = []
+    for row in (row for row in rows if row.met == "missed"):
+        least = "at least" if row.better == "high" else "at most"
+        missed.append(
+            f"{row.name} {_text(row, row.figure.value)} (target {least} {_text(row, row.required)})"
+        )
+    if missed:
+        yield f"Missed: {'; '.join(missed)}."
     if worst := score.worst_first(main):
         effect, cases = worst[0]
         found = effect_figures(cases)
@@ -142,15 +137,8 @@ def _facts(main: Records) -> Iterator[Fact]:
 def _asked(rows: Sequence[Row]) -> Section:
     shares = [row for row in rows if row.share]
     traces = [_intervals([row.figure for row in shares])]
-    for key, name in (
-        ("aim", "aim met"),
-        ("required", "target met"),
-        ("missed", "missed"),
-        (None, "no target"),
-    ):
-        own = [at for at, row in enumerate(shares) if row.met == key]
-        symbol, colour = MARKS[key]
-        if own:
+    for key, (name, symbol, colour) in MARKS.items():
+        if own := [at for at, row in enumerate(shares) if row.met == key]:
             x = [shares[at].figure.value for at in own]
             texts = [label(f"{shares[at].name}: {told.share(shares[at].figure)}") for at in own]
             traces.append(scatter(x, own, name, HOVER, (symbol, colour, 11), text=texts))
@@ -159,17 +147,13 @@ def _asked(rows: Sequence[Row]) -> Section:
         x, hover = [shares[at].required for at in asked], "target: %{x:.0%}<extra></extra>"
         traces.append(scatter(x, asked, "target", hover, ("line-ns-open", "ink", 20)))
         traces[-1]["marker"]["line"] = {"width": 2}
-    layout = named_rows(
-        [row.name for row in shares], "share of the cases", tickformat=".0%", range=[-0.02, 1.02]
-    )
+    names = [row.name for row in shares]
+    layout = named_rows(names, "share of the cases", tickformat=".0%", range=[-0.02, 1.02])
     layout |= {"showlegend": True, "margin": MARGIN | {"t": LEGEND + 30}, "height": layout["height"] + 60}
     caption = "Result with its 95 % interval; the vertical line is the target."
     table = told.headline_table(rows, "Targets and results")
-    return Section(
-        "asked",
-        "Targets and results",
-        figures=[Figure("asked-shares", "Shares", caption, traces, layout, table)],
-    )
+    figure = Figure("asked-shares", "Shares", caption, traces, layout, table)
+    return Section("asked", "Targets and results", figures=[figure])
 
 
 def _intervals(figures: Sequence[Rate]) -> dict[str, Any]:
@@ -197,13 +181,8 @@ def _reliability(records: Records) -> Section:
         scatter([0, 1], [0, 1], "as said", line={"color": css("muted"), "width": 1}),
         scatter(said, right, "examined, 95 %", HOVER, mark, text=texts, error_y=error),
     ]
-    share = {"tickformat": ".0%", "range": [0, 1.02]}
-    layout = plain_layout(
-        430,
-        margin=MARGIN | {"t": LEGEND},
-        xaxis=axis("probability said of the verdict", **share),
-        yaxis=axis("share of verdicts that are right", **share),
-    )
+    x, y = axis("probability said of the verdict", **SHARE), axis("share of verdicts that are right", **SHARE)
+    layout = plain_layout(430, margin=MARGIN | {"t": LEGEND}, xaxis=x, yaxis=y)
     table = replace(told.reliability_table(records), open=False)
     caption = "On the line, a verdict called 80 % sure is right in 80 % of the cases."
     counts = {
@@ -217,19 +196,13 @@ def _reliability(records: Records) -> Section:
         "marker": {"color": css("blue")},
         "name": "cases",
     }
-    how_many = plain_layout(
-        430, xaxis=axis("probability said of the verdict", **share), yaxis=axis("cases"), showlegend=False
-    )
-    return Section(
-        "reliability",
-        "How far probabilities can be trusted",
-        figures=[
-            Figure("reliability-right", "Reliability", caption, traces, layout, table),
-            Figure(
-                "reliability-cases", "How often said", "Cases by the probability said.", [counts], how_many
-            ),
-        ],
-    )
+    how_many = plain_layout(430, xaxis=x, yaxis=axis("cases"), showlegend=False)
+    said_of = "Cases by the probability said."
+    figures = [
+        Figure("reliability-right", "Reliability", caption, traces, layout, table),
+        Figure("reliability-cases", "How often said", said_of, [counts], how_many),
+    ]
+    return Section("reliability", "How far probabilities can be trusted", figures=figures)
 
 
 def _effects(records: Records) -> Section:
@@ -237,16 +210,13 @@ def _effects(records: Records) -> Section:
     if not worst:
         return Section("effects", "By effect")
     figures = []
+    names = [effect for effect, _ in worst]
+    cases = "Single effects, gap at least the noise, the worst first."
     for key, title, caption in (
-        (
-            "covered",
-            "The verdict's set holds the truth",
-            "Single effects, gap at least the noise, the worst first.",
-        ),
+        ("covered", "The verdict's set holds the truth", cases),
         ("exact", "Cause and place exactly right", "The same cases, in the same order."),
     ):
-        rates = [effect_figures(cases)[key] for _, cases in worst]
-        names = [effect for effect, _ in worst]
+        rates = [effect_figures(some)[key] for _, some in worst]
         figures.append(_rates(f"effects-{key}", title, caption, names, rates))
     tables = [told.effects_table(records), told.bands_table(records)]
     return Section("effects", "By effect, the worst first", figures=figures, tables=tables)
@@ -263,18 +233,16 @@ def _confusion(records: Records) -> Section:
         "Of cases whose gap is at least the noise. Of removed the effect was taken from the library, "
         "outside are in no library."
     )
-    return Section(
-        "confusion", "What was mistaken for what", [text], [confusion_figure(counts, order, table)]
-    )
+    figure = confusion_figure(counts, order, table)
+    return Section("confusion", "What was mistaken for what", [text], [figure])
 
 
 def _sorts(records: Records, lean: Records) -> Section:
     tables = [told.groups_table(records)]
     if lean:
         rows = [row for row in headline(lean, lean=True) if row.figure.count]
-        tables.append(
-            replace(told.headline_table(rows, f"Lean designs: {counted(len(lean), 'case')}"), open=False)
-        )
+        table = told.headline_table(rows, f"Lean designs: {counted(len(lean), 'case')}")
+        tables.append(replace(table, open=False))
     return Section("sorts", "By sort of case", tables=tables)
 
 

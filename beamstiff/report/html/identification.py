@@ -7,7 +7,7 @@ import numpy as np
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.charts import correlation_figure, intervals
-from beamstiff.report.html.page import Page, render
+from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
@@ -47,27 +47,24 @@ def identification_html(
     compared = Compared(found.robot, measured, displacement, predicted[0], used, predicted[1])
     rows = row_figures(compared, (AFTER, "") if before is None else (BEFORE, AFTER))
     fronts = [] if found.front is None else [front_table(found.front)]
-    return render(
-        Page(
-            title="Identification",
-            robot=robot.name,
-            verdict=identification_verdict(found, measured, files),
-            summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
-            facts=list(_facts(found)),
-            view=_view(found, measured),
-            sections=[
-                _parameters(found, robot),
-                *_degeneracies(found),
-                Section("front", "Position against rotation", tables=fronts),
-                *rows.sections,
-                Section("notes", "Notes", items=found.notes),
-                Section("method", "Method", texts=[method_text(found)]),
-            ],
-            provenance=provenance,
-            data=found.to_dict(),
-            shared=rows.shared,
-        )
-    )
+    return Page(
+        title="Identification",
+        robot=robot.name,
+        verdict=identification_verdict(found, measured, files),
+        summary=[*minded(measured, robot), *identification_text(found, measured, folds).splitlines()],
+        facts=list(_facts(found)),
+        view=_view(found, measured),
+        sections=[
+            _parameters(found, robot),
+            _degeneracies(found),
+            Section("front", "Position against rotation", tables=fronts),
+            *rows,
+            Section("notes", "Notes", items=found.notes),
+            Section("method", "Method", texts=[method_text(found)]),
+        ],
+        provenance=provenance,
+        data=found.to_dict(),
+    ).html()
 
 
 def _facts(found: Identification) -> Iterator[Fact]:
@@ -92,32 +89,19 @@ def _parameters(found: Identification, robot: Robot) -> Section:
     for item in found.parameters:
         low, high = item.interval or (item.lower_bound, None)
         ends.append((low, high if high is not None and np.isfinite(high) else None))
-    units = list(dict.fromkeys(item.unit for item in found.parameters))
     figures = []
-    for at, unit in enumerate(units):
+    for at, unit in enumerate(dict.fromkeys(item.unit for item in found.parameters)):
         own = [k for k, item in enumerate(found.parameters) if item.unit == unit]
-        traces, layout = intervals(
-            [names[k] for k in own],
-            [found.parameters[k].value for k in own],
-            [ends[k] for k in own],
-            f"stiffness, {unit}",
-        )
-        figures.append(
-            Figure(
-                f"parameters-{at + 1}",
-                f"Stiffness, {unit}",
-                "Identified value and 95 % interval; an arrow where the data set no upper end.",
-                traces,
-                layout,
-            )
-        )
+        values = [found.parameters[k].value for k in own]
+        drawn = intervals([names[k] for k in own], values, [ends[k] for k in own], f"stiffness, {unit}")
+        caption = "Identified value and 95 % interval; an arrow where the data set no upper end."
+        figures.append(Figure(f"parameters-{at + 1}", f"Stiffness, {unit}", caption, *drawn))
     correlation = [correlation_figure(names, found.correlation)] if 1 < len(names) <= MOST_NAMED else []
     tables = [identification_table(found, robot)]
     return Section("parameters", "The stiffness values", figures=[*figures, *correlation], tables=tables)
 
 
-def _degeneracies(found: Identification) -> Iterator[Section]:
+def _degeneracies(found: Identification) -> Section:
     texts = [text for text in combinations_text(found) if isinstance(text, str) and text]
-    told = combinations_table(found)
-    tables = [told] if told.rows else []
-    yield Section("degeneracies", "Identifiable only in combination", items=texts, tables=tables)
+    tables = [told] if (told := combinations_table(found)).rows else []
+    return Section("degeneracies", "Identifiable only in combination", items=texts, tables=tables)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
-from beamstiff.report.html.parts import numbers
+from beamstiff.report.html.parts import places
 from beamstiff.report.vtk import beam_shape
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -28,10 +28,7 @@ class Lines:
 
     def moving(self, still: bool = False) -> dict[str, Any]:
         """Return the lines as a trace; `still`: they stay where they are."""
-        result: dict[str, Any] = {name: numbers(self.points[:, k]) for k, name in enumerate("xyz")}
-        if not still:
-            result |= {f"d{name}": numbers(self.moved[:, k]) for k, name in enumerate("xyz")}
-        return result
+        return places(self.points, None if still else self.moved)
 
     def middles(self) -> dict[str, tuple[Array, Array]]:
         """Return the middle of every line and how it moves, by its name."""
@@ -55,17 +52,13 @@ def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
 
     def lines() -> Iterator[tuple[str, Array, Array]]:
         for name, nodes, bends in parts:
-            ends = [index[node] for node in nodes]
-            yield name, *_bent(positions[ends], moved[ends], BENT if bends else STRAIGHT, bends)
+            (a, b), s = (index[node] for node in nodes), np.linspace(0.0, 1.0, BENT if bends else STRAIGHT)
+            points, way = (np.outer(1 - s, one[a]) + np.outer(s, one[b]) for one in (positions, moved[:, :3]))
+            if bends:
+                way = beam_shape(positions[a], positions[b], moved[a], moved[b], s)[:, :3]
+            yield name, points, way
 
     return _joined(lines())
-
-
-def _bent(ends: Array, moved: Array, count: int, bends: bool) -> tuple[Array, Array]:
-    """Return points along a part and their displacement: of a beam cubic across it, as `beam_shape` says."""
-    s = np.linspace(0.0, 1.0, count)
-    points, way = (np.outer(1 - s, one[0]) + np.outer(s, one[1]) for one in (ends, moved[:, :3]))
-    return points, beam_shape(ends[0], ends[1], moved[0], moved[1], s)[:, :3] if bends else way
 
 
 def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: float) -> Lines:
@@ -79,11 +72,8 @@ def joint_lines(robot: Robot, q: Array, positions: Array, moved: Array, size: fl
             direction = rotations[kinematics.frame_index[joint.frame]] @ np.array(joint.axis)
             direction = direction / np.linalg.norm(direction)
             arms = JOINT * size * np.array([-1.0, 0.0, 1.0])[:, None] * direction
-            yield (
-                component_of(robot, joint),
-                positions[node] + arms,
-                moved[node, :3] + np.cross(moved[node, 3:], arms),
-            )
+            way = moved[node, :3] + np.cross(moved[node, 3:], arms)
+            yield component_of(robot, joint), positions[node] + arms, way
 
     return _joined(lines())
 

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -34,40 +34,39 @@ class Page:
     sections: Sequence[Section]
     provenance: Provenance
     data: Mapping[str, Any]  # the result, as ``--json`` writes it
-    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # arrays that several figures draw
     papers: str = "--figure"  # the option that draws for papers; empty where there is none
 
+    def html(self) -> str:
+        """Return the page as HTML: one file with its style, its scripts and its data.
 
-def render(page: Page) -> str:
-    """Return a page as HTML: one file with its style, its scripts and its data.
-
-    Everything that comes from people's files is escaped.
-    """
-    environment = Environment(
-        loader=PackageLoader("beamstiff.report.html"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    action = OPTIONS.sub("", page.verdict.action)
-    texts = [OPTIONS.sub("", text) for text in page.summary]
-    page = replace(page, verdict=replace(page.verdict, action=action), summary=texts)
-    figures = [one for section in page.sections for one in section.figures]
-    drawn = {one.key: _drawn(one) for one in figures}
-    if page.view is not None:
-        drawn[page.view.figure.key] = _drawn(page.view.figure) | {"views": page.view.views}
-    script, plotly = f"\n{_asset('report.js')}\n", plotly_script()
-    return environment.get_template("report.html").render(
-        page=page,
-        policy=_policy(script, plotly),
-        sections=[one for one in page.sections if one.texts or one.items or one.figures or one.tables],
-        style=Markup(_asset("report.css")),
-        script=Markup(script),
-        plotly=Markup(plotly),
-        figures=Markup(embedded({"figures": drawn, "shared": page.shared})),
-        data=Markup(embedded(page.data)),
-    )
+        Everything that comes from people's files is escaped.
+        """
+        environment = Environment(
+            loader=PackageLoader("beamstiff.report.html"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        action = OPTIONS.sub("", self.verdict.action)
+        texts = [OPTIONS.sub("", text) for text in self.summary]
+        page = replace(self, verdict=replace(self.verdict, action=action), summary=texts)
+        drawn = {one.key: _drawn(one) for section in page.sections for one in section.figures}
+        shared = {name: values for section in page.sections for name, values in section.shared.items()}
+        if page.view is not None:
+            drawn[page.view.figure.key] = _drawn(page.view.figure) | {"views": page.view.views}
+            shared |= page.view.shared
+        script, plotly = f"\n{_asset('report.js')}\n", plotly_script()
+        return environment.get_template("report.html").render(
+            page=page,
+            policy=_policy(script, plotly),
+            sections=[one for one in page.sections if one.texts or one.items or one.figures or one.tables],
+            style=Markup(_asset("report.css")),
+            script=Markup(script),
+            plotly=Markup(plotly),
+            figures=Markup(embedded({"figures": drawn, "shared": shared})),
+            data=Markup(embedded(page.data)),
+        )
 
 
 def _policy(*scripts: str) -> str:

@@ -50,6 +50,7 @@ class Section:
     tables_text: str = ""
     footnote: str = ""  # below the tables
     open: bool = True  # shown at once; else behind its heading
+    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # arrays that figures of the page draw
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,15 @@ def numbers(values: Array, digits: int = DIGITS) -> list[float | None]:
     """
     flat = np.asarray(values, dtype=float).ravel().tolist()
     return [float(f"{value:.{digits}g}") + 0.0 if np.isfinite(value) else None for value in flat]
+
+
+def places(points: Array, moved: Array | None = None, digits: int = DIGITS) -> dict[str, Any]:
+    """Return the places (n, 3) of a trace and how they move: each by itself (n, 3), or all alike (3,)."""
+    trace: dict[str, Any] = {name: numbers(points[:, k], digits) for k, name in enumerate("xyz")}
+    if moved is not None:
+        ways = numbers(moved, digits) if moved.ndim == 1 else [numbers(way, digits) for way in moved.T]
+        trace |= {f"d{name}": way for name, way in zip("xyz", ways, strict=True)}
+    return trace
 
 
 def label(text: str) -> str:

@@ -82,15 +82,9 @@ class Sizes:
         return high if 0.0 < OUTLYING * high < self.largest else self.largest
 
 
-@dataclass(frozen=True)
-class RowFigures:
-    """Sections that show rows, and the arrays that their figures share."""
-
-    sections: list[Section]
-    shared: dict[str, list[Any]]
-
-
-def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, int]] = PLANES) -> RowFigures:
+def over_places(
+    sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, int]] = PLANES
+) -> list[Section]:
     """Return the sections that show the sizes of rows where the tool was, and by joint reading.
 
     There are none where no row has a size above 0.
@@ -98,35 +92,26 @@ def over_places(sizes: Sizes, joints: bool = True, planes: Sequence[tuple[int, i
     `joints`: show them by joint reading. `planes`: in which the tool's places are drawn.
     """
     chosen, rows = sizes.shown, sizes.rows
+    if not sizes.largest > 0.0:  # none, or nothing to see
+        return []
     held: dict[str, list[Any]] = {"rows": [label(line_of(rows, at)) for at in chosen.tolist()]}
     held |= {f"size_{key}": numbers(value[chosen], 4) for key, value in sizes.values.items()}
     if sizes.ceiling < sizes.largest:
         drawn = {key: np.minimum(value[chosen], sizes.ceiling) for key, value in sizes.values.items()}
         held |= {f"mark_{key}": numbers(value, 4) for key, value in drawn.items()}
-    if not sizes.largest > 0.0:  # none, or nothing to see
-        return RowFigures([], held)
     places = tool_places(sizes.robot, rows, chosen)
     held |= {f"place_{name}": numbers(places[:, k], 4) for k, name in enumerate("xyz")}
     what, said = sizes.what, f" {sizes.left_out}" if sizes.left_out else ""
-    sections = [
-        Section(
-            "workspace",
-            "Where in the workspace",
-            texts=[
-                f"The position {what} of every row at the place of the tool: "
-                f"{' and '.join(SIDES[plane] for plane in planes)}. Larger and darker is worse.{said}"
-            ],
-            figures=_maps(sizes, planes),
-            open=False,
-        )
-    ]
+    sides = " and ".join(SIDES[plane] for plane in planes)
+    text = f"The position {what} of every row at the place of the tool: {sides}. Larger and darker is worse."
+    title, maps = "Where in the workspace", _maps(sizes, planes)
+    sections = [Section("workspace", title, [text + said], maps, open=False, shared=held)]
     if joints:
         text = f"The position {what} of every row over each joint's reading."
         if what != "displacement":
             text += " A trend points at a joint; so does a step."
-        joint_figures = _joints(sizes)
-        sections.append(Section("joints", "Over the joints", [text], figures=joint_figures, open=False))
-    return RowFigures(sections, held)
+        sections.append(Section("joints", "Over the joints", [text], _joints(sizes), open=False))
+    return sections
 
 
 def tool_places(robot: Robot, rows: Measurements, chosen: NDArray[np.intp]) -> Array:

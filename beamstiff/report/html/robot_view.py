@@ -16,7 +16,7 @@ from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.cameras import CAMERAS, across
 from beamstiff.report.html.links import Lines, joint_lines, link_lines
-from beamstiff.report.html.parts import Figure, axis, css, label, numbers, plain_layout
+from beamstiff.report.html.parts import Figure, axis, css, label, numbers, places, plain_layout
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.shapes import beam_solids, force_and_moment, solids_style
 from beamstiff.report.tables import Table, millimetres, nice, number
@@ -74,20 +74,18 @@ class RobotView:
     # note, slider: what is to be said, and what the slider magnifies
     note: str = ""
     slider: str = "Magnification of the deformed shape"
+    shared: Mapping[str, Sequence[Any]] = field(default_factory=dict)  # arrays that its traces draw
 
 
 def worst_postures(rows: Measurements, size: Array, what: str = "") -> list[Shown]:
     """Return the worst poses by the size of their rows (N,), mm, each at its worst row."""
     order = np.argsort(-np.nan_to_num(size))
     first = np.sort(np.unique(rows.pose[order], return_index=True)[1])
+    worst = order[first][:POSES].tolist()
+    names = [f"pose {rows.pose[at]}: {what}{size[at]:.3g} mm ({line_of(rows, at)})" for at in worst]
     return [
-        Shown(
-            f"pose {rows.pose[at]}: {what}{size[at]:.3g} mm ({line_of(rows, at)})",
-            rows.q[at],
-            rows.wrench[at],
-            str(rows.load_point[at]),
-        )
-        for at in order[first][:POSES].tolist()
+        Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]))
+        for name, at in zip(names, worst, strict=True)
     ]
 
 
@@ -175,6 +173,9 @@ class _View:
         arrows = force_and_moment(one.wrench, self.positions[load], 0.2 * self.size)
         told = {name: f"{label(name)}: {100 * value:.1f} %" for name, value in shares.items()}
         ghost = links.moving(still=True) | {"hovertext": None}
+        solids = []
+        if self.robot.beams:
+            solids = [beam_solids(self.robot, self.axes, self.positions, self.moved, shares, told)]
         return {
             "name": one.name,
             "traces": [
@@ -182,7 +183,7 @@ class _View:
                 _coloured(links, shares, told),
                 _coloured(joints, shares, told),
                 {
-                    **_points(self.positions[ends], self.moved[ends, :3]),
+                    **places(self.positions[ends], self.moved[ends, :3]),
                     "shares": [
                         shares.get("base", 0.0),
                         max(shares.get(name, 0.0) for name in TOOL),
@@ -194,13 +195,9 @@ class _View:
                         *(told[name] for name in own),
                     ],
                 },
-                {**arrows.lines(self.moved[load, :3])},
-                {**arrows.heads(self.moved[load, :3])},
-                *(
-                    [beam_solids(self.robot, self.axes, self.positions, self.moved, shares, told)]
-                    if self.robot.beams
-                    else []
-                ),
+                arrows.lines(self.moved[load, :3]),
+                arrows.heads(self.moved[load, :3]),
+                *solids,
                 self._ellipsoid(compliance, tool),
             ],
             "labels": self._labels(shares, links, joints, index, marks),
@@ -224,25 +221,21 @@ class _View:
         marks: Mapping[str, str],
     ) -> list[dict[str, Any]]:
         """Return where the parts with the largest shares are named."""
+        nodes = dict.fromkeys(TOOL, self.robot.tcp) | {"base": self.robot.fixed[0], **marks}
         ends = {
             name: (self.positions[index[node]], self.moved[index[node], :3])
-            for name, node in (
-                *((name, name) for name in index),
-                ("base", self.robot.fixed[0]),
-                *((name, self.robot.tcp) for name in TOOL),
-                *marks.items(),
-            )
+            for name, node in ({name: name for name in index} | nodes).items()
         }
-        places = {**ends, **links.middles(), **joints.middles()}
+        seen = {**ends, **links.middles(), **joints.middles()}
         first = sorted(shares.items(), key=lambda item: -item[1])[:LABELLED]
         return [
             {
                 "text": f"{label(shortened(name))} {100 * value:.0f} %",
-                "at": numbers(places[name][0]),
-                "by": numbers(places[name][1]),
+                "at": numbers(seen[name][0]),
+                "by": numbers(seen[name][1]),
             }
             for name, value in first
-            if name in places and value >= SEEN
+            if name in seen and value >= SEEN
         ]
 
     def _ellipsoid(self, compliance: Array, tool: int) -> dict[str, Any]:
@@ -255,17 +248,8 @@ class _View:
         sphere = np.stack([np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)])
         axes = scale * directions * values
         surface = np.einsum("ij,jab->iab", axes, sphere) + self.positions[tool][:, None, None]
-        rows = {
-            name: [numbers(row, 6) for row in values] for name, values in zip("xyz", surface, strict=True)
-        }
-        return rows | {
-            f"d{name}": value for name, value in zip("xyz", numbers(self.moved[tool, :3]), strict=True)
-        }
-
-
-def _points(positions: Array, moved: Array) -> dict[str, Any]:
-    result: dict[str, Any] = {name: numbers(positions[:, k]) for k, name in enumerate("xyz")}
-    return result | {f"d{name}": numbers(moved[:, k]) for k, name in enumerate("xyz")}
+        rows = {name: [numbers(row, 6) for row in part] for name, part in zip("xyz", surface, strict=True)}
+        return rows | {f"d{name}": numbers(self.moved[tool, :3])[k] for k, name in enumerate("xyz")}
 
 
 def _coloured(lines: Lines, shares: Mapping[str, float], told: Mapping[str, str]) -> dict[str, Any]:
@@ -291,13 +275,8 @@ def _styles(share: str, most: float, solid: bool) -> list[dict[str, Any]]:
     """Return the looks of the traces; where they are comes from the posture shown."""
     scale = [[0.0, css("part")], [0.12, css("warm")], [1.0, css("hot")]]
     coloured: dict[str, Any] = {"colorscale": scale, "cmin": 0.0, "cmax": most}
-    bar = {
-        "title": {"text": share, "side": "right"},
-        "tickformat": ".0%",
-        "thickness": 12,
-        "len": 0.7,
-        "outlinewidth": 0,
-    }
+    bar = {"title": {"text": share, "side": "right"}, "tickformat": ".0%", "thickness": 12, "len": 0.7}
+    bar["outlinewidth"] = 0
     return [
         lines("undeformed", "skip", color=css("muted"), width=3, dash="dash"),
         lines("links", width=9, **coloured, colorbar=bar, showscale=bool(share)),
@@ -342,22 +321,15 @@ def space(camera: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 def _table(shown: Sequence[Shown], moved: Array, compliance: Array, tool: int) -> Table:
     rows = []
     for at, one in enumerate(shown):
-        force, moment = np.linalg.norm(one.wrench[:3]), np.linalg.norm(one.wrench[3:])
+        loads = (number(float(np.linalg.norm(part))) for part in (one.wrench[:3], one.wrench[3:]))
         values, directions = np.linalg.eigh(0.5 * (compliance[at] + compliance[at].T)[:3, :3])
-        along = directions[:, -1] * (
-            1.0 if directions[np.argmax(np.abs(directions[:, -1])), -1] > 0 else -1.0
-        )
-        soft = f"{1e6 * values[-1]:.4g} µm/N along ({', '.join(f'{part:.2f}' for part in along)})"
-        rows.append(
-            [
-                one.name,
-                number(float(force)),
-                number(float(moment)),
-                millimetres([float(np.linalg.norm(moved[at, tool, :3]))])[0],
-                soft if values[-1] > 0 else "rigid",
-                f"{1e6 * max(values[0], 0.0):.4g} µm/N" if values[-1] > 0 else "-",
-            ]
-        )
+        along = directions[:, -1] * (1.0 if max(directions[:, -1], key=abs) > 0 else -1.0)
+        soft, stiff = "rigid", "-"
+        if values[-1] > 0:
+            soft = f"{1e6 * values[-1]:.4g} µm/N along ({', '.join(f'{part:.2f}' for part in along)})"
+            stiff = f"{1e6 * max(values[0], 0.0):.4g} µm/N"
+        moves = millimetres([float(np.linalg.norm(moved[at, tool, :3]))])
+        rows.append([one.name, *loads, *moves, soft, stiff])
     columns = ("posture", "force, N", "moment, N m", "tool moves, mm", "softest direction", "stiffest")
     return Table("The postures shown", columns, rows, left=1, open=False)
 

@@ -24,7 +24,6 @@ from beamstiff.report.html.places import (
     BEFORE_AFTER,
     LEGEND,
     MARKS,
-    RowFigures,
     Sizes,
     line_of,
     over_places,
@@ -61,7 +60,9 @@ def minded(rows: Measurements, robot: Robot) -> list[str]:
     return [f"Mind first: {doubt}" + ("" if doubt.endswith("?") else ".") for doubt in doubts(rows, robot)]
 
 
-def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with the cause")) -> RowFigures:
+def row_figures(
+    compared: Compared, names: tuple[str, str] = ("the model", "with the cause")
+) -> list[Section]:
     """Return the sections that show rows.
 
     `names`: what the predictions are of, before and after.
@@ -70,16 +71,11 @@ def row_figures(compared: Compared, names: tuple[str, str] = ("the model", "with
     if compared.after is not None:
         gaps["after"] = compared.gap(compared.after)
     sizes = Sizes(compared.robot, compared.rows, gaps, names)
-    over = over_places(sizes)
-    held = dict(over.shared)
-    more = [
-        *_columns(compared, names),
-        *((f"gap {name}, mm", one) for name, one in zip(names, gaps.values(), strict=False)),
-    ]
-    table = rows_table(sizes, more)
+    norms = ((f"gap {name}, mm", one) for name, one in zip(names, gaps.values(), strict=False))
+    table = rows_table(sizes, [*_columns(compared, names), *norms])
     last = Section("rows", "The rows", tables=[table], open=False)
-    sections = [_residuals(compared, sizes, held), *over.sections, last]
-    return RowFigures([one for one in sections if one.figures or one.tables], held)
+    sections = [_residuals(compared, sizes), *over_places(sizes), last]
+    return [one for one in sections if one.figures or one.tables]
 
 
 def _columns(compared: Compared, names: tuple[str, str]) -> Iterator[tuple[str, Array]]:
@@ -94,25 +90,19 @@ def _columns(compared: Compared, names: tuple[str, str]) -> Iterator[tuple[str, 
             yield f"{DISPLACEMENT[k]} {what}, {'mm' if k < 3 else 'mrad'}", 1e3 * values[:, k]
 
 
-def _residuals(compared: Compared, sizes: Sizes, held: dict[str, list[Any]]) -> Section:
+def _residuals(compared: Compared, sizes: Sizes) -> Section:
     """Return the residual over the load, component by component, and over the postures in their order."""
     chosen, names = sizes.shown, sizes.names
     predictions = [compared.before, *([] if compared.after is None else [compared.after])]
-    figures = []
+    figures, held = [], dict[str, list[Any]]()
     if compared.used[chosen][:, :3].any():
         figures = list(_over_load(compared, chosen, predictions, names))
     if sizes.largest > 0.0:
         held["pose"] = [int(at) for at in compared.rows.pose[chosen]]
         marks = BEFORE_AFTER if len(sizes.values) > 1 else MARKS
+        x, hover, rows = shared("pose"), "%{text}, pose %{x}: %{y} mm", shared("rows")
         traces = [
-            scatter(
-                shared("pose"),
-                shared(f"size_{key}"),
-                label(name),
-                "%{text}, pose %{x}: %{y} mm",
-                (symbol, colour, 6),
-                text=shared("rows"),
-            )
+            scatter(x, shared(f"size_{key}"), label(name), hover, (symbol, colour, 6), text=rows)
             for key, name, (symbol, colour) in zip(sizes.values, names, marks, strict=False)
         ]
         layout = plain_layout(
@@ -123,12 +113,9 @@ def _residuals(compared: Compared, sizes: Sizes, held: dict[str, list[Any]]) -> 
             showlegend=len(traces) > 1,
         )
         figures.append(Figure("residual-pose", "Over the poses", "", traces, layout))
-    return Section(
-        "residuals",
-        "Residuals, before and after" if compared.after is not None else "Residuals",
-        texts=["Measured minus predicted position. A pattern over load or posture is more than noise."],
-        figures=figures,
-    )
+    title = "Residuals, before and after" if compared.after is not None else "Residuals"
+    text = "Measured minus predicted position. A pattern over load or posture is more than noise."
+    return Section("residuals", title, [text], figures, shared=held)
 
 
 def _over_load(

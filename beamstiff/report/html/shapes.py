@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.report.html.parts import css, label, numbers
+from beamstiff.report.html.parts import css, label, numbers, places
 from beamstiff.report.tables import number
 from beamstiff.report.vtk import beam_shape
 from beamstiff.robot.description import Robot
@@ -73,8 +73,7 @@ def beam_solids(
         text += [told.get(beam.name, label(beam.name))] * (n * RINGS)
     at, way, corner = (np.concatenate(some) for some in (points, ways, faces))
     return {
-        **{name: numbers(at[:, k]) for k, name in enumerate("xyz")},
-        **{f"d{name}": numbers(way[:, k]) for k, name in enumerate("xyz")},
+        **places(at, way),
         **{name: corner[:, k].tolist() for k, name in enumerate("ijk")},
         "shares": share,
         "hovertext": text,
@@ -106,21 +105,13 @@ class Arrows:
     def lines(self, moved: Array) -> dict[str, Any]:
         """Return the shafts, with a gap after each, as a trace that moves along."""
         points = [[self.origin, self.origin + 0.9 * one, np.full(3, np.nan)] for one in self.vectors]
-        at = np.array(points).reshape(-1, 3)
-        return {
-            **{name: numbers(at[:, k]) for k, name in enumerate("xyz")},
-            **{f"d{name}": value for name, value in zip("xyz", numbers(moved), strict=True)},
-            "hovertext": [text for text in self.texts for _ in range(3)],
-        }
+        texts = [text for text in self.texts for _ in range(3)]
+        return places(np.array(points).reshape(-1, 3), moved) | {"hovertext": texts}
 
     def heads(self, moved: Array) -> dict[str, Any]:
         """Return the heads as cones that move along."""
-        tips = self.origin + self.vectors
-        return {
-            **{name: numbers(tips[:, k]) for k, name in enumerate("xyz")},
-            **{name: numbers(HEAD * self.vectors[:, k]) for k, name in enumerate("uvw")},
-            **{f"d{name}": value for name, value in zip("xyz", numbers(moved), strict=True)},
-        }
+        along = {name: numbers(HEAD * self.vectors[:, k]) for k, name in enumerate("uvw")}
+        return places(self.origin + self.vectors, moved) | along
 
 
 def force_and_moment(wrench: Array, origin: Array, length: float) -> Arrows:

@@ -8,15 +8,8 @@ import numpy as np
 
 from beamstiff.report.html.cameras import CAMERAS, DIAGONAL
 from beamstiff.report.html.links import joint_lines, link_lines
-from beamstiff.report.html.parts import Figure, css, label, numbers, shared
-from beamstiff.report.html.robot_view import (
-    AROUND,
-    FURTHER,
-    RobotView,
-    base_and_tool,
-    lines,
-    space,
-)
+from beamstiff.report.html.parts import Figure, css, label, numbers, places, shared
+from beamstiff.report.html.robot_view import AROUND, FURTHER, RobotView, base_and_tool, lines, space
 from beamstiff.report.tables import Table, nice
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -52,14 +45,6 @@ class Deviations:
         return points, moved, [text for text in texts for _ in range(3)]
 
 
-@dataclass(frozen=True)
-class StillView:
-    """A robot view and the arrays that it shares."""
-
-    view: RobotView
-    shared: dict[str, list[Any]]
-
-
 def still_view(
     robot: Robot,
     postures: Sequence[tuple[str, Array]],
@@ -67,7 +52,7 @@ def still_view(
     slider: str,
     caption: str,
     table: Table,
-) -> StillView | None:
+) -> RobotView | None:
     """Return a robot in some postures and deviations that a slider magnifies; None without a posture.
 
     `postures` (str, (A,)): what each is, and its actuated values. `deviations`: in the base frame. `slider`:
@@ -88,21 +73,12 @@ def still_view(
     own = []
     for one in deviations:
         points, moved, texts = one.lines()
-        columns: dict[str, list[Any]] = {name: numbers(points[:, k], 6) for k, name in enumerate("xyz")}
-        if np.any(moved):
-            columns |= {f"d{name}": numbers(moved[:, k], 6) for k, name in enumerate("xyz")}
-        columns["hovertext"] = texts
+        columns = places(points, moved if np.any(moved) else None, 6) | {"hovertext": texts}
         own.append({name: shared(_kept(held, f"{one.key}_{name}", value)) for name, value in columns.items()})
-    views = []
-    for (name, q), positions in zip(postures, where, strict=True):
-        views.append(
-            {
-                "name": name,
-                "traces": [*_robot(robot, q, positions, size), *own],
-                "labels": [],
-                "ranges": ranges,
-            }
-        )
+    views = [
+        {"name": name, "traces": [*_robot(robot, q, at, size), *own], "labels": [], "ranges": ranges}
+        for (name, q), at in zip(postures, where, strict=True)
+    ]
     figure = Figure(
         "robot",
         "The robot",
@@ -111,7 +87,7 @@ def still_view(
         space(CAMERAS["oblique"], legend={"orientation": "h", "x": 0, "y": 1, "yanchor": "top"}),
         table,
     )
-    return StillView(RobotView(figure, views, magnification, most, cameras, slider=slider), held)
+    return RobotView(figure, views, magnification, most, cameras, slider=slider, shared=held)
 
 
 def _kept(held: dict[str, list[Any]], name: str, values: list[Any]) -> str:
@@ -152,18 +128,11 @@ def _close(
 
 
 def _robot(robot: Robot, q: Array, positions: Array, size: float) -> list[dict[str, Any]]:
-    still = np.zeros((len(positions), 6))
-    ends = np.array(
-        [positions[[node.name for node in robot.nodes].index(n)] for n in (robot.fixed[0], robot.tcp)]
-    )
-    links, joints = link_lines(robot, positions, still), joint_lines(robot, q, positions, still, size)
-    return [
-        *(
-            one.moving(still=True) | {"hovertext": [label(name) for name in one.names]}
-            for one in (links, joints)
-        ),
-        {**{name: numbers(ends[:, k]) for k, name in enumerate("xyz")}, "hovertext": ["base", "tool"]},
-    ]
+    still, names = np.zeros((len(positions), 6)), [node.name for node in robot.nodes]
+    ends = positions[[names.index(robot.fixed[0]), names.index(robot.tcp)]]
+    lines = link_lines(robot, positions, still), joint_lines(robot, q, positions, still, size)
+    parts = [one.moving(still=True) | {"hovertext": [label(name) for name in one.names]} for one in lines]
+    return [*parts, places(ends) | {"hovertext": ["base", "tool"]}]
 
 
 def _styles(deviations: Sequence[Deviations]) -> list[dict[str, Any]]:
