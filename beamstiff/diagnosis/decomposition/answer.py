@@ -63,12 +63,14 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
         )
     }
     order, errors = _named_first(folds, order, errors, causes, noise2)
+    astray = _astray(folds, order, errors, noise2, seed)
     every = [
         replace(
             causes[cause],
             closes=share,
             closes_interval=interval(before, after, noise2, total, seed),
             rms_after=float(np.sqrt(after.sum() / folds.rows)),
+            astray=cause in astray,
         )
         for cause, share, before, after in zip(
             order, closed(errors, noise2), errors[:-1], errors[1:], strict=True
@@ -104,18 +106,29 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
 
 
 def unsteady(folds: Folds, step: Step, seed: int) -> set[str]:
-    """Return causes of a selection that may make postures worse which were held out: by their 90 % interval.
-
-    They close much on the average of few postures, and little or less than nothing on most of them.
-    """
+    """Return causes of a selection that may make postures worse which were held out, ``effect:component``."""
     order, errors = ordered(folds, causes_of(folds.choice, step))
-    noise2, total = _noise2(folds.model), float(errors[0].sum())
+    astray = _astray(folds, order, errors, _noise2(folds.model), seed)
+    return {folds.choice.forms[cause[0]].key for cause in astray}
+
+
+def _astray(
+    folds: Folds, order: Sequence[Numbers], errors: Sequence[Array], noise2: float, seed: int
+) -> set[Numbers]:
+    """Return causes that may make postures worse which were held out: by their 90 % interval.
+
+    They close much on the average of few postures, and little or less than nothing on most of them: after
+    those before them, and beside all others. Causes that share what they move take it from one another.
+    """
+    total, found = float(errors[0].sum()), set()
     told = zip(order, closed(errors, noise2), errors[:-1], errors[1:], strict=True)
-    return {
-        folds.choice.forms[cause[0]].key
-        for cause, share, before, after in told
-        if share >= MINOR and interval(before, after, noise2, total, seed)[0] < 0.0
-    }
+    for cause, share, before, after in told:
+        if share < MINOR or interval(before, after, noise2, total, seed)[0] >= 0.0:
+            continue
+        others = fit_step(folds.choice, [number for one in order if one != cause for number in one])
+        if interval(folds.squared_errors(others), errors[-1], noise2, total, seed)[0] < 0.0:
+            found.add(cause)
+    return found
 
 
 def _noise2(model: OpenModel) -> float:

@@ -72,6 +72,8 @@ class Cause:
         The best of each of these.
     runner_up : RunnerUp or None
         What would be selected in its place, where it is named and has no look-alike.
+    astray : bool
+        Whether it may make postures worse that were held out, after those before it and beside all others.
     """
 
     forms: tuple[Form, ...]
@@ -86,6 +88,7 @@ class Cause:
     indistinguishable: tuple[str, ...]
     rivals: tuple[Form, ...]
     runner_up: RunnerUp | None = None
+    astray: bool = False
 
     @property
     def key(self) -> str:

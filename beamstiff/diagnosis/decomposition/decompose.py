@@ -173,9 +173,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         if not astray:
             found = _told(settings, folds, step)
             every = (*found.causes, *found.unclear)
-            astray = _unsettled(found, QUARTER) | {
-                one.key for one in every if one.closes >= MINOR and one.closes_interval[0] < 0.0
-            }
+            astray = _unsettled(found, QUARTER) | {one.key for one in every if one.astray}
         if not astray:
             return found
         step = _without(folds, step, astray, settings.seed)
