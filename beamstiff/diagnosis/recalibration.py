@@ -18,9 +18,11 @@ from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 
-# realistic deviations, 5 cm or 3 deg, of a length or an angle: beyond two standard deviations four public
-# robots were off by at most 14, 26 simulated ones by 2, a table read with another robot by 660
-UNLIKE = 50.0
+# m that a length or an angle moves the points: beyond two standard deviations four public robots were off
+# by at most 14 mm or mrad, 26 simulated ones by 2, a table read with another robot by 660. An angle counts
+# by its lever, 1 m at most: a surgical wrist was 0.08 rad off its drawing, which moves its marker by 2 mm
+UNLIKE = 0.05
+OF_THE_ROBOT = {"target", "offset", "frame"}  # groups of parameters: beside the measuring frame and set-ups
 SEED = 0  # of the folds
 UNSEEN = 1e-3  # of a realistic deviation (1 mm, 1 mrad): less is not told
 
@@ -69,9 +71,9 @@ class Recalibration:
 def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None:
     """Return what changed in the geometry of the `robot` that was found; None where it stays as described."""
     model = found.model
-    if model.problem is None:
+    if model.problem is None or not {item.group for item in model.problem.parameters} & OF_THE_ROBOT:
         return None
-    before = verify(model.given, model.baseline.rows, refit_frame=True).after
+    before = _described(found)
     return Recalibration(
         before=before,
         placed=min(_placed(found, before), before),
@@ -83,10 +85,16 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
 
 def unlike(found: Decomposition) -> str:
     """Return, in words, that the readings hardly are of the robot that is described; mostly empty."""
+    problem = found.model.problem
+    if problem is None:
+        return ""
+    columns = problem.geometry.jacobian(problem.split(problem.expected)[0])[1][:, :3]
+    levers = np.minimum(np.sqrt((columns**2).sum(axis=1).mean(axis=0)), 1.0)
+    lever = dict(zip((item.name for item in problem.geometry.parameters), levers.tolist(), strict=True))
     far = [
         f"{one.parameter.name} by {1e3 * one.by:.3g} m{one.parameter.unit}"
-        for one in ([] if found.model.problem is None else _told(found, found.model.baseline.nominal))
-        if one.parameter.group == "frame" and abs(one.by) - 2 * one.std > UNLIKE * one.parameter.size
+        for one in _told(found, found.model.baseline.nominal)
+        if one.parameter.group == "frame" and lever[one.parameter.name] * (abs(one.by) - 2 * one.std) > UNLIKE
     ]
     if not far:
         return ""
@@ -103,6 +111,16 @@ def _told(found: Decomposition, robot: Robot) -> list[Change]:
     moved = _changes(found.model.given, robot, problem.parameters)
     changes = [Change(item, by, std.get(item.name, 0.0)) for item, by in moved]
     return sorted(changes, key=lambda one: -abs(one.by) / one.parameter.size)
+
+
+def _described(found: Decomposition) -> float:
+    """Return the gap of the robot as described, the measuring frame or an instrument's set-ups fitted, m."""
+    rows, problem = found.model.baseline.rows, found.model.problem
+    if problem is None or not (rows.targets or rows.camera):
+        return verify(found.model.given, rows, refit_frame=True).after
+    bare = found.model.given.model_copy(update={"identify": ()})
+    groups = {item.group for item in problem.parameters} & {"base"}
+    return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or found.rms
 
 
 def _placed(found: Decomposition, before: float) -> float:

@@ -230,7 +230,7 @@ def _of_the_robot(table: Measurements, robot: Robot) -> Iterator[str]:
 def require_usable(table: Measurements) -> None:
     """Refuse displacements that tell nothing of the machine, and positions none of which has x, y and z."""
     if table.kind != "displacement":
-        unread = np.isnan(table.position)
+        unread = np.isnan(table.position[table.by_tracker])  # other instruments read a single number
         if unread.any(axis=1).all() and not unread.all():
             lost = [axis for axis, column in zip("xyz", unread.T, strict=True) if column.all()]
             which = f": no row has a value in {' or '.join(lost)}" if lost else ""

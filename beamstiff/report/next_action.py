@@ -27,6 +27,7 @@ VARIED = {
     "angle": "move {} alone through its range in small steps, unloaded",
     "direction of approach": "move {} alone to the same values from both sides",
     "time": "return to one posture now and then, unloaded",
+    "order of the rows": "return to one posture now and then, unloaded, and add a column t [s]",
     "load": "load some postures step by step, up and down again",
     "reflector": "read all reflectors in the same postures",
 }
@@ -124,8 +125,8 @@ def _by_remainder(result: Diagnosis) -> str:
     if found is None or not found.remainder.follows:
         return "Measure other postures and load directions; beamstiff plan chooses them."
     what = found.remainder.follows[0][0]
-    how, joint, name = what.rpartition(" of ")
-    vary = VARIED[how or what].format(name if joint else "")
+    how, _, name = (what, "", "") if what in VARIED else what.rpartition(" of ")
+    vary = VARIED[how].format(name)
     return f"The gap follows the {what}: {vary}. Diagnose the old and the new rows together."
 
 

@@ -39,6 +39,17 @@ def test_of_readings_of_another_robot_nothing_is_named() -> None:
     assert not [one for one in alike.notes if "from its drawing" in one]
 
 
+def test_a_wrist_far_off_its_drawing_that_moves_the_tool_little_is_no_other_robot() -> None:
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    wrist = corrected(robot, {"f5.alpha": 0.12}, np.zeros((1, 6)))  # the tool is 0.15 m from that axis
+    result = diagnose(robot, read(wrist, rng.uniform(-2.5, 2.5, (POSES, 6)), ("gear",), rng))
+    assert result.recalibration is not None
+    (turned,) = (one for one in result.recalibration.changes if one.parameter.name == "f5.alpha")
+    assert turned.by == pytest.approx(0.12, abs=2e-3)
+    assert not [one for one in result.notes if "from its drawing" in one]
+    assert result.verdict.key == "angle-curve:q3"
+
+
 def test_a_stated_noise_far_beyond_the_readings_is_no_agreement() -> None:
     robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
     rows = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), (), rng)

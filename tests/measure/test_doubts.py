@@ -8,6 +8,7 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.measure.doubts import copies_between, counted_once, doubts, require_usable
+from beamstiff.measure.instruments import target
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
@@ -169,6 +170,15 @@ def test_positions_are_not_asked_for_loads() -> None:
     there = ARM.model_copy(update={"identify": ()})
     rows = at_random(there, 4, seed=1, position=np.ones((4, 3)))
     require_usable(replace(rows, wrench=np.zeros((4, 6))))
+
+
+def test_planes_read_one_number_and_positions_need_three() -> None:
+    there = ARM.model_copy(update={"identify": ()})
+    read = np.column_stack([np.zeros(4), np.full((4, 2), np.nan)])
+    with pytest.raises(BeamstiffError, match="no row has a value in y or z"):
+        require_usable(at_random(there, 4, seed=1, position=read))
+    table = {"target": ["table"] * 4, "targets": [target("table", "plane")]}
+    require_usable(at_random(there, 4, seed=1, position=read, **table))
 
 
 def test_a_table_pasted_twice_counts_once() -> None:

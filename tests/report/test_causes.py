@@ -214,6 +214,7 @@ def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None
         ("angle of q3", "The gap follows the angle of q3: move q3 alone through its range in small steps"),
         ("direction of approach of q2", "the direction of approach of q2: move q2 alone to the same values"),
         ("time", "The gap follows the time: return to one posture now and then"),
+        ("order of the rows", "The gap follows the order of the rows: return to one posture now and then"),
         ("load", "The gap follows the load: load some postures step by step"),
         ("reflector", "The gap follows the reflector: read all reflectors in the same postures"),
         (None, "beamstiff plan chooses them."),

@@ -204,8 +204,11 @@ def open_geometry(
     residual, tangent = problem.linearised(problem.expected)
     changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
     changes |= dict.fromkeys(given, 0.0)
-    beside = (max(found.noise, 1.0), found.spread or FACTOR, True) if settled else ()
-    known = known_beforehand(robot, problem, changes, *beside)
+    # sockets and planes do not tell the robot's scale, and one that is smaller as a whole leaves less of a
+    # gap: where it scatters far beside the stated noise, it would shrink to a point
+    noise = max(found.noise, 1.0) if settled or rows.targets else 1.0
+    beside = (found.spread or FACTOR, True) if settled else ()
+    known = known_beforehand(robot, problem, changes, noise, *beside)
     baseline = replace(
         fit_baseline(about, there, keep=()), used=problem.used, sigma=problem.sigma, given=robot
     )

@@ -18,7 +18,7 @@ from beamstiff.se3 import Array
 
 TOLD = 0.1  # share of the remainder from which something is said to be followed
 ORDERS = 5  # of a joint's angle
-POWERS = 4  # of the time
+POWERS = 4  # of the time, or of the order of the rows
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,8 @@ def _covariates(model: OpenModel) -> Iterator[tuple[str, Array]]:
     turning = np.concatenate([tool_axes(baseline), np.zeros((len(rows), 3, 3))], axis=1)
     time = clock(baseline)
     drift = np.stack([time**power for power in range(1, POWERS + 1)], axis=1)
-    yield "time", np.concatenate([still * t[:, None, None] for t in drift.T], axis=-1)
+    when = "time" if np.isfinite(rows.time).all() else "order of the rows"
+    yield when, np.concatenate([still * t[:, None, None] for t in drift.T], axis=-1)
     if np.abs(rows.wrench).any():
         load = rows.wrench / np.maximum(np.abs(rows.wrench).max(axis=0), 1e-300)
         acts = np.abs(load).max(axis=0) > 0
