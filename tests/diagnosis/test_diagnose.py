@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from beamstiff import BeamstiffError
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.measure.rows import subset
@@ -20,13 +19,13 @@ from tests.diagnosis import planted
 from tests.diagnosis.machines import (
     ONCE,
     POSITION,
-    ROTATION,
     arm_at,
     at_random,
     elbow,
     kr240,
     nominal,
     rows_of,
+    sound,
 )
 from tests.diagnosis.planted import backlash, base_compliance, campaign, diagnosed, plan, tool_offset
 
@@ -227,14 +226,6 @@ def test_scatter_of_a_few_positions_whose_noise_nobody_states_has_no_sure_name(s
     found = diagnose(kr240(), rows)
     assert found.verdict.effect in ("none", "outliers") or found.verdict.probability < 0.6
     assert found.notes[0].startswith("only 15 values")
-
-
-def sound(load: float = 1.0, noise: float = 1.0) -> Measurements:
-    """Return a campaign of the elbow arm, whose drives are as described."""
-    rows = at_random(elbow(), 40, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)
-    rows = replace(rows, wrench=load * rows.wrench)
-    error = noise * np.random.default_rng(2).standard_normal((40, 6)) * rows.sigma
-    return replace(rows, displacement=predict(elbow(), rows) + error)
 
 
 def pulled_down(*effects: planted.Effect) -> Measurements:

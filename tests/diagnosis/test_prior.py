@@ -1,16 +1,13 @@
 """Priors of causes that a user sets: they move probabilities the right way, and wrong names are refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, diagnose, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import predict
 from tests.diagnosis.decomposition import test_decompose as ur10
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, kr240
+from tests.diagnosis.machines import POSITION, elbow, kr240, sound
 from tests.diagnosis.planted import Effect, backlash, campaign, load_error, plan, thermal_drift
 
 
@@ -72,9 +69,6 @@ def test_neither_is_lost_motion_of_all_joints_of_a_ur10() -> None:
 
 
 def test_where_there_is_noise_alone_excluding_a_cause_finds_none() -> None:
-    rows = at_random(elbow(), 40, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)
-    noise = np.random.default_rng(2).standard_normal((40, 6)) * rows.sigma
-    rows = replace(rows, displacement=predict(elbow(), rows) + noise)
-    found = diagnose(elbow(), rows, without=["load-error"])
+    found = diagnose(elbow(), sound(), without=["load-error"])
     assert found.verdict.key == "none:null"
     assert "excluded" not in " ".join(found.notes)
