@@ -53,7 +53,7 @@ def abb(q: Array, front: float) -> StatedPosture:
 @pytest.mark.parametrize("stated", [kuka, abb])
 def test_of_all_postures_at_a_pose_the_stated_one_is_taken(stated) -> None:
     arm = arm_of(KINEMATICS)
-    q = postures(20, 1)
+    q = postures(12, 1)
     poses = pose_of(KINEMATICS, posture(KINEMATICS, q), KINEMATICS.robot.tcp)
     fronts = in_front(q, poses)
     said = [stated(one, front) for one, front in zip(q, fronts, strict=True)]

@@ -36,12 +36,12 @@ KRL = [
 INNER = "{X 100,Y -1200,Z 900,A 0,B 0,C 180}"
 
 
-@pytest.mark.parametrize("text", KRL)
-def test_krl_frames_of_the_file_are_followed(tmp_path: Path, text: str) -> None:
+def test_krl_frames_of_the_file_are_followed(tmp_path: Path) -> None:
     here = corrected(tmp_path, "b.src", f"LIN {INNER}\n", base=BASE_POSE, tool=TOOL_POSE)
-    there = corrected(tmp_path, "a.src", text.replace("{0}", INNER))
-    np.testing.assert_allclose(there, here, atol=1e-9)
     assert np.abs(corrected(tmp_path, "c.src", f"LIN {TARGET}\n") - here).max() > 0.1
+    for text in KRL:
+        there = corrected(tmp_path, "a.src", text.replace("{0}", INNER))
+        np.testing.assert_allclose(there, here, atol=1e-9, err_msg=text)
 
 
 def test_rapid_work_objects_and_tools_of_the_file_are_followed(tmp_path: Path) -> None:

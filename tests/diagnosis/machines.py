@@ -58,6 +58,14 @@ def at_random(robot: Robot, count: int, seed: int, reach: float = 1.0, **more: A
     return rows_of(robot, q, wrench, **more)
 
 
+def sound(load: float = 1.0, noise: float = 1.0) -> Measurements:
+    """Return 40 rows of the elbow arm as described; `load` and `noise` are times the usual and the stated."""
+    rows = at_random(elbow(), 40, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)
+    rows = replace(rows, wrench=load * rows.wrench)
+    error = noise * np.random.default_rng(2).standard_normal((40, 6)) * rows.sigma
+    return replace(rows, displacement=predict(elbow(), rows) + error)
+
+
 def nominal(robot: Robot, rows: Measurements) -> Baseline:
     """Return the baseline of rows that read what the robot says, so that nothing is left to fit."""
     if rows.kind == "displacement":

@@ -10,6 +10,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, calibrated_without
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.applied import applied, calibrated_beside
+from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.verify import verify
 from beamstiff.errors import BeamstiffError
@@ -89,10 +90,16 @@ def test_joints_stay_whole_where_a_file_has_rounded_their_nodes() -> None:
     np.testing.assert_allclose(places[ends[:, 0]], places[ends[:, 1]], atol=1e-9)
 
 
-def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
+@pytest.fixture(scope="module")
+def found() -> Decomposition:
+    """Return the causes in all readings of the machine."""
     robot = load_robot(UR10)
-    found = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
-    assert found is not None
+    several = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
+    assert several is not None
+    return several
+
+
+def test_what_the_readings_do_not_tell_apart_absorbs_nothing(found: Decomposition) -> None:
     effect = applied(found).effects[0]
     sizes = {name: abs(by) for name, by in effect.absorbed.items()}
     assert "base.x" in sizes
@@ -100,15 +107,14 @@ def test_what_the_readings_do_not_tell_apart_absorbs_nothing() -> None:
     assert max(sizes.values()) < 0.02  # rad or m: a few times the sag itself
 
 
-def test_a_machine_that_would_buckle_is_told_by_the_linear_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_that_would_buckle_is_told_by_the_linear_step(
+    found: Decomposition, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Wrong rows make drives as soft as none is; the diagnosis stands all the same."""
 
     def buckles(*given: object, **options: object) -> NoReturn:
         raise BeamstiffError("robot 'UR10' buckles under its load")
 
-    robot = load_robot(UR10)
-    found = diagnose(robot, measured(corrected(robot, OFF, np.zeros((1, 6))), 2)).decomposition
-    assert found is not None
     monkeypatch.setattr("beamstiff.diagnosis.decomposition.applied.open_geometry", buckles)
     assert calibrated_beside(found) == found.model.robot(found.change)
 

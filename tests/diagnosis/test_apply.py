@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, Robot
+from beamstiff import BeamstiffError
 from beamstiff.diagnosis.added_effect import needed_scales, rounded
 from beamstiff.diagnosis.apply import effects_displacement, extended
 from beamstiff.diagnosis.diagnose import diagnose
@@ -26,42 +26,13 @@ from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array
+from tests.diagnosis.machines import ELBOW, FORE, SHOULDER, UPPER, elbow
 
 # two links in a horizontal plane: gravity turns neither joint
-UPPER, FORE = 1.2, 0.8  # m
-STIFFNESS = np.array([2e6, 5e5])  # N m/rad
-ARM = """\
-beamstiff: 1
-name: arm
-variables:
-  - {name: q1, type: revolute, limits: [-3, 3]}
-  - {name: q2, type: revolute, limits: [-3, 3]}
-frames:
-  - {name: f1, theta: q1}
-  - {name: f2, parent: f1, d: 1.2, theta: q2}
-nodes:
-  - {name: foot}
-  - {name: hub, frame: f1}
-  - {name: end, frame: f1, at: [1.2, 0, 0]}
-  - {name: pin, frame: f2}
-  - {name: tip, frame: f2, at: [0.8, 0, 0]}
-rigids:
-  - {name: upper, nodes: [hub, end]}
-  - {name: fore, nodes: [pin, tip]}
-joints:
-  - {name: J1, nodes: [foot, hub], frame: f1, variable: q1, stiffness: {torsional: 2e6}}
-  - {name: J2, nodes: [end, pin], frame: f2, variable: q2, stiffness: {torsional: 5e5}}
-fixed: [foot]
-tcp: tip
-identify: [J1.torsional, J2.torsional]
-"""
+STIFFNESS = np.array([SHOULDER, ELBOW])
 NOISE = 1e-5  # m
 SIZE = 4e-4  # rad, of the dead zone
 TILT = 1.5e-7  # rad/(N m), of the floor
-
-
-def arm() -> Robot:
-    return parse_robot(ARM)
 
 
 def levers(q: Array) -> Array:
@@ -109,7 +80,7 @@ CAUSES = [("backlash", "q2"), ("base-compliance", None)]
 @cache
 def diagnosed(effect: str) -> Diagnosis:
     q, wrench = campaign(1)
-    return diagnose(arm(), read(q, wrench, truth(q, wrench, effect), 2))
+    return diagnose(elbow(), read(q, wrench, truth(q, wrench, effect), 2))
 
 
 @pytest.mark.parametrize(("effect", "component"), CAUSES)
@@ -203,7 +174,7 @@ def test_identification_beside_the_effects_finds_the_stiffness(effect: str) -> N
 
 def test_without_an_effect_only_the_stiffness_is_written() -> None:
     q, wrench = campaign(1)
-    result = diagnose(arm(), read(q, wrench, truth(q, wrench, "none"), 2))
+    result = diagnose(elbow(), read(q, wrench, truth(q, wrench, "none"), 2))
     assert result.verdict.effect == "none"
     robot = extended(result)
     assert robot.effects == ()
@@ -280,37 +251,37 @@ def any_rows(kind: str, seed: int) -> Measurements:
 @pytest.mark.parametrize("kind", ["displacement", "absolute"])
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: str, kind: str) -> None:
+    """All shapes of a component at once, each of other sizes: the robot is written, read and asked."""
     fitted, rows = any_rows(kind, 0), any_rows(kind, 5)
-    fit = fit_baseline(arm(), fitted)
+    fit = fit_baseline(elbow(), fitted)
     there = at_rows(fit, rows)
     rng = np.random.default_rng(3)
     law = EFFECTS[effect]
     for component in law.components(fit):
-        shapes = law.shapes(there, component)
+        shapes, expected = law.shapes(there, component), np.zeros((len(rows), 6))
+        added: dict[str, AddedEffect] = {}
         for shape in shapes[:: max(len(shapes) // 6, 1)] + shapes[-1:]:
-            if all(item.posture_specific for item in shape.parameters):
+            if all(item.posture_specific for item in shape.parameters) or shape.name in added:
                 continue  # of the campaign alone: no part of a robot
             values = rng.uniform(-1, 1, len(shape.parameters)) * [item.size for item in shape.parameters]
             values[[item.posture_specific for item in shape.parameters]] = 0.0
             values = np.where([item.positive for item in shape.parameters], np.abs(values), values)
-            names = [item.name for item in shape.parameters]
-            added = AddedEffect(
+            sizes = zip((item.name for item in shape.parameters), values.tolist(), strict=True)
+            added[shape.name] = AddedEffect(
                 effect=effect,
                 component=component,
                 shape=shape.name,
-                parameters={name: value for name, value in zip(names, values.tolist(), strict=True) if value},
+                parameters={name: value for name, value in sizes if value},
                 scales=needed_scales(shape, law.scales(fit, component)),
             )
-            robot = fit.robot.model_copy(update={"effects": (added,)})
-            robot = parse_robot(robot_to_yaml(robot))
-            expected = shape.columns @ values
-            found = effects_displacement(robot, rows)
-            np.testing.assert_allclose(
-                found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12)
-            )
-            np.testing.assert_allclose(
-                predict(robot, rows), there.predicted + expected, rtol=0, atol=1e-9 * np.abs(expected).max()
-            )
+            expected += shape.columns @ values
+        robot = fit.robot.model_copy(update={"effects": tuple(added.values())})
+        robot = parse_robot(robot_to_yaml(robot))
+        found = effects_displacement(robot, rows)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12))
+        np.testing.assert_allclose(
+            predict(robot, rows), there.predicted + expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+        )
 
 
 BACKLASH = {
@@ -323,7 +294,7 @@ BACKLASH = {
 
 
 def test_an_effect_written_by_hand() -> None:
-    robot = arm().model_copy(update={"effects": (AddedEffect(**BACKLASH),)})
+    robot = elbow().model_copy(update={"effects": (AddedEffect(**BACKLASH),)})
     q, wrench = campaign(0)
     rows = read(q, wrench, 0 * wrench[:, :3], 0)
     lever = levers(q)
@@ -355,7 +326,7 @@ def test_an_effect_written_by_hand() -> None:
     ],
 )
 def test_what_the_library_does_not_know_is_refused(change: dict[str, Any], message: str) -> None:
-    robot = arm().model_copy(update={"effects": (AddedEffect(**(BACKLASH | change)),)})
+    robot = elbow().model_copy(update={"effects": (AddedEffect(**(BACKLASH | change)),)})
     q, wrench = campaign(0)
     rows = read(q, wrench, 0 * wrench[:, :3], 0)
     with np.errstate(all="ignore"), pytest.raises(BeamstiffError, match=message):
@@ -364,19 +335,19 @@ def test_what_the_library_does_not_know_is_refused(change: dict[str, Any], messa
 
 def test_a_payload_does_not_show_in_differences() -> None:
     payload = AddedEffect(effect="payload-error", shape="mass", parameters={"mass": "3 kg"})
-    robot = arm().model_copy(update={"effects": (payload,)})
+    robot = elbow().model_copy(update={"effects": (payload,)})
     assert not effects_displacement(robot, any_rows("displacement", 0)).any()
 
 
 def test_what_does_not_show_is_checked_all_the_same() -> None:
     payload = AddedEffect(effect="payload-error", shape="mast", parameters={"mass": "3 kg"})
     with pytest.raises(BeamstiffError, match=r"unknown shape 'mast' .*did you mean 'mass'"):
-        effects_displacement(arm().model_copy(update={"effects": (payload,)}), any_rows("displacement", 0))
+        effects_displacement(elbow().model_copy(update={"effects": (payload,)}), any_rows("displacement", 0))
 
 
 def test_an_effect_stands_in_the_file_once() -> None:
     play = AddedEffect(**BACKLASH)
-    twice = arm().model_copy(update={"effects": (play, play)})
+    twice = elbow().model_copy(update={"effects": (play, play)})
     with pytest.raises(BeamstiffError, match=r"effects\[1\] \(backlash\): shape .* stands there before"):
         effects_displacement(twice, any_rows("displacement", 0))
 
@@ -384,7 +355,7 @@ def test_an_effect_stands_in_the_file_once() -> None:
 def test_of_several_shapes_only_the_sum_cannot_be_negative() -> None:
     one = AddedEffect(**BACKLASH)
     other = one.model_copy(update={"shape": "flank within 0.1", "parameters": {"half_width": -5e-5}})
-    both = arm().model_copy(update={"effects": (one, other)})
+    both = elbow().model_copy(update={"effects": (one, other)})
     assert effects_displacement(both, any_rows("displacement", 0)).any()
 
 
@@ -418,7 +389,7 @@ def test_a_floor_gives_way_under_the_payload_that_the_file_does_not_know() -> No
     rows = make_measurements(["q1", "q2"], q, tcp="tip", position=np.zeros((len(q), 3)))
     turned = TILT * np.cross(tip, [0.0, 0.0, -mass * gravity])
     for effects in ((floor, payload), (payload, floor)):
-        moved = effects_displacement(arm().model_copy(update={"effects": effects}), rows)
+        moved = effects_displacement(elbow().model_copy(update={"effects": effects}), rows)
         np.testing.assert_allclose(moved[:, :3], np.cross(turned, tip), rtol=1e-6, atol=1e-12)
 
 
@@ -432,7 +403,7 @@ def test_a_floor_gives_way_under_the_force_that_acts_and_not_that_which_a_cell_s
     )
     rows = make_measurements(["q1", "q2"], q, tcp="tip", wrench=wrench, displacement=np.zeros((len(q), 3)))
     moved, cell = (
-        effects_displacement(arm().model_copy(update={"effects": some}), rows)[:, :3]
+        effects_displacement(elbow().model_copy(update={"effects": some}), rows)[:, :3]
         for some in (effects, effects[1:])
     )
     turned = 1.1 * TILT * np.cross(tip, wrench[:, :3]) * [1, 1, 0]

@@ -7,8 +7,9 @@ import pytest
 
 from beamstiff.diagnosis import diagnose as module
 from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.measure.rows import in_runs
-from tests.diagnosis.machines import at_random, kr240
+from tests.diagnosis.machines import at_random, elbow, kr240
 
 
 @pytest.mark.parametrize("rows", [40, 41, 97, 400])
@@ -26,9 +27,9 @@ def test_runs_hold_whole_postures_in_their_order_and_no_more_rows_than_asked_for
 
 def test_of_a_large_table_a_part_is_diagnosed_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_ROWS", 60)
-    rows = at_random(kr240(), 120, seed=2)
+    robot = elbow()
+    rows = at_random(robot, 120, seed=2)
     noise = 1e-5 * np.random.default_rng(0).standard_normal((120, 6))
-    rows = replace(rows, displacement=noise + 1e-4 * rows.wrench / 800)
-    found = diagnose(kr240(), rows)
+    found = diagnose(robot, replace(rows, displacement=predict(robot, rows) + noise))
     assert found.notes[0] == "60 of 120 rows are diagnosed: ten runs of postures, spread over the table"
     assert len(found.baseline.rows) == 60

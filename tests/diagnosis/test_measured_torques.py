@@ -249,19 +249,6 @@ def test_where_stiffness_is_sought_torques_that_contradict_are_noted() -> None:
         assert any("measured torques" in note for note in notes) == doubted  # agreement goes without saying
 
 
-def test_beside_effects_of_the_file_torques_are_not_used() -> None:
-    slack = AddedEffect(
-        effect="approach-direction",
-        component="q2",
-        shape="direction of the last motion",
-        parameters={"half_lost_motion": 1e-5},
-        scales={},
-    )
-    machine = ROBOT.model_copy(update={"effects": (slack,)})
-    rows = campaign(0, "payload")
-    assert BESIDE_EFFECTS in diagnose(machine, rows).notes
-
-
 def test_a_closed_loop_is_held_as_its_structure_says() -> None:
     """Truth: equilibrium of the elastic structure (`fem`), not virtual work."""
     robot = load_robot("palletizer")

@@ -8,6 +8,7 @@ import pytest
 import beamstiff
 from beamstiff import Robot
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.measure.rows import concatenate
@@ -62,8 +63,11 @@ def test_each_table_may_have_a_frame_of_its_own(machine: Robot) -> None:
 
 
 def test_a_second_diagnosis_of_the_readings_finds_nothing(machine: Robot) -> None:
-    found = beamstiff.diagnose(machine, seen(machine, SIGMA))
+    rows = seen(machine, SIGMA)
+    torque = np.random.default_rng(2).standard_normal(rows.q.shape)
+    found = beamstiff.diagnose(machine, replace(rows, torque=torque))
     assert found.verdict.effect == "none"
+    assert BESIDE_EFFECTS in found.notes  # torques are those of a machine without effects
     assert found.known == machine.effects
     assert extended(found).effects == machine.effects
 

@@ -67,10 +67,12 @@ def wrenches(structure: Structure, loads: Mapping[str, Sequence[float]]) -> Arra
 
 def critical_factor(robot: Robot, loads: Mapping[str, Sequence[float]]) -> float:
     """Return by how much the loads can be multiplied before the robot buckles, to 1e-7 of it."""
+    structure = compile_structure(robot)
+    rest, once = at_rest(structure), wrenches(structure, loads)
 
     def buckles(factor: float) -> bool:
         try:
-            loaded(robot, loads, factor)
+            loaded_compliance(structure, rest, factor * once)
         except BeamstiffError as refused:
             if "buckl" in str(refused):
                 return True

@@ -148,9 +148,9 @@ def test_promised_is_true_on_fresh_poses_whatever_slipped(
 
 
 def test_a_target_that_slipped_stands_where_it_came_to_rest() -> None:
-    diagnosis, robot = found("slip")
+    diagnosis, robot = found("approach", "gear", "slip")
     rng = np.random.default_rng(8)
-    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), (), rng)
+    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear"), rng)
     later = verify(extended(diagnosis), fresh, refit_frame=True)
     assert later.after > 0.3 * np.linalg.norm(SLIP)  # glued on anew, it stands at its old place
 

@@ -52,7 +52,9 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
     return q + turned
 
 
-@pytest.mark.parametrize("stiffness", [1e5, 5e4])  # N m/rad; the file says 2e5
+@pytest.mark.parametrize(
+    "stiffness", [pytest.param(1e5, marks=pytest.mark.slow), 5e4]
+)  # N m/rad; the file says 2e5
 def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_fitted(
     stiffness: float,
 ) -> None:
@@ -100,7 +102,7 @@ def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as
     assert fresh.promised == pytest.approx(fresh.true, abs=0.03)
 
 
-@pytest.mark.parametrize("case", [0, 45])
+@pytest.mark.parametrize("case", [pytest.param(0, marks=pytest.mark.slow), 45])
 def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_told(case: int) -> None:
     """It promised more than it moved on fresh poses, by 0.23 and 0.75: its columns carried the error too."""
     drawn = draw_crowded_case(CrowdedExam(seed=20261811), case)
