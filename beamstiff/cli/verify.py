@@ -105,7 +105,15 @@ def verify(
     ]
     if found.after > found.before:
         level = "differs"
-        action = f"Delete from the robot file what makes these rows worse: {in_words(worse)}."
+        head = (
+            f"The file's effects make these rows worse: position error {rounded(1e3 * found.before)} mm "
+            f"without them, {rounded(1e3 * found.after)} mm with them"
+        )
+        action = (
+            f"Do not use this robot. What makes these rows worse: {in_words(worse)}. Diagnose the robot "
+            "file from before its effects were added on the rows from then and these together: "
+            f"{diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])}."
+        )
     if found.other_frame is not None:
         head = (
             f"The measuring frame is not exactly the robot's base frame: position error "

@@ -115,7 +115,9 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = "Move these targets, or keep them as they are (--unreachable keep)."
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    assumed = " if the real robot is as assumed" if before.rms_mm > NOTHING else ""
+    assumed = (
+        ", plus what the file of the real robot leaves (beamstiff verify)" if before.rms_mm > NOTHING else ""
+    )
     errors = f"{told(before.rms_mm)} mm, after correction {told(after.rms_mm)} mm"
     said = f"Predicted error along the path: {errors}{assumed}"
     return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")

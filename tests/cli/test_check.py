@@ -76,7 +76,10 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
     )
     (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + effect)
     said = run("verify", "worse.yaml", "crane.csv").stdout
-    assert "Next: Delete from the robot file what makes these rows worse: backlash at q1." in said
+    assert said.startswith("The file's effects make these rows worse: position error ")
+    assert "Next: Do not use this robot. What makes these rows worse: backlash at q1." in " ".join(
+        said.split()
+    )
     assert "There is no before and after" not in said
 
 
