@@ -138,7 +138,8 @@ def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
         given |= {one: size for one in parameters if named or robot.parameter(one) == float("inf")}
     wanted = {*robot.identify, *given}
     ordered = [name for name in stiffness_parameters(robot) if name in wanted]
-    return robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
+    started = robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
+    return started.with_unmeasured((), given)
 
 
 def missing_notes(robot: Robot) -> list[str]:

@@ -100,10 +100,11 @@ def _of_the_unit(table: Measurements, robot: Robot, described: Array, moved: Arr
     times = float((described * moved).sum()) / max(float((described**2).sum()), 1e-300)
     if described.any() and times > 0.0 and not 1.0 / GUESSED < times < GUESSED:
         there, said = ("kN", "N") if times > 1.0 else ("N", "kN")
+        start = "If not, these drives are start values, and are fitted."
+        otherwise = start if robot.unmeasured else "Or is the stiffness in the robot file a guess?"
         yield (
             f"{table.source}: the loads move the tool {times:.2g} times as far as the drives of robot "
-            f"{robot.name!r} let them: are fx fy fz in {there}, and read in {said}, or is the stiffness in "
-            "the robot file a guess?"
+            f"{robot.name!r} let them: are fx fy fz in {there}, and read in {said}? {otherwise}"
         )
 
 

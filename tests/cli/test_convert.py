@@ -38,6 +38,7 @@ def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(
 ) -> None:
     stiff = ("--joint-stiffness", "5e5 N*m/rad")
     succeed("convert", "crane.urdf", *stiff, "--out", "start.yaml")
+    assert load_robot("start.yaml").unmeasured == ("q1.torsional",)
     # a push of 1 kN across the arm of 1 m turns it by 1 mrad: 1e6 N m/rad
     (folder / "data.csv").write_text(
         "# sigma_position: 0.01 mm\nq1,fy,dx [mm],dy [mm]\n0,1000,0,1\n0,-2000,0,-2\n"

@@ -90,8 +90,8 @@ def changed(table: Measurements, wrong: Callable[[Array], Array]) -> Measurement
         (lambda f: f * [1, -1, 1], "fy reversed ("),
         (lambda f: f * [1, 1, 1e-3], "fz in kN, and read in N ("),
         (lambda f: f * [1e3, 1, 1], "fx in N, and read in kN ("),
-        (lambda f: 1e-3 * f, "are fx fy fz in kN, and read in N,"),
-        (lambda f: 1e3 * f, "are fx fy fz in N, and read in kN,"),
+        (lambda f: 1e-3 * f, "are fx fy fz in kN, and read in N? Or is"),
+        (lambda f: 1e3 * f, "are fx fy fz in N, and read in kN? Or is"),
     ],
 )
 def test_columns_of_forces_are_named(wrong: Callable[[Array], Array], told: str, kind: str) -> None:
