@@ -48,8 +48,8 @@ def recalibration_text(changed: Recalibration, others: str = "in --json and --ap
     )
     if changed.stiff is not None and rounded(changed.stiff) != rounded(changed.after):
         gap += (
-            f" The drives were fitted with it: with their stiffness as in the robot file "
-            f"{rounded(1e3 * changed.stiff)} mm are left."
+            f" With the stiffness of the drives as in the robot file, not as fitted, "
+            f"{rounded(1e3 * changed.stiff)} mm would be left."
         )
     if not changed.changes:
         return [gap]

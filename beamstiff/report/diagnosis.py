@@ -26,7 +26,7 @@ from beamstiff.report.diagnosis_text import (
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.tables import Column, Table, below, scale_of, table, worth
+from beamstiff.report.tables import Column, Table, below, counted, scale_of, table, worth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -144,9 +144,9 @@ def causes_table(found: Decomposition, title: str) -> Table:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = f"{CLOSES} Probability: of this cause, or one that moves the tool in the same way."
+    said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
-        said += " These data cannot distinguish the causes joined by or: most of what it lacks is theirs."
+        said += " Causes joined by or fit these data equally well."
     return said
 
 
@@ -166,7 +166,9 @@ def next_best_text(result: Diagnosis) -> list[str]:
         if ratio >= 1.005:
             lines.append(f"{said}, held-out gap {gap}.")
         else:
-            lines.append(f"{said} by all rows, but it predicts held-out rows as well: it is not ruled out.")
+            lines.append(
+                f"{said} by all rows, but it predicts held-out rows just as well: it may be the true cause."
+            )
     return lines
 
 
@@ -179,7 +181,7 @@ def steps(result: Diagnosis) -> dict[str, float]:
         for at, one in enumerate(found.causes):
             left[f"{'and' if at else 'with'} {words.in_words([one.key])}"] = one.rms_after
         if found.unclear:
-            left["and uncertain causes"] = found.unclear[-1].rms_after
+            left[f"and {counted(len(found.unclear), 'undecided cause')}"] = found.unclear[-1].rms_after
     elif result.verdict.shrink is not None:
         left[f"with {words.causes(result)}"] = result.verdict.shrink.after
     if result.decomposition is None:

@@ -322,6 +322,6 @@ def undecided_text(found: Decomposition) -> str:
         return ""
     each = "; ".join(_or_alike(words.in_words([one.key]), one.indistinguishable) for one in found.unclear)
     return (
-        f"these effects are undecided: {each}. The robot predicts best with them, but they may not be the "
-        f"cause"
+        f"these effects are undecided: {each}. They stay because the others were fitted beside them, but "
+        "they may not be the cause"
     )

@@ -25,7 +25,7 @@ def drift_tables(result: Diagnosis) -> Iterator[Table]:
             means -= means[0]
         what = "positions, against the first" if absolute else "displacements"
         how = re.sub(r"(within|lagging by) ([\d.]+)", r"\1 \2 of the campaign", shape)
-        title = f"Course of {DRIFT} ({how}): mean of what it adds to the {what}, mm, axes of the base frame"
+        title = f"Course of {DRIFT} ({how}): what it adds to the {what}, mm, base frame"
         made = table(title, "from", "to", "x", "y", "z")
         for part, mean in zip(parts, means, strict=True):
             ends = (f"{number(float(along[at]))} {unit}" for at in (part[0], part[-1]))
