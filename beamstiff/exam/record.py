@@ -13,7 +13,13 @@ from beamstiff.exam.names import FAILED, NONE, UNKNOWN, is_named, key_of, normal
 
 Kind = Literal["null", "single", "pair", "outside", "removed"]
 KINDS: tuple[Kind, ...] = ("null", "single", "pair", "outside", "removed")
-Gap = Annotated[float, BeforeValidator(lambda gap: float("nan") if gap is None else gap)]  # null in JSON
+
+
+def _nan_of_null(gap: Any) -> Any:
+    return float("nan") if gap is None else gap
+
+
+Gap = Annotated[float, BeforeValidator(_nan_of_null)]  # null in JSON
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ def hypothesis(
     """Return a hypothesis with whitened columns (n, c), realistic sizes 1."""
     columns = np.asarray(columns, dtype=np.float64)
     signed = more.pop("positive", False)
-    names = tuple(Quantity(f"p{k}", "1", 1.0, signed) for k in range(columns.shape[1]))
+    names = tuple(Quantity(f"p{k}", "N", 1.0, signed) for k in range(columns.shape[1]))
     shape = Shape(more.pop("shape", "only"), columns[:, None, :], names, spread)
     places = more.pop("places", ())
     return Hypothesis(effect, more.pop("component", None), shape, prior, columns, places)

@@ -19,7 +19,7 @@ EFFECTS = ("backlash", "hardening", "hysteresis", "angle-curve", "approach-direc
 def forms(rng: np.random.Generator) -> list[Form]:
     """Return a form of joint-compliance, and twelve of other effects at two places each."""
     columns = rng.standard_normal((1 + OTHERS, VALUES, 1))
-    first, *others = [form(column, Quantity("size", "1", 1.0)) for column in columns]
+    first, *others = [form(column, Quantity("size", "N", 1.0)) for column in columns]
     places = [(effect, f"q{k}") for effect in EFFECTS for k in (1, 2)]
     return [
         first,
@@ -56,7 +56,7 @@ def test_what_only_resembles_a_mixture_of_others_is_not_there(seed: int) -> None
 def test_without_other_effects_the_odds_are_those_of_the_fits_alone() -> None:
     rng = np.random.default_rng(1)
     first, second = rng.standard_normal((2, VALUES, 1))
-    some = [form(column, Quantity("size", "1", 1.0)) for column in (first, second)]
+    some = [form(column, Quantity("size", "N", 1.0)) for column in (first, second)]
     some[1] = replace(some[1], component="q3")  # another place of the same effect is no part of the mixture
     residual = first[:, 0] + rng.standard_normal(VALUES)
     residual[0] = 0.0  # the open parameter takes it up

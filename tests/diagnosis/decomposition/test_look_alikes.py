@@ -27,7 +27,7 @@ def made() -> Choice:
     rng = np.random.default_rng(3)
     first, second, apart, away = rng.standard_normal((4, VALUES))
     both = first + second + AWAY * away
-    size = Quantity("size", "1", 1.0)
+    size = Quantity("size", "N", 1.0)
     names = ("q1", "q2", "q3", "q4")
     forms = [
         replace(form(column[:, None], size), effect="angle-curve", component=name)
@@ -61,7 +61,7 @@ def test_a_balancer_and_a_curve_of_its_joint_move_positions_alike(curve: str, pa
     """The curve's few orders fit worse, but an encoder's or gear's error may be any, too."""
     rng = np.random.default_rng(5)
     spring, other = rng.standard_normal((2, VALUES))
-    size = Quantity("size", "1", 1.0)
+    size = Quantity("size", "N", 1.0)
     forms = [
         replace(form(column[:, None], size), effect=effect, component=joint)
         for column, effect, joint in (
@@ -98,7 +98,7 @@ def test_what_fits_better_and_is_no_better_on_held_out_postures_is_no_likelier()
     rng = np.random.default_rng(11)
     first, off = rng.standard_normal((2, VALUES))
     rival = first + 0.3 * off
-    size = Quantity("size", "1", 1.0)
+    size = Quantity("size", "N", 1.0)
     forms = [
         replace(form(column[:, None], size), effect="angle-curve", component=name)
         for name, column in (("q1", first), ("q2", rival))
@@ -129,7 +129,7 @@ def test_all_joints_are_the_one_that_moves_most_where_the_others_move_little(
     rng = np.random.default_rng(5)
     columns = rng.standard_normal((VALUES, 4))
     places = [f"q{at + 2}" for at in range(4)]
-    sizes = [Quantity(f"compliance_{name}", "1", 1.0, positive=True) for name in places]
+    sizes = [Quantity(f"compliance_{name}", "N", 1.0, positive=True) for name in places]
     choice = choice_of(
         columns @ compliances + rng.standard_normal(VALUES),
         replace(form(columns, *sizes), effect=effect, component=None),
@@ -145,7 +145,7 @@ def test_one_mechanics_has_its_usual_name_unless_the_rows_distinguish(away: floa
     rng = np.random.default_rng(6)
     columns = rng.standard_normal((VALUES, 2))
     base = columns + away * rng.standard_normal((VALUES, 2))
-    size = Quantity("size", "1", 1.0)
+    size = Quantity("size", "N", 1.0)
     places = (("bearing-tilt", "q1", columns), ("base-compliance", None, base))
     forms = [
         replace(form(both[:, [at]], size), effect=effect, component=component)

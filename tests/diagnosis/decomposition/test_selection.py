@@ -25,7 +25,7 @@ from beamstiff.diagnosis.prior import TEMPERING
 from tests.diagnosis.decomposition.test_decompose import UR10, found, read
 
 VALUES = 60
-SIZE = Quantity("size", "1", 1.0)
+SIZE = Quantity("size", "N", 1.0)
 
 
 def form(columns: np.ndarray, *parameters: Quantity) -> Form:
@@ -111,7 +111,7 @@ def test_no_parameter_takes_a_sign_that_it_cannot_have() -> None:
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((VALUES, 2))
     residual = columns @ [3.0, -2.0] + 0.1 * rng.standard_normal(VALUES)
-    pair = [Quantity("first", "1", 1.0, positive=True), Quantity("second", "1", 1.0, positive=True)]
+    pair = [Quantity("first", "N", 1.0, positive=True), Quantity("second", "N", 1.0, positive=True)]
     step = fit_step(choice_of(residual, form(columns, *pair)), (0,))
     assert step.free[0].tolist() == [True, False]
     alone = np.linalg.lstsq(columns[1:, :1], residual[1:], rcond=None)[1][0]
@@ -152,7 +152,7 @@ def test_a_form_is_tried_though_chance_puts_a_part_of_it_below_zero(second: floa
     noise = rng.standard_normal(VALUES)
     noise -= columns @ np.linalg.lstsq(columns, noise)[0]  # the estimate is what stands above
     residual = columns @ [3.0, second] + noise
-    pair = [Quantity("first", "1", 1.0, positive=True), Quantity("second", "1", 1.0, positive=True)]
+    pair = [Quantity("first", "N", 1.0, positive=True), Quantity("second", "N", 1.0, positive=True)]
     choice = choice_of(residual, form(columns, *pair))
     nothing = fit_step(choice, ())
     assert fit_step(choice, (0,)).free[0].tolist() == [True, False]
@@ -176,7 +176,7 @@ def test_a_coupling_stays_within_what_it_couples(coupling: float, used: bool) ->
 def test_the_prior_of_a_cause_counts_once_however_many_forms_it_has() -> None:
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((3, VALUES, 1))
-    size = Quantity("size", "1", 1.0)
+    size = Quantity("size", "N", 1.0)
     orders = [replace(form(column, size), effect="angle-curve", likely=0.1) for column in columns]
     one, other, apart = orders
     apart = replace(apart, component="q3")
@@ -198,7 +198,7 @@ def test_a_cause_stays_without_which_another_has_a_size_that_no_machine_has(size
     choice = choice_of(
         size * first + 0.5 * second,
         form(first[:, None], Quantity("moved", "m", 1.0)),
-        replace(form(second[:, None], Quantity("size", "1", 1.0)), component="q3"),
+        replace(form(second[:, None], Quantity("size", "N", 1.0)), component="q3"),
     )
     folds = SimpleNamespace(
         choice=choice, squared_errors=lambda step: np.full(10, 1.0 if 0 in step.chosen else 2.0)
