@@ -5,13 +5,14 @@ every page of the docs. The table of all texts: `python -m tests.report.test_ter
 """
 
 import ast
-import os
 import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import SHARED
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGE = REPOSITORY / "beamstiff"
@@ -132,9 +133,9 @@ def shared_phrases(text: str) -> list[str]:
 
 
 def test_no_sentence_holds_a_phrase_of_the_shared_table() -> None:
-    path = Path(os.environ.get("BEAMSTIFF_SHARED", "")) / "TERMS.md"
+    path = SHARED / "TERMS.md"
     if not path.is_file():
-        pytest.skip("no TERMS.md where BEAMSTIFF_SHARED points")
+        pytest.skip(f"shared data missing: {path.name} (set BEAMSTIFF_SHARED to the folder that holds it)")
     patterns = [one for one in shared_phrases(path.read_text(encoding="utf-8")) if one not in OF_ROWS]
     assert len(patterns) > 25
     any_of = re.compile("|".join(rf"\b{one}\b" for one in patterns), re.IGNORECASE)
