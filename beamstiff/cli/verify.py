@@ -86,17 +86,17 @@ def verify(
     times = f", {found.after / found.noise:.1f} times the noise" if found.noise > 0.0 else ""
     head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
     files = ", ".join(Path(path).name for path in data)
+    again = (  # beside effects that are known few rows tell little more
+        "Diagnose the robot file from before its effects were added on the rows from then and these "
+        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])}."
+    )
     action = "Use the robot within these postures and loads."
     if found.causes:
         action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
     if level in ("doubtful", "differs"):
         action = f"Something is still missing: {diagnose_command([robot, *data])} finds what."
-        if found.causes:  # beside effects that are known few rows tell little more
-            first = diagnose_command(["FIRST_ROBOT", "FIRST_ROWS", *data])
-            action = (
-                "Something is still missing, and these rows alone hardly tell what. Diagnose the robot file "
-                f"from before its effects were added on the rows from then and these together: {first}."
-            )
+        if found.causes:
+            action = f"Something is still missing, and these rows alone hardly tell what. {again}"
         elif found.absolute:
             action += " The place of a reflector is fitted there as well, if that is all."
     steps = pairwise([found.before, *(after for _, after, _ in found.causes)])
@@ -109,11 +109,7 @@ def verify(
             f"The file's effects make these rows worse: position error {rounded(1e3 * found.before)} mm "
             f"without them, {rounded(1e3 * found.after)} mm with them"
         )
-        action = (
-            f"Do not use this robot. What makes these rows worse: {in_words(worse)}. Diagnose the robot "
-            "file from before its effects were added on the rows from then and these together: "
-            f"{diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])}."
-        )
+        action = f"Do not use this robot. What makes these rows worse: {in_words(worse)}. {again}"
     if found.other_frame is not None:
         head = (
             f"The measuring frame is not exactly the robot's base frame: position error "

@@ -115,24 +115,31 @@ def _told(found: Decomposition, robot: Robot) -> list[Change]:
 
 def _described(found: Decomposition) -> float:
     """Return the gap of the robot as described, the measuring frame or an instrument's set-ups fitted, m."""
-    rows, problem = found.model.baseline.rows, found.model.problem
-    if problem is None or not (rows.targets or rows.camera):
+    rows = found.model.baseline.rows
+    if not (rows.targets or rows.camera):
         return verify(found.model.given, rows, refit_frame=True).after
-    bare = found.model.given.model_copy(update={"identify": ()})
-    groups = {item.group for item in problem.parameters} & {"base"}
-    return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or found.rms
+    return _fitted(found, _groups(found, "base")) or found.rms
 
 
 def _placed(found: Decomposition, before: float) -> float:
     """Return the gap with the reflectors placed anew, m; `before` where an instrument knows their places."""
-    rows, problem = found.model.baseline.rows, found.model.problem
-    if rows.targets or rows.camera or problem is None:
+    rows, groups = found.model.baseline.rows, _groups(found, "base", "target")
+    if rows.targets or rows.camera or not groups:
         return before
-    groups = {item.group for item in problem.parameters} & {"base", "target"}
-    if not groups:
-        return before
+    return _fitted(found, groups) or before
+
+
+def _groups(found: Decomposition, *wanted: str) -> list[str]:
+    """Return which of these groups of parameters are open, in this order."""
+    assert found.model.problem is not None
+    there = {item.group for item in found.model.problem.parameters}
+    return [group for group in wanted if group in there]
+
+
+def _fitted(found: Decomposition, groups: list[str]) -> float | None:
+    """Return the gap of the robot as described with these groups of parameters fitted, m."""
     bare = found.model.given.model_copy(update={"identify": ()})
-    return calibrate(bare, rows, sorted(groups), folds=0).after.position_rms or before
+    return calibrate(bare, found.model.baseline.rows, groups, folds=0).after.position_rms
 
 
 def _stiff(found: Decomposition) -> float | None:
