@@ -130,7 +130,7 @@ def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
 
 def causes_table(found: Decomposition, title: str) -> Table:
     """Return the causes of a gap that has several."""
-    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
+    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability", "found again")
     for cause in found.causes:
         made.add_row(
             "\n  or ".join(words.in_words([one]) for one in (cause.key, *cause.indistinguishable)),
@@ -138,13 +138,17 @@ def causes_table(found: Decomposition, title: str) -> Table:
             words.percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
             words.chance(cause.probability),
+            words.percent(cause.found_again),
         )
     return made
 
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
+    said = (
+        f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way. Found "
+        "again: in so many of ten searches, each without a tenth of the postures."
+    )
     if any(one.indistinguishable for one in found.causes):
         said += " Causes joined by or fit these data equally well."
     return said

@@ -38,7 +38,7 @@ def told(folds: Folds, step: Step, seed: int) -> Decomposition:
     """Return the decomposition that a selection of causes says; `seed` of the intervals."""
     stage("checking the causes on held-out postures")
     model, choice, least = folds.model, folds.choice, step.bic
-    step, replaced = _improved(folds, with_usual_name(choice, _kept(folds, step)))
+    step, replaced = _improved(folds, with_usual_name(choice, without_weak(folds, step)))
     noise2 = _noise2(model)
     order, errors, shown = _without_cancelling(folds, step, noise2)
     step = fit_step(choice, tuple(number for cause in order for number in cause))
@@ -242,7 +242,7 @@ def _named_first(
     return order, errors
 
 
-def _kept(folds: Folds, step: Step) -> Step:
+def without_weak(folds: Folds, step: Step) -> Step:
     """Return a fit without causes that are not sure enough, or that do not help on held-out postures.
 
     The least sure goes first; the others are judged again without it. One without which others would have a
@@ -275,7 +275,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)
         errors = folds.squared_errors(step)
-        better = with_usual_name(choice, _kept(folds, best)) if best.bic <= step.bic - ENOUGH else step
+        better = with_usual_name(choice, without_weak(folds, best)) if best.bic <= step.bic - ENOUGH else step
         if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
             break
         step = better

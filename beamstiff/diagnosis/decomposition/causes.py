@@ -72,6 +72,8 @@ class Cause:
         The best of each of these.
     runner_up : RunnerUp or None
         What would be selected in its place, where it is named and has no look-alike.
+    found_again : float
+        Share of the folds of postures without which it, or what looks like it, is selected.
     astray : bool
         Whether it may make postures worse that were held out, after those before it and beside all others.
     """
@@ -88,6 +90,7 @@ class Cause:
     indistinguishable: tuple[str, ...]
     rivals: tuple[Form, ...]
     runner_up: RunnerUp | None = None
+    found_again: float = 1.0
     astray: bool = False
 
     @property
@@ -155,6 +158,8 @@ class Decomposition:
         Of the open model with the causes.
     largest : float
         Probability that the first cause closes more than the second, over the postures.
+    hanging : tuple of Cause
+        Those that were left out as they hang on a few postures.
     behind : tuple of Behind
         What encoders behind the gears say.
     """
@@ -171,6 +176,7 @@ class Decomposition:
     scatter: float
     bic: float
     largest: float
+    hanging: tuple[Cause, ...] = ()
     behind: tuple[Behind, ...] = ()
 
     @property

@@ -24,6 +24,7 @@ from beamstiff.diagnosis.decomposition.loads import (
     unlike_linear,
     without_errors,
 )
+from beamstiff.diagnosis.decomposition.nested import nested, promised
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
@@ -175,11 +176,38 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
             every = (*found.causes, *found.unclear)
             astray = _unsettled(found, QUARTER) | {one.key for one in every if one.astray}
         if not astray:
-            return found
+            return _found_again(settings, found)
         step = _without(folds, step, astray, settings.seed)
         settings = replace(
             settings, prior=replace(settings.prior, without=(*settings.prior.without, *astray))
         )
+
+
+def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
+    """Return causes that are found without any tenth of the postures as well, and what they promise.
+
+    The others are no part of the answer: what they explain remains.
+    """
+    forms = _fitted_forms(found)
+    if not forms:
+        return found
+    stage("selecting causes without each tenth of the postures")
+    folds, _ = settings.folds(found.model, forms)
+    again = nested(folds, settings.seed)
+    every = (*found.causes, *found.unclear)
+    left_out = [cause for cause in every if again.hangs(cause)]
+    if left_out:
+        steady = [cause for cause in every if cause not in left_out]
+        chosen = [form for cause in (*steady, *found.unmodelled) for form in cause.forms]
+        model = _settled(settings, found, chosen) or found.model
+        keys = {one.key for one in chosen}.union(*(one.indistinguishable for one in steady))
+        choice = build_choice(model, [one for one in _forms(model, settings.prior) if one.key in keys])
+        names = set(map(_name, chosen))
+        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+        told_again = told(folds_of(model, choice, settings.seed), fit_step(choice, same), settings.seed)
+        left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
+        found = replace(told_again, hanging=tuple(left_out))
+    return promised(found, again)
 
 
 def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> Step:

@@ -23,6 +23,9 @@ from beamstiff.se3 import Array
 FOLDS = 10
 ALONE = 1e-2  # variance of a reading over that of its prediction, below which other folds do not tell it
 ROUNDING = 1e-9  # of 1: what only the fold itself determines
+# by which its joints differ from an earlier posture's, of what those of two at random do (RMS): nearer, in
+# one motion, a posture says what that one said
+FRESH = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +128,35 @@ def unweighed(model: OpenModel, values: Array) -> Array:
 
 
 def folds_of(model: OpenModel, choice: Choice, seed: int) -> Folds:
-    """Return folds of whole postures, drawn at random."""
+    """Return folds of whole postures, drawn at random; those of one short motion stay together."""
     _, posture = np.unique(model.pose, return_inverse=True)
-    count = int(posture.max()) + 1
+    motion = _motions(model)
+    count = int(motion.max()) + 1
     fold = np.random.default_rng(seed).permutation(count) % min(FOLDS, count)
     position = np.nonzero(model.used)[1] < 3
-    return Folds(model, choice, fold[posture], posture, position)
+    return Folds(model, choice, fold[motion[posture]], posture, position)
+
+
+def _motions(model: OpenModel) -> Integers:
+    """Return the number of the short motion, from 0, that each posture (P,) was read in, by the rows' order.
+
+    A table of one long motion has a posture beside every other: held out alone, each would be told by its
+    neighbours, with all that changes slowly.
+    """
+    rows = model.baseline.rows
+    first = np.array([np.flatnonzero(rows.pose == one)[0] for one in np.unique(model.pose)])
+    joints = rows.q[first]
+    spread = joints.std(axis=0)
+    moves = spread > 0
+    joints = joints[:, moves] / (spread[moves] * np.sqrt(2.0 * max(int(moves.sum()), 1)))
+    motion, number = np.zeros(len(first), dtype=np.intp), 0
+    start, *others = np.argsort(first).tolist()
+    motion[start] = number
+    for at in others:
+        if np.linalg.norm(joints[at] - joints[start]) > FRESH:
+            start, number = at, number + 1
+        motion[at] = number
+    return motion
 
 
 def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:

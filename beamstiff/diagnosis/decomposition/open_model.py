@@ -129,6 +129,21 @@ class OpenModel:
         """How many directions of the open parameters the measured values determine, and no prior."""
         return float((self.open_basis[: self.count] ** 2).sum()) + self.present.size
 
+    def part(self, values: NDArray[np.bool_]) -> OpenModel:
+        """Return the same with some of the measured values (n,)."""
+        used = self.used.copy()
+        used[used] = values
+        every = np.concatenate([values, np.ones(len(self.residual) - self.count, dtype=bool)])
+        baseline = replace(self.baseline, used=used)
+        return replace(
+            self,
+            baseline=baseline,
+            residual=self.residual[every],
+            tangent=self.tangent[every],
+            pose=self.pose[values],
+            weigh=whitening(baseline.sigma, used, baseline.sharing),
+        )
+
     def weighed(self, columns: Array) -> Array:
         """Return columns (N, 6, c) of the rows in units of the noise, (n + p, c)."""
         seen: Array = self.weigh @ columns[self.used]

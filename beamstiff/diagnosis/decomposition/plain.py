@@ -60,4 +60,5 @@ def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:
         "parameters": parameters,
         "shape": cause.shape,
         "indistinguishable": list(cause.indistinguishable),
+        "found_again": cause.found_again,
     }

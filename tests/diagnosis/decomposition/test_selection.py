@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.diagnosis.decomposition.answer import _kept
+from beamstiff.diagnosis.decomposition.answer import without_weak
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
@@ -203,7 +203,7 @@ def test_a_cause_stays_without_which_another_has_a_size_that_no_machine_has(size
     folds = SimpleNamespace(
         choice=choice, squared_errors=lambda step: np.full(10, 1.0 if 0 in step.chosen else 2.0)
     )
-    kept = _kept(folds, fit_step(choice, (0, 1)))
+    kept = without_weak(folds, fit_step(choice, (0, 1)))
     assert kept.chosen == ((0, 1) if stays else (0,))
 
 
