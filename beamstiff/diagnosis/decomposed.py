@@ -152,8 +152,8 @@ def _left_out(found: Decomposition) -> Iterator[str]:
     if found.hanging:
         names = listed([cause.key for cause in found.hanging], 6)
         yield (
-            f"left out: {names}. Searches without a tenth of the postures mostly do not find this, and it does "
-            "not help beside what they find: more postures decide"
+            f"left out: {names}. Searches without a tenth of the postures mostly do not find this, and it "
+            "does not help beside what they find: more postures decide"
         )
 
 

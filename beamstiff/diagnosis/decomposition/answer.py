@@ -34,11 +34,16 @@ NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
 ROUNDS = 4  # of putting a better fit in the place of one
 
 
-def told(folds: Folds, step: Step, seed: int) -> Decomposition:
-    """Return the decomposition that a selection of causes says; `seed` of the intervals."""
+def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposition:
+    """Return the decomposition that a selection of causes says; `seed` of the intervals.
+
+    `final`: whether no cause is exchanged or left out any more.
+    """
     stage("checking the causes on held-out postures")
     model, choice, least = folds.model, folds.choice, step.bic
-    step, replaced = _improved(folds, with_usual_name(choice, without_weak(folds, step)))
+    replaced: dict[Numbers, list[tuple[int, Step]]] = {}
+    if not final:
+        step, replaced = _improved(folds, with_usual_name(choice, without_weak(folds, step)))
     noise2 = _noise2(model)
     order, errors, shown = _without_cancelling(folds, step, noise2)
     step = fit_step(choice, tuple(number for cause in order for number in cause))

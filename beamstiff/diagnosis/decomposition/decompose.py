@@ -197,16 +197,12 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
     every = (*found.causes, *found.unclear)
     left_out = [cause for cause in every if again.hangs(cause)]
     if left_out:
-        steady = [cause for cause in every if cause not in left_out]
-        chosen = [form for cause in (*steady, *found.unmodelled) for form in cause.forms]
-        model = _settled(settings, found, chosen) or found.model
-        keys = {one.key for one in chosen}.union(*(one.indistinguishable for one in steady))
-        choice = build_choice(model, [one for one in _forms(model, settings.prior) if one.key in keys])
-        names = set(map(_name, chosen))
-        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
-        told_again = told(folds_of(model, choice, settings.seed), fit_step(choice, same), settings.seed)
+        rest = (*(cause for cause in every if cause not in left_out), *found.unmodelled)
+        forms = [form for cause in rest for form in cause.forms]
+        folds, same = settings.folds(_settled(settings, found, forms) or found.model, forms)
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
-        found = replace(told_again, hanging=tuple(left_out))
+        found = told(folds, fit_step(folds.choice, same), settings.seed, final=True)
+        found = replace(found, hanging=tuple(left_out))
     return promised(found, again)
 
 
