@@ -37,13 +37,13 @@ ROUNDS = 4  # of putting a better fit in the place of one
 def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposition:
     """Return the decomposition that a selection of causes says; `seed` of the intervals.
 
-    `final`: whether no cause is exchanged or left out any more.
+    `final`: whether no cause is exchanged for others any more.
     """
     stage("checking the causes on held-out postures")
     model, choice, least = folds.model, folds.choice, step.bic
-    replaced: dict[Numbers, list[tuple[int, Step]]] = {}
+    step, replaced = without_weak(folds, step), dict[Numbers, list[tuple[int, Step]]]()
     if not final:
-        step, replaced = _improved(folds, with_usual_name(choice, without_weak(folds, step)))
+        step, replaced = _improved(folds, with_usual_name(choice, step))
     noise2 = _noise2(model)
     order, errors, shown = _without_cancelling(folds, step, noise2)
     step = fit_step(choice, tuple(number for cause in order for number in cause))
