@@ -38,6 +38,8 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
         from beamstiff.robot.sdf import read_sdf
 
         return read_sdf(file)
+    if file.suffix.lower() == ".csv":
+        raise BeamstiffError(f"{file}: found a table, expected a robot file (YAML, URDF or SDF) in its place")
     text = read_text(file)
     if text.lstrip().startswith("<"):
         raise BeamstiffError(

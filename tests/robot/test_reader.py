@@ -267,6 +267,12 @@ def test_xml_that_is_not_named_urdf_is_told_what_it_may_be(tmp_path: Path, name:
         load_robot(tmp_path / name)
 
 
+def test_a_table_in_the_place_of_a_robot_is_called_one(tmp_path: Path) -> None:
+    (tmp_path / "data.csv").write_text("q1 [deg],x [mm]\n1,2\n")
+    with pytest.raises(BeamstiffError, match=r"data.csv: found a table, expected a robot file"):
+        load_robot(tmp_path / "data.csv")
+
+
 def test_where_no_node_is_alike_all_are_named() -> None:
     with pytest.raises(BeamstiffError, match="tcp: unknown node 'flange', expected one of a, b"):
         Robot(name="r", nodes=[{"name": "a"}, {"name": "b"}], fixed=["a"], tcp="flange")
