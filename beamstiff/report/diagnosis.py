@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.decomposition.causes import HALF, Decomposition
 from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.places import places_with_look_alikes
@@ -30,8 +31,6 @@ from beamstiff.report.tables import Column, Table, below, counted, scale_of, tab
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from beamstiff.diagnosis.decomposition.causes import Decomposition
 
 SHOWN, SIZES = 8, 16  # candidates and places; parameters
 PARTS_OF_GAP = {
@@ -130,7 +129,7 @@ def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
 
 def causes_table(found: Decomposition, title: str) -> Table:
     """Return the causes of a gap that has several."""
-    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability", "found again")
+    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
     for cause in found.causes:
         made.add_row(
             "\n  or ".join(words.in_words([one]) for one in (cause.key, *cause.indistinguishable)),
@@ -138,19 +137,19 @@ def causes_table(found: Decomposition, title: str) -> Table:
             words.percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
             words.chance(cause.probability),
-            words.percent(cause.found_again),
         )
     return made
 
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = (
-        f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way. Found "
-        "again: in so many of ten searches, each without a tenth of the postures."
-    )
+    said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
         said += " Causes joined by or fit these data equally well."
+    for one in found.causes:
+        if one.found_again < HALF:
+            share, name = words.percent(one.found_again), words.in_words([one.key])
+            said += f" Searches that lack a tenth of the postures find {name} in {share} only: measure more."
     return said
 
 

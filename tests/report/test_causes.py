@@ -46,9 +46,19 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     assert sorted(row[0] for row in rows) == ["angle-curve at q3", "approach-direction at q2", "target-slip"]
     closes = [int(row[1].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
-    assert sum(closes) in (99, 100, 101)
+    # the posture at which it slipped is not told while it is held out
+    assert sum(closes) in (97, 98, 99)
     assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
     assert CAUSES in [getattr(item, "title", None) for item in diagnosis_tables(result)]
+
+
+def test_a_cause_that_few_searches_find_is_said_to_be_one() -> None:
+    several = found("approach", "gear", "slip")[0].decomposition
+    assert several is not None
+    assert "find" not in probability_text(several)
+    first, *others = several.causes
+    rare = replace(several, causes=(replace(first, found_again=0.4), *others))
+    assert "find target-slip in 40 % only" in probability_text(rare)
 
 
 def test_a_cause_without_look_alikes_has_a_next_best() -> None:
