@@ -66,13 +66,12 @@ class Examiner:
 
     `baseline`: fits the model without effects to noise-free rows; the residual it leaves is the gap.
     `controls`: plain methods to compare with, by their name.
-    `reports`: folder for every report, as ``case-000012.json``.
     """
 
     diagnose: Diagnose
     baseline: Baseline = linear_baseline
     controls: Mapping[str, Control] = field(default_factory=dict)
-    reports: Path | None = None
+    reports: Path | None = None  # folder for every report, as ``case-000012.json``
 
 
 def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:

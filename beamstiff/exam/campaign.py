@@ -19,15 +19,12 @@ ROWS = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_poi
 class Truth:
     """An effect as the simulated machine has it: the label that the diagnosis must find.
 
-    `effect`: name of the effect, as in the table of effects; or of one outside that table.
-    `component`: where it sits.
-    `form`: constitutive form, for instance ``"iwan"``.
     `parameters`: the simulator's own parameters of that form, SI.
     """
 
-    effect: str
-    component: str | None
-    form: str
+    effect: str  # name of the effect, as in the table of effects; or of one outside that table
+    component: str | None  # where it sits
+    form: str  # constitutive form, for instance ``"iwan"``
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -40,27 +37,21 @@ class Truth:
 class SimulatedCampaign:
     """Which states are measured, in which order, and how well; N rows, A actuated variables.
 
-    `q`: (N, A) array, rad or m; drive-side readings, in the order of ``robot.actuated``.
-    `wrench`: (N, 6) array, N and N m; as read, at `load_point`, base frame.
-    `pose`: (N,) array of int.
     `step`: (N,) array of int; order within the pose; rows of equal pose and step are one state seen at
         several points.
-    `time`: (N,) array, s.
-    `temperature`: (N,) array, degC.
     `point`, `load_point`: (N,) array of str; nodes.
     `sigma_position`, `sigma_rotation`: float, m and rad; true noise of a value in the table, per component; 0
         for none.
     `claimed_position`, `claimed_rotation`: float or None, m and rad; what the table says of its noise.
     `shared_unloaded`: the rows of a pose are differenced with one unloaded reading of their point.
-    `rotations`: whether rotations are measured as well.
     """
 
-    q: Array
-    wrench: Array
-    pose: Integers
+    q: Array  # (N, A): rad or m; drive-side readings, in the order of ``robot.actuated``
+    wrench: Array  # (N, 6): N and N m; as read, at `load_point`, base frame
+    pose: Integers  # (N,)
     step: Integers
-    time: Array
-    temperature: Array
+    time: Array  # (N,): s
+    temperature: Array  # (N,): degC
     point: Names
     load_point: Names
     kind: Literal["displacement", "absolute"] = "displacement"
@@ -69,7 +60,7 @@ class SimulatedCampaign:
     claimed_position: float | None = None
     claimed_rotation: float | None = None
     shared_unloaded: bool = False
-    rotations: bool = True
+    rotations: bool = True  # whether rotations are measured as well
 
     def __post_init__(self) -> None:
         rows = len(self.q)

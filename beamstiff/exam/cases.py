@@ -49,21 +49,16 @@ class Exam:
     """What an exam draws its cases from; the same exam draws the same cases.
 
     `shares`: how many of every block of cases (their sum) are of each kind.
-    `effects`: to draw from, in turn.
-    `robots`: names to draw from.
-    `lean`: share of lean campaigns.
-    `robot`: one robot instead of those by name.
-    `plan`: one campaign instead of drawn ones, of that robot.
     `noise`: (float, float), m and rad; of the plan, where its table does not say.
     """
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
-    effects: tuple[str, ...] = EFFECTS
-    robots: tuple[str, ...] = ROBOTS
-    lean: float = 0.2
-    robot: Robot | None = None
-    plan: Measurements | None = None
+    effects: tuple[str, ...] = EFFECTS  # to draw from, in turn
+    robots: tuple[str, ...] = ROBOTS  # names to draw from
+    lean: float = 0.2  # share of lean campaigns
+    robot: Robot | None = None  # one robot instead of those by name
+    plan: Measurements | None = None  # one campaign instead of drawn ones, of that robot
     noise: tuple[float, float] = (3e-5, 5e-5)
 
     def settings(self) -> dict[str, Any]:
@@ -86,14 +81,12 @@ class Exam:
 class Case:
     """A drawn case.
 
-    `robot`: the model that is diagnosed: its stiffness is nominal.
-    `machine`: the machine without its effects: its stiffness is true.
     `campaign`, `fresh`: what is measured, and the new poses and loads that promises are tested on.
     """
 
     label: Label
-    robot: Robot
-    machine: Robot
+    robot: Robot  # the model that is diagnosed: its stiffness is nominal
+    machine: Robot  # the machine without its effects: its stiffness is true
     truths: tuple[Truth, ...]
     campaign: SimulatedCampaign
     fresh: SimulatedCampaign

@@ -22,13 +22,12 @@ class Form:
     """A constitutive form of an effect.
 
     `draw`: parameters, none of which is a joint's own stiffness: that is the machine's.
-    `impose`: a reality with the effect.
     """
 
     effect: str
     name: str
     draw: Callable[[DrawRequest], dict[str, float]]
-    impose: Callable[[Truth, Reality], Reality]
+    impose: Callable[[Truth, Reality], Reality]  # a reality with the effect
 
 
 def form(
@@ -140,15 +139,11 @@ def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, *
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect that a simulated machine can have.
-
-    `places`: components that the effect can sit at on a robot; none where it cannot.
-    `authors`: the forms of each author, the first one's first.
-    """
+    """An effect that a simulated machine can have."""
 
     name: str
-    places: Places
-    authors: tuple[tuple[Form, ...], ...]
+    places: Places  # components that the effect can sit at on a robot; none where it cannot
+    authors: tuple[tuple[Form, ...], ...]  # the forms of each author, the first one's first
 
     @property
     def forms(self) -> dict[str, Form]:

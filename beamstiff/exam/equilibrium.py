@@ -33,16 +33,11 @@ Weighted = tuple[tuple[int, Weight], ...]
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What acts on the machine besides its weight; P states.
+    """What acts on the machine besides its weight; P states."""
 
-    `body`: (P,) int array.
-    `arm`: (P, 3) array, m; point of action from the body's reference point, before the body turns.
-    `wrench`: (P, 6) array, N and N m; keeps its direction.
-    """
-
-    body: Integers
-    arm: Array
-    wrench: Array
+    body: Integers  # (P,)
+    arm: Array  # (P, 3): m; point of action from the body's reference point, before the body turns
+    wrench: Array  # (P, 6): N and N m; keeps its direction
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,18 +16,12 @@ Curved = tuple[Array, Array]  # a value and its slope, (P,) each
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a law may depend on besides its strain; P states.
+    """What a law may depend on besides its strain; P states."""
 
-    `values`: mapping of str to (P,) array, rad or m; all joint variables.
-    `time`: (P,) array, s; since the start of the campaign.
-    `temperature`: (P,) array, degC.
-    `lasted`: (P,) array, s; since the state before.
-    """
-
-    values: Mapping[str, Array]
-    time: Array
-    temperature: Array
-    lasted: Array
+    values: Mapping[str, Array]  # (P,) each, rad or m; all joint variables
+    time: Array  # (P,): s; since the start of the campaign
+    temperature: Array  # (P,): degC
+    lasted: Array  # (P,): s; since the state before
 
     def at(self, rows: Any) -> Situation:
         """Return the situation of some of the states."""
@@ -45,13 +39,11 @@ class Law:
 
     `respond`: force, tangent stiffness, (P,) each, and the memory after, from the strain (P,), the situation
         and the memory.
-    `start`: memory of the machine at rest in so many new poses.
-    `changes`: whether the answer depends on time or temperature.
     """
 
     respond: Callable[[Array, Situation, Memory], tuple[Array, Array, Memory]]
-    start: Callable[[int], Memory] = lambda poses: ()
-    changes: bool = False
+    start: Callable[[int], Memory] = lambda poses: ()  # memory of the machine at rest in so many new poses
+    changes: bool = False  # whether the answer depends on time or temperature
 
     @property
     def remembers(self) -> bool:

@@ -18,58 +18,43 @@ SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometr
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """What does not depend on the pose.
-
-    `body`: (N,) int array; body of every node; 0 is the ground.
-    `index`: of the nodes.
-    `bodies`: number of bodies, the ground included.
-    `members`: (E, 2) int array; bodies of hinges, then bars.
-    `rods`: (S, 2) int array.
-    `locked`: (B,) bool array; bodies that only rods hold: they do not turn.
-    `loads`: (L,) int array; bodies that carry masses and the weight of bars.
-    """
+    """What does not depend on the pose."""
 
     machine: Machine
-    body: Integers
-    index: dict[str, int]
-    bodies: int
-    members: Integers
-    rods: Integers
-    locked: Array
-    loads: Integers
+    body: Integers  # (N,): body of every node; 0 is the ground
+    index: dict[str, int]  # of the nodes
+    bodies: int  # number of bodies, the ground included
+    members: Integers  # (E, 2): bodies of hinges, then bars
+    rods: Integers  # (S, 2)
+    locked: Array  # (B,): bodies that only rods hold: they do not turn
+    loads: Integers  # (L,): bodies that carry masses and the weight of bars
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """The machine before it deforms, P poses, base frame, SI.
 
-    `arms`: (P, N, 3) array; nodes from the reference point of their body.
-    `nodes`: (P, N, 3) array.
-    `axes`: (P, E, 3, 3) array; axes of hinges and bars as columns.
-    `rest`: (P, E, 3) array; from the first end of a member to the second.
     `first`, `second`: (P, E, 3) array; arms of the ends.
-    `stiffness`: (P, E, 6, 6) array; of hinges and bars; rows of rigid directions are zero.
     `bending`: (P, bars, 6, 6) array; matrix H of the bars, which follow the hinges: bending shortens them by
         ``e.H.e/2``.
     `rod`, `rod_first`, `rod_second`: (P, S, 3) array.
     `load_arm`, `load`: (P, L, 3) array; weights.
-    `load_moment`: (P, L, 3) array.
     """
 
-    arms: Array
-    nodes: Array
-    axes: Array
-    rest: Array
+    arms: Array  # (P, N, 3): nodes from the reference point of their body
+    nodes: Array  # (P, N, 3)
+    axes: Array  # (P, E, 3, 3): axes of hinges and bars as columns
+    rest: Array  # (P, E, 3): from the first end of a member to the second
     first: Array
     second: Array
-    stiffness: Array
+    stiffness: Array  # (P, E, 6, 6): of hinges and bars; rows of rigid directions are zero
     bending: Array
     rod: Array
     rod_first: Array
     rod_second: Array
     load_arm: Array
     load: Array
-    load_moment: Array
+    load_moment: Array  # (P, L, 3)
 
     def at(self, poses: Any) -> Layout:
         """Return the layout at some of the poses, in any order."""

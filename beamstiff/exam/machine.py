@@ -29,8 +29,6 @@ Weight = float | Callable[[Situation], Array]
 class Hinge:
     """Springs in six directions between two nodes at one place.
 
-    `frame`: frame that `axes` are given in.
-    `axes`: (3, 3) array; its axes as columns, the joint's own first.
     `stiffness`: (6,) or (6, 6) array; in the joint's axes; infinity is rigid, 0 free. A full matrix has no
         rigid directions.
     `laws`: directions that follow a law in place of their stiffness.
@@ -38,8 +36,8 @@ class Hinge:
 
     name: str
     nodes: tuple[str, str]
-    frame: str
-    axes: Array
+    frame: str  # frame that `axes` are given in
+    axes: Array  # (3, 3): its axes as columns, the joint's own first
     stiffness: Array
     laws: Mapping[int, Law] = field(default_factory=dict)
 
@@ -48,12 +46,11 @@ class Hinge:
 class Profile:
     """A beam's compliance along its length.
 
-    `stations`: (G,) array; places along the beam, from 0 to 1.
     `compliance`: (G, 6) array; of a piece of unit length there against stretch, shear (2), twist and bending
         (2), times the share of the length that the station stands for.
     """
 
-    stations: Array
+    stations: Array  # (G,): places along the beam, from 0 to 1
     compliance: Array
 
 
@@ -63,28 +60,23 @@ class Bar:
 
     `up`: (3,) array or None; direction in the frame of the first node; local y lies in the plane of the axis
         and it.
-    `weight`: float, kg/m.
     """
 
     name: str
     nodes: tuple[str, str]
     profile: Profile
     up: Array | None
-    weight: float = 0.0
+    weight: float = 0.0  # kg/m
 
 
 @dataclass(frozen=True, eq=False)
 class Rod:
-    """A spring along the line between two nodes; its rest length follows the drives.
-
-    `stiffness`: float, N/m; infinity is rigid.
-    `law`: in place of the stiffness.
-    """
+    """A spring along the line between two nodes; its rest length follows the drives."""
 
     name: str
     nodes: tuple[str, str]
-    stiffness: float
-    law: Law | None = None
+    stiffness: float  # N/m; infinity is rigid
+    law: Law | None = None  # in place of the stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +84,11 @@ class Cross:
     """Stiffness that links two directions of hinges.
 
     `first`, `second`: tuple of (str, int); hinge and direction.
-    `added`: (2, 2) array; added to the stiffness of the two.
     """
 
     first: tuple[str, int]
     second: tuple[str, int]
-    added: Array
+    added: Array  # (2, 2): added to the stiffness of the two
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +109,11 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Hose:
-    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there.
-
-    `per_metre`: float, kg/m.
-    `low`: float, m; height of the node, against gravity from the base frame's origin, at which nothing hangs.
-    """
+    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there."""
 
     node: str
-    per_metre: float
-    low: float
+    per_metre: float  # kg/m
+    low: float  # m; height of the node, against gravity from the base frame's origin, at which nothing hangs
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,6 @@ class Reality:
 
     `geometry`: mapping of str to float, rad or m; errors of frame parameters (``f3.d``) and offsets of
         encoders (``q2``).
-    `encoders`: errors of encoders that change with the angle.
     `lever`: (3,) tuple, m; from the load's node to the true point of action, in the frame of the node.
     `target`: (3,) tuple, m; from the measured node to the true reflector, in the frame of the node, where
         displacements are read.
@@ -37,7 +36,7 @@ class Reality:
     geometry: Mapping[str, float] = field(default_factory=dict)
     loads: tuple[LoadChange, ...] = ()
     readings: tuple[ReadingChange, ...] = ()
-    encoders: tuple[EncoderChange, ...] = ()
+    encoders: tuple[EncoderChange, ...] = ()  # errors of encoders that change with the angle
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
     marked: tuple[float, float, float] = (0.0, 0.0, 0.0)

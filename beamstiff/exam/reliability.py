@@ -18,14 +18,12 @@ class Bin:
     """Verdicts of about the same probability.
 
     `low`, `high`: probabilities from `low` to below `high`; the last bin holds 1 too.
-    `said`: their mean probability.
-    `right`: the share of them that is right.
     """
 
     low: float
     high: float
-    said: float
-    right: Figure
+    said: float  # their mean probability
+    right: Figure  # the share of them that is right
 
 
 def judged(records: Sequence[Record]) -> list[Record]:

@@ -39,14 +39,12 @@ R = TypeVar("R", Record, CrowdedRecord)
 class Procedure(Generic[R]):
     """How the cases of a sort of exam are drawn, examined and read again.
 
-    `draw`: A case, with its ``label``, from the exam and a number.
     `examined`: record and report, from the exam, the case and the examiner.
-    `record_from`: the record, from its plain data.
     """
 
-    draw: Callable[[Any, int], Any]
+    draw: Callable[[Any, int], Any]  # A case, with its ``label``, from the exam and a number
     examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]
-    record_from: Callable[[Mapping[str, Any]], R]
+    record_from: Callable[[Mapping[str, Any]], R]  # the record, from its plain data
 
 
 SINGLE = Procedure(draw_case, examined, record_from)

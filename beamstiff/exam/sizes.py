@@ -39,20 +39,13 @@ DIGITS = 3  # of a size: more could differ between machines, and the seal with t
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model that is fitted to what a machine with effects reads in a campaign, without noise.
+    """A model that is fitted to what a machine with effects reads in a campaign, without noise."""
 
-    `machine`: without effects, its stiffness true.
-    `campaign`: without noise.
-    `still`: (N, 6) array, m and rad; what is read without effects; NaN where nothing is.
-    `basis`: (N, 6, t) array; derivatives of that by the logarithms of the compliances fitted.
-    `weight`: (6,) array; one over the noise.
-    """
-
-    machine: Robot
-    campaign: SimulatedCampaign
-    still: Array
-    basis: Array
-    weight: Array
+    machine: Robot  # without effects, its stiffness true
+    campaign: SimulatedCampaign  # without noise
+    still: Array  # (N, 6): m and rad; what is read without effects; NaN where nothing is
+    basis: Array  # (N, 6, t): derivatives of that by the logarithms of the compliances fitted
+    weight: Array  # (6,): one over the noise
 
     def residual(self, truths: Sequence[Truth]) -> Array:
         """Return what the fit leaves of the gap that some effects make, (N, 6), m and rad."""

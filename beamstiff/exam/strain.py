@@ -15,16 +15,11 @@ from beamstiff.exam.rotations import cross_matrix, turned_by, vector_rate
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The deformed machine; P states, B bodies with the ground.
+    """The deformed machine; P states, B bodies with the ground."""
 
-    `moved`: (P, B, 3) array, m; displacement of the bodies' reference points.
-    `turned`: (P, B, 3, 3) array; rotation of the bodies.
-    `hold`: (P, C) array, N and N m; forces that keep rigid directions closed.
-    """
-
-    moved: Array
-    turned: Array
-    hold: Array
+    moved: Array  # (P, B, 3): m; displacement of the bodies' reference points
+    turned: Array  # (P, B, 3, 3): rotation of the bodies
+    hold: Array  # (P, C): N and N m; forces that keep rigid directions closed
 
     def point(self, body: object, arm: Array) -> Array:
         """Return the displacement of points of bodies."""
@@ -37,26 +32,22 @@ class State:
 class Strain:
     """Strains of all members, M = 6 E + S rows.
 
-    `rows`: (P, M) array.
     `rates`: (P, E, 6, 12) array; of the members' strains, by displacement and spin of the first body, then of
         the second.
-    `plain`: (P, E, 6, 12) array; the same before bending shortens bars.
     `axes`, `rate`, `second`, `from_first`: arrays; current axes, inverse Jacobian of the rotation vector, and
         arms, for the geometric part.
-    `bent`: (P, E, 6) array; strains before bending shortens.
-    `rod_rates`: (P, S, 12) array; of the rods' change of length.
     `along`, `length`: (P, S, 3), (P, S) arrays; of the rods.
     """
 
-    rows: Array
+    rows: Array  # (P, M)
     rates: Array
-    plain: Array
+    plain: Array  # (P, E, 6, 12): the same before bending shortens bars
     axes: Array
     rate: Array
     second: Array
     from_first: Array
-    bent: Array
-    rod_rates: Array
+    bent: Array  # (P, E, 6): strains before bending shortens
+    rod_rates: Array  # (P, S, 12): of the rods' change of length
     along: Array
     length: Array
 
@@ -65,14 +56,12 @@ class Strain:
 class Tangent:
     """Slopes of the members' forces by their strains.
 
-    `members`: (P, E, 6, 6) array.
-    `rods`: (P, S) array.
     `between`: list of (int, int, (P,) array or float); row of the force, row of the strain, and slope, where
         these are of different members.
     """
 
-    members: Array
-    rods: Array
+    members: Array  # (P, E, 6, 6)
+    rods: Array  # (P, S)
     between: list[tuple[int, int, Array | float]]
 
     def add(self, row: int, other: int, slope: Array | float) -> None:

@@ -16,18 +16,15 @@ Records = Sequence[Record]
 class Row:
     """A figure of the table.
 
-    `figure`: what was reached.
     `required`, `aim`: none where nothing is asked.
-    `better`: which way is good.
-    `share`: whether it is a share, shown as such.
     """
 
     name: str
-    figure: Figure
+    figure: Figure  # what was reached
     required: float | None = None
     aim: float | None = None
-    better: Literal["high", "low"] = "high"
-    share: bool = True
+    better: Literal["high", "low"] = "high"  # which way is good
+    share: bool = True  # whether it is a share, shown as such
 
     @property
     def met(self) -> Literal["aim", "required", "missed"] | None:

@@ -56,7 +56,6 @@ class CrowdedExam:
     """What the exam draws its cases from; the same exam draws the same cases.
 
     `robots`: with the share of each. `absolute`: share of the campaigns. `count`: fewest effects, and most.
-    `authors`: whose forms the effects have; all by default.
     """
 
     seed: int
@@ -64,7 +63,7 @@ class CrowdedExam:
     robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))
     absolute: float = ABSOLUTE
     count: tuple[int, int] = (FEWEST, MOST)
-    authors: tuple[int, ...] = ()
+    authors: tuple[int, ...] = ()  # whose forms the effects have; all by default
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data."""
@@ -75,25 +74,20 @@ class CrowdedExam:
 class CrowdedCase:
     """A drawn case.
 
-    `robot`: the model that is diagnosed.
-    `machine`: the same with its true stiffness and reflectors.
     `geometry`, `truths`: by what the geometry is off, and the effects, as the label orders them.
     `campaign`, `fresh`: what is measured, and the new poses.
-    `frame`: (6,) array, rad and m; rotation vector and origin of the base in the measuring frame.
-    `gap`: (3N,) array, m; what the best geometry and compliances leave of the noise-free rows.
-    `parts`: (3N, c) array, m; what leaving each effect out changes of it.
     """
 
     label: CrowdedLabel
-    robot: Robot
-    machine: Robot
+    robot: Robot  # the model that is diagnosed
+    machine: Robot  # the same with its true stiffness and reflectors
     geometry: tuple[Truth, ...]
     truths: tuple[Truth, ...]
     campaign: SimulatedCampaign
     fresh: SimulatedCampaign
-    frame: Array
-    gap: Array
-    parts: Array
+    frame: Array  # (6,): rad and m; rotation vector and origin of the base in the measuring frame
+    gap: Array  # (3N,): m; what the best geometry and compliances leave of the noise-free rows
+    parts: Array  # (3N, c): m; what leaving each effect out changes of it
 
     def measured(self, rng: np.random.Generator) -> Measurements:
         """Return the table of the campaign, in its measuring frame."""

@@ -18,24 +18,18 @@ SIMILAR = 0.8  # of the largest share, from which either may come first
 class TrueCause:
     """An effect at work, by what it does to the rows.
 
-    `key`: ``effect:component``.
-    `form`: constitutive form.
-    `author`: who wrote the form.
-    `accept`: names that mean the same in these data.
-    `outside`: whether no library has it.
     `contribution_mm`: RMS of what leaving it out changes in the positions, after a refit of all that is open.
     `closes`: share of the gap that it closes after those before it, in the order in which most is closed.
-    `hidden`: so small that it is neither asked for nor false.
     """
 
-    key: str
-    form: str
-    author: int
-    accept: tuple[str, ...]
-    outside: bool
+    key: str  # ``effect:component``
+    form: str  # constitutive form
+    author: int  # who wrote the form
+    accept: tuple[str, ...]  # names that mean the same in these data
+    outside: bool  # whether no library has it
     contribution_mm: float
     closes: float
-    hidden: bool
+    hidden: bool  # so small that it is neither asked for nor false
 
 
 @dataclass(frozen=True)
@@ -45,7 +39,6 @@ class CrowdedLabel:
     `kind`: "crowded", "outside", "geometry" or "clean"; ``outside``: the largest effect is in nobody's
         library; ``geometry``: nothing is off but the geometry.
     `robot`, `data`: the robot's name; ``absolute`` or ``displacement``.
-    `causes`: in the order of what they close.
     `noise_mm`, `gap_mm`, `remainder_mm`: RMS of the position noise' norm; of what the best geometry and
         compliances leave without noise; and of that which all effects of the library together cannot take.
     """
@@ -56,7 +49,7 @@ class CrowdedLabel:
     data: str
     poses: int
     rows: int
-    causes: tuple[TrueCause, ...]
+    causes: tuple[TrueCause, ...]  # in the order of what they close
     noise_mm: float
     gap_mm: float
     remainder_mm: float
@@ -97,39 +90,33 @@ class Reply:
     """What somebody said of a case, and how that did on fresh poses.
 
     `verdict`: ``effect:component``, ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
-    `named`: the causes in order.
-    `alike`: what cannot be told from the first cause, or from the verdict.
-    `promised`: share of the gap that all causes are said to close.
-    `said_mm`: the remainder as said, RMS, noise included.
     `least_mm`, `left_mm`: the remainder as it is, noise included: what the named causes that are real leave
         after a refit, with hidden causes taken up besides and without.
     `closing`: share of the gap that the causes close on fresh poses, without noise; None where none is named.
-    `error`: why it broke off, or why it could not predict the fresh poses.
     """
 
     verdict: str
-    named: tuple[str, ...] = ()
-    alike: tuple[str, ...] = ()
-    promised: float = 0.0
-    said_mm: float | None = None
+    named: tuple[str, ...] = ()  # the causes in order
+    alike: tuple[str, ...] = ()  # what cannot be told from the first cause, or from the verdict
+    promised: float = 0.0  # share of the gap that all causes are said to close
+    said_mm: float | None = None  # the remainder as said, RMS, noise included
     least_mm: float | None = None
     left_mm: float | None = None
     closing: float | None = None
     seconds: float = 0.0
-    error: str | None = None
+    error: str | None = None  # why it broke off, or why it could not predict the fresh poses
 
 
 @dataclass(frozen=True)
 class CrowdedRecord:
     """A case, answered and opened.
 
-    `replies`: of the diagnosis that is examined (`EXAMINED`) and of each control.
     `label_sha256`, `report_sha256`: seals of the label, before the diagnosis, and of the reports, before the
         label was opened.
     """
 
     label: CrowdedLabel
-    replies: Mapping[str, Reply]
+    replies: Mapping[str, Reply]  # of the diagnosis that is examined (`EXAMINED`) and of each control
     label_sha256: str
     report_sha256: str
 
