@@ -1,7 +1,7 @@
 """What the exam draws: the effect that a machine really has, and the campaign in which it is measured."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -77,3 +77,14 @@ class SimulatedCampaign:
     def at(self, rows: Any) -> Self:
         """Return the campaign of some of the rows, in any order, or as often as they are named."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
+
+
+def some(thing: Any, rows: Any) -> Any:
+    """Return some rows, in any order, of an array, or of all arrays in a tuple, mapping or dataclass."""
+    if isinstance(thing, np.ndarray):
+        return thing[rows]
+    if isinstance(thing, tuple):
+        return tuple(some(part, rows) for part in thing)
+    if isinstance(thing, Mapping):
+        return {name: some(part, rows) for name, part in thing.items()}
+    return type(thing)(*(some(getattr(thing, field.name), rows) for field in fields(thing)))

@@ -23,11 +23,6 @@ class Situation:
     temperature: Array  # (P,): degC
     lasted: Array  # (P,): s; since the state before
 
-    def at(self, rows: Any) -> Situation:
-        """Return the situation of some of the states."""
-        values = {name: value[rows] for name, value in self.values.items()}
-        return Situation(values, self.time[rows], self.temperature[rows], self.lasted[rows])
-
     def value(self, name: str, default: float = 0.0) -> Array:
         """Return a variable, (P,); a default for what is no variable, as a joint that is fixed."""
         return self.values.get(name, np.full(len(self.time), default))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -55,10 +55,6 @@ class Layout:
     load_arm: Array
     load: Array
     load_moment: Array  # (P, L, 3)
-
-    def at(self, poses: Any) -> Layout:
-        """Return the layout at some of the poses, in any order."""
-        return Layout(*(getattr(self, f.name)[poses] for f in fields(self)))
 
 
 def topology_of(machine: Machine) -> Topology:

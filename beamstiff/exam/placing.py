@@ -43,11 +43,6 @@ class Placed:
         at: Array = self.origins[node.frame] + self.rotations[node.frame] @ np.array(node.at)
         return at
 
-    def at(self, poses: Any) -> Placed:
-        """Return the machine at some of the poses, in any order."""
-        parts = (self.values, self.rotations, self.origins)
-        return Placed(*({name: part[poses] for name, part in some.items()} for some in parts))
-
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:

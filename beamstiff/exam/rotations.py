@@ -21,6 +21,12 @@ def cross(v: Array, w: Array) -> Array:
     return result
 
 
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Return the products (..., 3) of matrices (..., 3, 3) with vectors (..., 3)."""
+    result: Array = (matrices @ vectors[..., None])[..., 0]
+    return result
+
+
 def turn(vector: Array) -> Array:
     """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3), by unit quaternions.
 
