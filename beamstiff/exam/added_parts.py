@@ -12,7 +12,6 @@ from beamstiff.exam.components import in_the_middle, stiffness_of
 from beamstiff.exam.laws import Law, Situation, varying
 from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
 from beamstiff.exam.parameters import Parameters
-from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.parts import Mass, Node
 
@@ -20,25 +19,38 @@ UP = np.array([0.0, 0.0, 1.0])
 NONE: Mapping[int, Law] = {}
 
 
+def with_node(machine: Machine, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Machine, str]:
+    """Return the machine with a new node at a place (3,) in a frame, rigidly on some nodes, and its name."""
+    name = free_name(machine, wanted)
+    node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
+    ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
+    return machine.plus(nodes=(node,), rigids=ties), name
+
+
+def with_node_at(machine: Machine, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Machine, str]:
+    """Return the same of a place in the base frame, where the machine is in the middle of its range."""
+    placed = in_the_middle(machine.robot)
+    local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
+    return with_node(machine, wanted, frame, local, *hosts)
+
+
+def seen_from(machine: Machine, node: str, way: Array) -> Array:
+    """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
+    placed = in_the_middle(machine.robot)
+    return np.asarray(placed.rotations[machine.node(node).frame][0].T @ way)
+
+
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
     """Return the machine with all its fixed nodes on one body that springs hold, in base axes.
 
     The springs (6,) or (6, 6) act at the middle of the fixed nodes.
     """
-    placed = in_the_middle(machine.robot)
-    foot = np.mean([placed.node(machine.node(name))[0] for name in machine.fixed], axis=0)
-    ground, body = (free_name(machine, name) for name in ("ground", "foot"))
-    at = tuple(map(float, foot))
-    nodes = (*machine.nodes, *(Node(name=name, at=at) for name in (ground, body)))  # type: ignore[arg-type]
-    ties = tuple((f"{body} {name}", (body, name)) for name in machine.fixed)
+    placed, fixed = in_the_middle(machine.robot), machine.fixed
+    foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
+    machine, ground = with_node(machine, "ground", "base", foot)
+    machine, body = with_node(machine, "foot", "base", foot, *fixed)
     hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
-    return dataclasses.replace(
-        machine,
-        nodes=nodes,
-        rigids=(*machine.rigids, *ties),
-        hinges=(*machine.hinges, hinge),
-        fixed=(ground,),
-    )
+    return dataclasses.replace(machine.plus(hinges=(hinge,)), fixed=(ground,))
 
 
 def behind_flange(machine: Machine) -> tuple[Machine, str]:
@@ -75,15 +87,9 @@ def sprung(
 ) -> Machine:
     """Return the machine with springs between flange and tool, at a place seen from the TCP in its frame."""
     tcp = machine.node(machine.tcp)
-    place = tuple(map(float, np.array(tcp.at) + at))
-    names: list[str] = []
-    for _ in range(2):
-        names.append(free_name(machine, "held"))
-        machine = machine.plus(nodes=(Node(name=names[-1], frame=tcp.frame, at=place),))  # type: ignore[arg-type]
-    first, second = names
-    ties = ((f"to {first}", (flange, first)), (f"from {second}", (second, tcp.name)))
-    hinge = Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws)
-    return machine.plus(rigids=ties, hinges=(hinge,))
+    machine, first = with_node(machine, "held", tcp.frame, np.array(tcp.at) + at, flange)
+    machine, second = with_node(machine, "held", tcp.frame, np.array(tcp.at) + at, tcp.name)
+    return machine.plus(hinges=(Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws),))
 
 
 def with_loose_mass(
@@ -91,18 +97,11 @@ def with_loose_mass(
 ) -> Machine:
     """Return the machine with a mass that springs hold to the tool, along an axis from the TCP."""
     tcp = machine.node(machine.tcp)
-    at = tuple(map(float, np.array(tcp.at) + along * axis))
-    seat, loose = (
-        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
-        for name in ("seat", "loose")
-    )
-    hinge = Hinge(loose.name, (seat.name, loose.name), tcp.frame, axes_from(axis), stiffness, laws)
-    return machine.plus(
-        nodes=(seat, loose),
-        rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
-        hinges=(hinge,),
-        masses=(Mass(node=loose.name, mass=mass),),
-    )
+    at = np.array(tcp.at) + along * axis
+    machine, seat = with_node(machine, "seat", tcp.frame, at, tcp.name)
+    machine, loose = with_node(machine, "loose", tcp.frame, at)
+    hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), stiffness, laws)
+    return machine.plus(hinges=(hinge,), masses=(Mass(node=loose, mass=mass),))
 
 
 def tied_to_ground(
@@ -111,10 +110,9 @@ def tied_to_ground(
     """Return the machine whose TCP springs tie to the ground, the first along an axis of the base frame."""
     tcp = machine.node(machine.tcp)
     # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
-    name = free_name(machine, wanted)
-    end = Node(name=name, frame=tcp.frame, at=tcp.at)
-    hinge = Hinge(name, (name, tcp.name), "base", axes_from(axis), stiffness, laws)
-    return machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,))
+    machine, end = with_node(machine, wanted, tcp.frame, np.array(tcp.at))
+    hinge = Hinge(end, (end, tcp.name), "base", axes_from(axis), stiffness, laws)
+    return machine.plus(hinges=(hinge,), fixed=(end,))
 
 
 def seen_from_foot(at: Array, k: Array) -> Array:
@@ -122,12 +120,6 @@ def seen_from_foot(at: Array, k: Array) -> Array:
     X = np.eye(6)
     X[:3, 3:] = -cross_matrix(at)
     return np.asarray(X.T @ k @ X)
-
-
-def node_at(machine: Machine, placed: Placed, frame: str, at: Array, wanted: str) -> Node:
-    """Return a new node on a frame, at a place (3,) in the base frame on the machine as placed."""
-    local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
-    return Node(name=free_name(machine, wanted), frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
 
 
 def free_name(machine: Machine, wanted: str) -> str:
@@ -157,23 +149,15 @@ def with_rod(
     `arms`: m; distances of the ends on the moved side and on the other from the joint's axis.
     `angle`: rad; from the arm before to the arm behind, about the axis, in the middle of its range.
     """
-    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
     axis, point = axis_in_the_middle(machine, joint)
-    up = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
+    up = UP if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
     u = up - (up @ axis) * axis
     u = u / np.linalg.norm(u)
-    v = np.cross(axis, u)
-    at_before = point - arms[1] * u
-    at_behind = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * v)
-
-    a, b = hinge.nodes
-    before = node_at(machine, placed, machine.node(a).frame, at_before, "rod_before")
-    behind = node_at(machine, placed, machine.node(b).frame, at_behind, "rod_behind")
-    return machine.plus(
-        nodes=(before, behind),
-        rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
-        rods=(Rod(free_name(machine, "rod"), (before.name, behind.name), stiffness, law),),
-    )
+    behind_at = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * np.cross(axis, u))
+    a, b = machine.hinge(joint).nodes
+    machine, before = with_node_at(machine, "rod_before", machine.node(a).frame, point - arms[1] * u, a)
+    machine, behind = with_node_at(machine, "rod_behind", machine.node(b).frame, behind_at, b)
+    return machine.plus(rods=(Rod(free_name(machine, "rod"), (before, behind), stiffness, law),))
 
 
 def turned(p: Parameters, variable: str, situation: Situation) -> Array:
@@ -217,11 +201,11 @@ def about_x(angle: float) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def ends_of(machine: Machine, nodes: tuple[str, str]) -> tuple[Placed, Array, Array]:
-    """Return the machine in the middle of its range, and where a link's nodes are there, (3,), base frame."""
+def ends_of(machine: Machine, nodes: tuple[str, str]) -> tuple[Array, Array]:
+    """Return where a link's nodes are in the middle of the machine's range, (3,) each, base frame."""
     placed = in_the_middle(machine.robot)
     a, b = (placed.node(machine.node(name))[0] for name in nodes)
-    return placed, a, b
+    return a, b
 
 
 def across_link(a: Array, b: Array, side: float) -> Array:

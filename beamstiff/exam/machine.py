@@ -151,6 +151,13 @@ class Machine:
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
 
+    def with_stiffness(self, name: str, directions: int | slice, stiffness: Array | float) -> Self:
+        """Return the machine with another stiffness in some directions of a hinge."""
+        hinge = self.hinge(name)
+        k = hinge.stiffness.copy()
+        k[directions] = stiffness
+        return self.with_hinge(dataclasses.replace(hinge, stiffness=k))
+
     def with_profile(self, name: str, change: Callable[[Profile], Profile]) -> Self:
         """Return the machine with the profile of the bar of that name changed."""
         bars = (

@@ -1,6 +1,5 @@
 """Drives: play, hardening, compliance, friction, and torque on one axis that turns another."""
 
-import dataclasses
 import math
 from itertools import pairwise
 
@@ -100,10 +99,7 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
         return k * e * (1.0 + p["more"] * share), slope
 
     for name, own in joints_of(machine.robot, str(truth.component)):
-        hinge = machine.hinge(name)
-        k = hinge.stiffness.copy()
-        k[own] = p["stiffness"]
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=k))
+        machine = machine.with_stiffness(name, own, p["stiffness"])
         if truth.form == "helped":
             machine = machine.with_law(name, own, curved(helped))
     return reality.with_machine(machine)

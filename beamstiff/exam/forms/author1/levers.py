@@ -1,6 +1,5 @@
 """Rods whose lever arm about the axis changes with the joint angle, and spring balancers across an axis."""
 
-import dataclasses
 from functools import partial
 
 import numpy as np
@@ -68,10 +67,7 @@ def _lever(truth: Truth, reality: Reality) -> Reality:
     if truth.form == "rod" and p["gear"] == 1.0:
         arms, angle = (p["crank"], p["frame"]), p["way"] * p["start"]
         for name, own in joints_of(machine.robot, variable):
-            hinge = machine.hinge(name)
-            free = hinge.stiffness.copy()
-            free[own] = 0.0
-            machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=free))
+            machine = machine.with_stiffness(name, own, 0.0)
             machine = with_rod(machine, name, arms, angle, joint_stiffness / arm**2, None)
         return reality.with_machine(machine)
 

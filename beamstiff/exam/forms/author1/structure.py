@@ -7,7 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import about_x, across_link, ends_of, node_at, on_pedestal, seen_from_foot
+from beamstiff.exam.added_parts import (
+    about_x,
+    across_link,
+    ends_of,
+    on_pedestal,
+    seen_from,
+    seen_from_foot,
+    with_node_at,
+)
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, slender
 from beamstiff.exam.draws import evenly, sized, softer
@@ -102,9 +110,8 @@ def _link(
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    placed, a, b = ends_of(machine, nodes)
-    up = np.eye(3)[np.argmin(np.abs(b - a))]
-    return np.asarray(placed.rotations[machine.node(nodes[0]).frame][0].T @ up)
+    a, b = ends_of(machine, nodes)
+    return seen_from(machine, nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
 
 
 def _softer(profile: Profile, p: Parameters) -> Profile:
@@ -126,15 +133,13 @@ def _hinged(p: Parameters, rigidity: Array) -> Profile:
 
 def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    placed, a, b = ends_of(machine, nodes)
+    a, b = ends_of(machine, nodes)
     corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
-    node = node_at(machine, placed, machine.node(nodes[0]).frame, corner, "elbow")
+    machine, elbow = with_node_at(machine, "elbow", machine.node(nodes[0]).frame, corner)
     up, rigidity = up_of(machine, nodes), rigidity_of(p)
-    halves = (
-        Bar(f"{name} before", (nodes[0], node.name), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
-        Bar(f"{name} behind", (node.name, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
-    )
-    return machine.plus(nodes=(node,), bars=halves)
+    before = Bar(f"{name} before", (nodes[0], elbow), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up)
+    behind = Bar(f"{name} behind", (elbow, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up)
+    return machine.plus(bars=(before, behind))
 
 
 def bearings(robot: Robot) -> list[str | None]:

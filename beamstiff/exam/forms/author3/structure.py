@@ -14,10 +14,10 @@ from beamstiff.exam.added_parts import (
     behind_flange,
     ends_of,
     free_name,
-    node_at,
     on_pedestal,
     seen_from_foot,
     sprung,
+    with_node_at,
 )
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import in_the_middle, slender
@@ -146,13 +146,12 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    placed, a, b = ends_of(machine, bar.nodes)
+    a, b = ends_of(machine, bar.nodes)
     away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
     for end, place in zip(bar.nodes, (a, b), strict=True):
-        node = node_at(machine, placed, machine.node(end).frame, place + away, "leg")
-        names.append(node.name)
-        machine = machine.plus(nodes=(node,), rigids=((f"{end} {node.name}", (end, node.name)),))
+        machine, name = with_node_at(machine, "leg", machine.node(end).frame, place + away, end)
+        names.append(name)
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)
     return machine.plus(bars=(leg,))

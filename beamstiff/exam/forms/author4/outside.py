@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import free_name
+from beamstiff.exam.added_parts import with_node
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import drives, in_the_middle, nowhere, slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
@@ -13,7 +13,6 @@ from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
 from beamstiff.exam.machine import Machine, Rod
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.robot.parts import Node
 
 
 def drum(pull: float, friction: float, arrived: float, reach: float) -> Law:
@@ -51,13 +50,9 @@ def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
     at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
     at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
-    crane = Node(name=free_name(machine, "crane"), at=tuple(map(float, at)))  # type: ignore[arg-type]
+    machine, crane = with_node(machine, "crane", "base", at, machine.fixed[0])
     law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])
-    return machine.plus(
-        nodes=(crane,),
-        rigids=((f"to {crane.name}", (machine.fixed[0], crane.name)),),
-        rods=(Rod(f"{crane.name} rope", (crane.name, elbow), 0.0, law),),
-    )
+    return machine.plus(rods=(Rod(f"{crane} rope", (crane, elbow), 0.0, law),))
 
 
 def _draw_pull(request: DrawRequest) -> dict[str, float]:

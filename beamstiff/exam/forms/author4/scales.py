@@ -5,7 +5,7 @@ import numpy as np
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import LARGE, slender, stiffness_of, turns
 from beamstiff.exam.laws import Curved, Law
-from beamstiff.exam.machine import Hinge, Machine, Mesh, drives_of
+from beamstiff.exam.machine import Machine, Mesh, drives_of
 from beamstiff.robot.description import Robot
 
 
@@ -32,7 +32,7 @@ def beside(machine: Machine, hinge: str, direction: int, law: Law) -> Machine:
     return machine.plus(meshes=(Mesh((hinge, direction), (hinge, direction), (1.0, 0.0), law),))
 
 
-def round_about(machine: Machine, hinge: Hinge, first: int, law: Law) -> Machine:
+def round_about(machine: Machine, hinge: str, first: int, law: Law) -> Machine:
     """Return the machine with a law in every way of tilting about two directions of a hinge.
 
     Four springs on diameters 45 degrees apart take half of the law's stiffness each: alike in all ways where
@@ -40,6 +40,5 @@ def round_about(machine: Machine, hinge: Hinge, first: int, law: Law) -> Machine
     """
     for angle in 0.25 * np.pi * np.arange(4):
         weights = (float(np.cos(angle)), float(np.sin(angle)))
-        mesh = Mesh((hinge.name, first), (hinge.name, first + 1), weights, law)
-        machine = machine.plus(meshes=(mesh,))
+        machine = machine.plus(meshes=(Mesh((hinge, first), (hinge, first + 1), weights, law),))
     return machine

@@ -7,9 +7,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, behind_flange, ends_of, free_name, on_pedestal, sprung
+from beamstiff.exam.added_parts import (
+    UP,
+    behind_flange,
+    ends_of,
+    free_name,
+    on_pedestal,
+    seen_from,
+    sprung,
+    with_node,
+)
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, each, evenly, whole
 from beamstiff.exam.effect import built
 from beamstiff.exam.forms.author4.scales import main_stiffness, round_about, rounded_ramp, wrist_stiffness
@@ -18,7 +27,6 @@ from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, Rod, joint
 from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Node
 
 LEGENDRE = np.polynomial.legendre.leggauss(3)
 DEPTH = 0.12  # of a link's section over its length: radius of gyration
@@ -82,14 +90,14 @@ def _bend(
 ) -> Machine:
     old = next((bar for bar in machine.bars if bar.name == link), None)
     nodes = dict(machine.rigids)[link] if old is None else old.nodes
-    placed, a, b = ends_of(machine, nodes)
+    a, b = ends_of(machine, nodes)
     length, along = float(np.linalg.norm(b - a)), (b - a) / np.linalg.norm(b - a)
     u = np.eye(3)[np.argmin(np.abs(along))]
     u = u - (u @ along) * along
     u = u / np.linalg.norm(u)
     side = np.cos(p["side"]) * u + np.sin(p["side"]) * np.cross(along, u)
     profile = windowed(p["stiffness"], length, *piece(p))
-    up = placed.rotations[machine.node(nodes[0]).frame][0].T @ side
+    up = seen_from(machine, nodes[0], side)
     machine = machine.without(link)
     # what the model has of the link bends as well, in series: from the first end to a body at the second, on
     # which what is added starts
@@ -108,10 +116,9 @@ def _bend(
 def _held(machine: Machine, name: str, host: str, away: Array) -> tuple[Machine, str]:
     """Return the machine with a node beside one, by a way in the middle of the range, rigidly on a host."""
     node = machine.node(name)
-    at = np.array(node.at) + in_the_middle(machine.robot).rotations[node.frame][0].T @ away
-    new = Node(name=free_name(machine, f"beside {name}"), frame=node.frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
-    machine = machine.plus(nodes=(new,), rigids=((f"{host} {new.name}", (host, new.name)),))
-    return machine, new.name
+    return with_node(
+        machine, f"beside {name}", node.frame, np.array(node.at) + seen_from(machine, name, away), host
+    )
 
 
 def lifting(k: float, from_: float, rest: float) -> Law:
@@ -135,11 +142,8 @@ def _joint_stiffness(request: DrawRequest) -> float:
 
 def _lifting_rim(p: Parameters, machine: Machine, variable: str) -> Machine:
     for name, _ in joints_of(machine.robot, variable):
-        hinge = machine.hinge(name)
-        stiffness = np.array(hinge.stiffness)
-        stiffness[4:] = 0.0
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=stiffness))
-        machine = round_about(machine, hinge, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
+        machine = machine.with_stiffness(name, slice(4, 6), 0.0)
+        machine = round_about(machine, name, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
     return machine
 
 
@@ -152,11 +156,9 @@ def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
         return np.asarray(p["phase"] - situation.value(variable))
 
     for name, _ in joints_of(machine.robot, variable):
-        hinge = machine.hinge(name)
-        stiffness = np.array(hinge.stiffness)
-        stiffness[4:] = k
-        stiffness[1:3] = np.where(np.isinf(stiffness[1:3]), k / RING**2, stiffness[1:3])
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=stiffness))
+        radial = machine.hinge(name).stiffness[1:3]
+        machine = machine.with_stiffness(name, slice(4, 6), k)
+        machine = machine.with_stiffness(name, slice(1, 3), np.where(np.isinf(radial), k / RING**2, radial))
         weights = (lambda s: np.cos(way(s)), lambda s: np.sin(way(s)))
         law = varying(lambda s: np.full(len(s.time), taken))
         machine = machine.plus(meshes=(Mesh((name, 4), (name, 5), weights, law),))
@@ -189,9 +191,8 @@ def _on_feet(p: Parameters, machine: Machine, _: str) -> Machine:
         top = middle + half * np.array([x, y, 0.0])
         ends = []
         for host, place in ((ground, top - [0.0, 0.0, LEG]), (body, top)):
-            node = Node(name=free_name(machine, f"leg {at}"), at=tuple(map(float, place)))  # type: ignore[arg-type]
-            machine = machine.plus(nodes=(node,), rigids=((f"{host} {node.name}", (host, node.name)),))
-            ends.append(node.name)
+            machine, name = with_node(machine, f"leg {at}", "base", place, host)
+            ends.append(name)
         law = short_foot(k, p["gap"]) if at == p["short"] else None
         machine = machine.plus(rods=(Rod(f"leg {at}", (ends[0], ends[1]), k, law),))
     return machine
@@ -250,7 +251,7 @@ def _side_bracket(p: Parameters, machine: Machine, _: str) -> Machine:
 def _tool_changer(p: Parameters, machine: Machine, _: str) -> Machine:
     held = np.array([np.inf, np.inf, np.inf, 0.0, 0.0, p["twist"] * p["bending"]])
     machine = sprung(*behind_flange(machine), -p["behind"] * UP, held)
-    return round_about(machine, machine.hinges[-1], 3, lifting(0.5 * p["bending"], p["from"], p["rest"]))
+    return round_about(machine, machine.hinges[-1].name, 3, lifting(0.5 * p["bending"], p["from"], p["rest"]))
 
 
 def _foot(request: DrawRequest) -> float:
