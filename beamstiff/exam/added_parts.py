@@ -3,41 +3,19 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from itertools import count
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, stiffness_of
+from beamstiff.exam.components import stiffness_of
 from beamstiff.exam.laws import Law, Situation, varying
-from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
+from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, in_the_middle, joints_of, own_stiffness
 from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.rotations import cross_matrix
-from beamstiff.robot.parts import Mass, Node
+from beamstiff.robot.parts import Mass
 
 UP = np.array([0.0, 0.0, 1.0])
 NONE: Mapping[int, Law] = {}
-
-
-def with_node(machine: Machine, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Machine, str]:
-    """Return the machine with a new node at a place (3,) in a frame, rigidly on some nodes, and its name."""
-    name = free_name(machine, wanted)
-    node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
-    ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
-    return machine.plus(nodes=(node,), rigids=ties), name
-
-
-def with_node_at(machine: Machine, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Machine, str]:
-    """Return the same of a place in the base frame, where the machine is in the middle of its range."""
-    placed = in_the_middle(machine.robot)
-    local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
-    return with_node(machine, wanted, frame, local, *hosts)
-
-
-def seen_from(machine: Machine, node: str, way: Array) -> Array:
-    """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
-    placed = in_the_middle(machine.robot)
-    return np.asarray(placed.rotations[machine.node(node).frame][0].T @ way)
 
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
@@ -47,8 +25,8 @@ def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NO
     """
     placed, fixed = in_the_middle(machine.robot), machine.fixed
     foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
-    machine, ground = with_node(machine, "ground", "base", foot)
-    machine, body = with_node(machine, "foot", "base", foot, *fixed)
+    machine, ground = machine.with_node("ground", "base", foot)
+    machine, body = machine.with_node("foot", "base", foot, *fixed)
     hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
     return dataclasses.replace(machine.plus(hinges=(hinge,)), fixed=(ground,))
 
@@ -58,7 +36,7 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
 
     What hangs on the TCP alone stays on the tool's side.
     """
-    flange = free_name(machine, "flange")
+    flange = machine.free_name("flange")
     tcp = machine.tcp
     ties = machine.ties
     held = set(machine.fixed)
@@ -87,8 +65,8 @@ def sprung(
 ) -> Machine:
     """Return the machine with springs between flange and tool, at a place seen from the TCP in its frame."""
     tcp = machine.node(machine.tcp)
-    machine, first = with_node(machine, "held", tcp.frame, np.array(tcp.at) + at, flange)
-    machine, second = with_node(machine, "held", tcp.frame, np.array(tcp.at) + at, tcp.name)
+    machine, first = machine.with_node("held", tcp.frame, np.array(tcp.at) + at, flange)
+    machine, second = machine.with_node("held", tcp.frame, np.array(tcp.at) + at, tcp.name)
     return machine.plus(hinges=(Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws),))
 
 
@@ -98,8 +76,8 @@ def with_loose_mass(
     """Return the machine with a mass that springs hold to the tool, along an axis from the TCP."""
     tcp = machine.node(machine.tcp)
     at = np.array(tcp.at) + along * axis
-    machine, seat = with_node(machine, "seat", tcp.frame, at, tcp.name)
-    machine, loose = with_node(machine, "loose", tcp.frame, at)
+    machine, seat = machine.with_node("seat", tcp.frame, at, tcp.name)
+    machine, loose = machine.with_node("loose", tcp.frame, at)
     hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), stiffness, laws)
     return machine.plus(hinges=(hinge,), masses=(Mass(node=loose, mass=mass),))
 
@@ -110,7 +88,7 @@ def tied_to_ground(
     """Return the machine whose TCP springs tie to the ground, the first along an axis of the base frame."""
     tcp = machine.node(machine.tcp)
     # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
-    machine, end = with_node(machine, wanted, tcp.frame, np.array(tcp.at))
+    machine, end = machine.with_node(wanted, tcp.frame, np.array(tcp.at))
     hinge = Hinge(end, (end, tcp.name), "base", axes_from(axis), stiffness, laws)
     return machine.plus(hinges=(hinge,), fixed=(end,))
 
@@ -120,12 +98,6 @@ def seen_from_foot(at: Array, k: Array) -> Array:
     X = np.eye(6)
     X[:3, 3:] = -cross_matrix(at)
     return np.asarray(X.T @ k @ X)
-
-
-def free_name(machine: Machine, wanted: str) -> str:
-    """Return a node's name that the machine does not have yet."""
-    taken = {node.name for node in machine.nodes} | {hinge.name for hinge in machine.hinges}
-    return next(name for name in (f"{wanted}{i or ''}" for i in count()) if name not in taken)
 
 
 def lever(near: float, far: float, angle: Array | float) -> tuple[Array, Array]:
@@ -155,9 +127,9 @@ def with_rod(
     u = u / np.linalg.norm(u)
     behind_at = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * np.cross(axis, u))
     a, b = machine.hinge(joint).nodes
-    machine, before = with_node_at(machine, "rod_before", machine.node(a).frame, point - arms[1] * u, a)
-    machine, behind = with_node_at(machine, "rod_behind", machine.node(b).frame, behind_at, b)
-    return machine.plus(rods=(Rod(free_name(machine, "rod"), (before, behind), stiffness, law),))
+    machine, before = machine.with_node_at("rod_before", machine.node(a).frame, point - arms[1] * u, a)
+    machine, behind = machine.with_node_at("rod_behind", machine.node(b).frame, behind_at, b)
+    return machine.plus(rods=(Rod(machine.free_name("rod"), (before, behind), stiffness, law),))
 
 
 def turned(p: Parameters, variable: str, situation: Situation) -> Array:
@@ -199,13 +171,6 @@ def about_x(angle: float) -> Array:
     """Return the matrix (3, 3) that turns about x."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def ends_of(machine: Machine, nodes: tuple[str, str]) -> tuple[Array, Array]:
-    """Return where a link's nodes are in the middle of the machine's range, (3,) each, base frame."""
-    placed = in_the_middle(machine.robot)
-    a, b = (placed.node(machine.node(name))[0] for name in nodes)
-    return a, b
 
 
 def across_link(a: Array, b: Array, side: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers
-from beamstiff.exam.machine import Machine, Profile, bodies_of
+from beamstiff.exam.machine import Machine, Profile
 from beamstiff.exam.placing import Placed
 
 SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometry may move them apart
@@ -59,7 +59,7 @@ class Layout:
 
 def topology_of(machine: Machine) -> Topology:
     """Return the bodies and members of a machine."""
-    body_of = bodies_of(machine)
+    body_of = machine.bodies()
     index = {node.name: at for at, node in enumerate(machine.nodes)}
 
     body = np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64)

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.laws import Law, Situation
+from beamstiff.exam.placing import Placed, place, skeleton_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Mass, Node
 from beamstiff.robot.sections import section_properties
@@ -23,6 +25,8 @@ TURN = 3  # direction about the joint's axis
 ALONG = 0
 GAUSS = np.polynomial.legendre.leggauss(6)
 Weight = float | Callable[[Situation], Array]
+WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
+LONG = 0.4  # m, likewise of a prismatic one
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +179,51 @@ class Machine:
         rigids = tuple(rigid for rigid in self.rigids if rigid[0] != name)
         return dataclasses.replace(self, rigids=rigids, bars=tuple(b for b in self.bars if b.name != name))
 
+    def free_name(self, wanted: str) -> str:
+        """Return a node's name that the machine does not have yet."""
+        taken = {node.name for node in self.nodes} | {hinge.name for hinge in self.hinges}
+        return next(name for name in (f"{wanted}{i or ''}" for i in count()) if name not in taken)
+
+    def with_node(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
+        """Return the machine with a new node at a place (3,) in a frame, rigidly on others, and its name."""
+        name = self.free_name(wanted)
+        node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
+        ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
+        return self.plus(nodes=(node,), rigids=ties), name
+
+    def with_node_at(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
+        """Return the same of a place in the base frame, where the machine is in the middle of its range."""
+        placed = in_the_middle(self.robot)
+        local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
+        return self.with_node(wanted, frame, local, *hosts)
+
+    def seen_from(self, node: str, way: Array) -> Array:
+        """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
+        return np.asarray(in_the_middle(self.robot).rotations[self.node(node).frame][0].T @ way)
+
+    def ends(self, nodes: tuple[str, str]) -> tuple[Array, Array]:
+        """Return where a link's nodes are in the middle of the range, (3,) each, base frame."""
+        placed = in_the_middle(self.robot)
+        a, b = (placed.node(self.node(name))[0] for name in nodes)
+        return a, b
+
+    def bodies(self) -> dict[str, int]:
+        """Return the body of every node: those that rigids join are one, those that are fixed are body 0."""
+        names = [node.name for node in self.nodes]
+        above = {name: name for name in names}
+
+        def root(name: str) -> str:
+            while above[name] != name:
+                name = above[name]
+            return name
+
+        for a, b in [nodes for _, nodes in self.rigids] + [(self.fixed[0], f) for f in self.fixed[1:]]:
+            above[root(a)] = root(b)
+        number = {root(self.fixed[0]): 0}
+        for name in names:
+            number.setdefault(root(name), len(number))
+        return {name: number[root(name)] for name in names}
+
     @property
     def ties(self) -> list[tuple[str, str]]:
         """Nodes that something holds to one another."""
@@ -233,25 +282,6 @@ def axes_from(axis: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
-def bodies_of(machine: Machine) -> dict[str, int]:
-    """Return the body of every node: nodes that rigids join are one body, those that are fixed are body 0."""
-    names = [node.name for node in machine.nodes]
-    above = {name: name for name in names}
-
-    def root(name: str) -> str:
-        while above[name] != name:
-            name = above[name]
-        return name
-
-    for a, b in [nodes for _, nodes in machine.rigids] + [(machine.fixed[0], f) for f in machine.fixed[1:]]:
-        above[root(a)] = root(b)
-    ground = root(machine.fixed[0])
-    number = {ground: 0}
-    for name in names:
-        number.setdefault(root(name), len(number))
-    return {name: number[root(name)] for name in names}
-
-
 def joints_of(robot: Robot, component: str) -> tuple[tuple[str, int], ...]:
     """Return the joints (name, own direction) that a component stands for: a variable's, or one by name.
 
@@ -280,3 +310,20 @@ def drives_of(robot: Robot) -> list[str]:
         for name in names
         if all(0.0 < own_stiffness(robot, *joint) < math.inf for joint in joints_of(robot, name))
     ]
+
+
+def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
+    """Return the middle and half the width of a variable's range, rad or m."""
+    found = next((v for v in robot.variables if v.name == variable), None)
+    if found is None:
+        return 0.0, float(WIDE)
+    if found.limits is None:
+        return found.guess, LONG if found.type == "prismatic" else float(WIDE)
+    low, high = found.limits
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def in_the_middle(robot: Robot, **moved: float) -> Placed:
+    """Return the robot in the middle of its range, one pose, with some variables moved from there."""
+    q = np.array([[stroke(robot, v.name)[0] + moved.get(v.name, 0.0) for v in robot.actuated]])
+    return place(skeleton_of(robot), q)

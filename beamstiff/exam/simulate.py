@@ -10,13 +10,13 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import ROWS, Array, Integers, SimulatedCampaign, Truth, some
+from beamstiff.exam.effect import Reality, axes_of
 from beamstiff.exam.equilibrium import Load, Problem, Solved, equilibrium, rows_of
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
 from beamstiff.exam.machine import drives_of, joints_of, machine_of
 from beamstiff.exam.placing import Placed, place, skeleton_of
-from beamstiff.exam.reality import Reality, axes_of
 from beamstiff.exam.rotations import apply, turned_by
 from beamstiff.exam.strain import State
 from beamstiff.measure.table import Measurements, make_measurements

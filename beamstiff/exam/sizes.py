@@ -14,10 +14,10 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.parameters import between
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.record import Kind
 from beamstiff.exam.simulate import read, simulate, solve
 from beamstiff.robot.description import Robot

@@ -7,7 +7,7 @@ from typing import Literal
 from beamstiff.exam import score
 from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import brier, calibration_error, reliability
+from beamstiff.exam.score import brier, calibration_error, reliability
 
 Records = Sequence[Record]
 

@@ -11,12 +11,12 @@ from scipy.optimize import brentq
 import beamstiff.exam
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.equilibrium import Load, Problem, equilibrium, rows_of
 from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import lay_out, topology_of
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.exam.simulate import draw_stiffness, simulate, solve
 from beamstiff.exam.strain import State, Tangent, add_stiffness, resisting, strain_of

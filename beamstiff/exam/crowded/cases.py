@@ -13,12 +13,12 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
 from beamstiff.exam.designs import Data, draw_crowded, largest_force
+from beamstiff.exam.effect import places_of
 from beamstiff.exam.forms import OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS, LATER
 from beamstiff.exam.parameters import between
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
 from beamstiff.exam.simulate import draw_stiffness, read, reality_of, simulate, solve

@@ -9,11 +9,10 @@ from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
 from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import built, curve, form, law, wind_up
+from beamstiff.exam.effect import Reality, built, curve, form, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
 from beamstiff.exam.machine import Cross, Machine, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 HALF = (3e-5, 5e-4)  # rad: half the lost motion; m / 10 for slides

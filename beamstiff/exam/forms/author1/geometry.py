@@ -6,13 +6,12 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke, turning_drives
+from beamstiff.exam.components import turning_drives
 from beamstiff.exam.draws import PHASE, SIGN, always, evenly, sized, whole
-from beamstiff.exam.effect import Change, Seen, built, form, reading
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.effect import Change, Reality, Seen, built, form, reading
+from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 

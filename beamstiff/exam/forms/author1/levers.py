@@ -6,12 +6,11 @@ import numpy as np
 
 from beamstiff.exam.added_parts import axis_in_the_middle, lever, stretch, with_balancer, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turning_drives
-from beamstiff.exam.effect import at_joints, built, form
+from beamstiff.exam.components import stiffness_of, turning_drives
+from beamstiff.exam.effect import Reality, at_joints, built, form
 from beamstiff.exam.laws import Situation, varying
-from beamstiff.exam.machine import Machine, joints_of, machine_of
+from beamstiff.exam.machine import Machine, in_the_middle, joints_of, machine_of, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turned_by
 from beamstiff.robot.description import Robot
 

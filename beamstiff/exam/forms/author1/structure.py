@@ -7,17 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import (
-    about_x,
-    across_link,
-    ends_of,
-    on_pedestal,
-    seen_from,
-    seen_from_foot,
-    with_node_at,
-)
+from beamstiff.exam.added_parts import about_x, across_link, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import evenly, sized, softer
 from beamstiff.exam.effect import built
 from beamstiff.exam.laws import Curved, curved
@@ -25,7 +17,7 @@ from beamstiff.exam.machine import (
     Bar,
     Machine,
     Profile,
-    bodies_of,
+    in_the_middle,
     joints_of,
     machine_of,
     own_stiffness,
@@ -67,7 +59,7 @@ def links(robot: Robot) -> list[str | None]:
 def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     """Return whether load passes a rigid: it parts its body, and what it parts holds the tool or a loop."""
     rest = machine.without(name)
-    body = bodies_of(rest)
+    body = rest.bodies()
     if body[nodes[0]] == body[nodes[1]]:
         return False
     ties = rest.ties
@@ -110,8 +102,8 @@ def _link(
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    a, b = ends_of(machine, nodes)
-    return seen_from(machine, nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
+    a, b = machine.ends(nodes)
+    return machine.seen_from(nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
 
 
 def _softer(profile: Profile, p: Parameters) -> Profile:
@@ -133,9 +125,9 @@ def _hinged(p: Parameters, rigidity: Array) -> Profile:
 
 def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    a, b = ends_of(machine, nodes)
+    a, b = machine.ends(nodes)
     corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
-    machine, elbow = with_node_at(machine, "elbow", machine.node(nodes[0]).frame, corner)
+    machine, elbow = machine.with_node_at("elbow", machine.node(nodes[0]).frame, corner)
     up, rigidity = up_of(machine, nodes), rigidity_of(p)
     before = Bar(f"{name} before", (nodes[0], elbow), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up)
     behind = Bar(f"{name} behind", (elbow, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up)

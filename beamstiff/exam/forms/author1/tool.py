@@ -4,13 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, behind_flange, with_node
+from beamstiff.exam.added_parts import UP, behind_flange
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.draws import always, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, form, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, reading
 from beamstiff.exam.machine import Bar, Hinge, Machine, tapered
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 TURN = (3e-7, 1.2e-5)  # rad/(N m)
@@ -23,7 +22,7 @@ SLIP = (5e-5, 1e-2)  # m
 def _behind(machine: Machine, behind: float, *hosts: str) -> tuple[Machine, str]:
     """Return the machine with a new node behind the TCP, whose frame's z is the tool's own axis."""
     tcp = machine.node(machine.tcp)
-    return with_node(machine, "tool", tcp.frame, np.array(tcp.at) - behind * UP, *hosts)
+    return machine.with_node("tool", tcp.frame, np.array(tcp.at) - behind * UP, *hosts)
 
 
 def _cantilever(p: Parameters, machine: Machine, _: str) -> Machine:

@@ -4,15 +4,13 @@ import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch, turned, with_balancer
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Reality, at_joints, built, curve, form, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
-from beamstiff.exam.machine import Cross, Machine, Mesh
+from beamstiff.exam.machine import Cross, Machine, Mesh, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 SLIDERS = 5
 REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it

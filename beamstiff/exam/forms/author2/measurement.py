@@ -4,14 +4,13 @@ import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import drive_of, stroke
+from beamstiff.exam.components import drive_of
 from beamstiff.exam.draws import PHASE, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
-from beamstiff.exam.machine import Hose, Machine
+from beamstiff.exam.machine import Hose, Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, about_x, behind_flange, ends_of, on_pedestal, seen_from, sprung
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
@@ -107,8 +107,8 @@ def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
     profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
-    a, b = ends_of(machine, nodes)
-    along = seen_from(machine, nodes[0], b - a) / np.linalg.norm(b - a)
+    a, b = machine.ends(nodes)
+    along = machine.seen_from(nodes[0], b - a) / np.linalg.norm(b - a)
     up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
     return machine.plus(bars=(Bar(name, nodes, profile, up),))
 

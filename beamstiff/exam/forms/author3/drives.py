@@ -4,15 +4,14 @@ import numpy as np
 
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke, turns
+from beamstiff.exam.components import turns
 from beamstiff.exam.draws import PHASE, SIGN, at_joint, by_ratio, evenly, signed, sized, whole
-from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Reality, at_joints, built, curve, form, law, wind_up
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, posed, varying, winding
-from beamstiff.exam.machine import Machine, Mesh
+from beamstiff.exam.machine import Machine, Mesh, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 PER_METRE = 6.0  # rad of a pinion's turn for a metre of its rack
 ROUNDED = 0.02  # of the play, about which a flank's contact closes

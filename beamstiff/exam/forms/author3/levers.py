@@ -7,14 +7,12 @@ import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, stretch, turned, with_balancer
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke
 from beamstiff.exam.draws import evenly
-from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.effect import Reality, at_joints, built, form, law
 from beamstiff.exam.forms.author1 import levers as author1
 from beamstiff.exam.laws import Law, Situation, varying
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 CLEAR = author1.CLEAR
 GEARS = 200  # tried

@@ -6,15 +6,14 @@ import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import drive_of, in_the_middle
+from beamstiff.exam.components import drive_of
 from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
 from beamstiff.exam.laws import Curved, winding
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.machine import Machine, in_the_middle
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, named, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.parts import FRAME_PARAMETERS
 

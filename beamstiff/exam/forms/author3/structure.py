@@ -12,15 +12,12 @@ from beamstiff.exam.added_parts import (
     about_x,
     across_link,
     behind_flange,
-    ends_of,
-    free_name,
     on_pedestal,
     seen_from_foot,
     sprung,
-    with_node_at,
 )
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, built, load
 from beamstiff.exam.forms.author1 import structure as structure1
@@ -28,7 +25,7 @@ from beamstiff.exam.forms.author1 import tool as tool1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
-from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, in_the_middle, joints_of, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
@@ -95,7 +92,7 @@ def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
     hinge, placed = machine.hinge(joint), in_the_middle(machine.robot)
     at = int(machine.node(hinge.nodes[0]).frame == hinge.frame)  # the node that does not turn with the joint
     host = machine.node(hinge.nodes[at])
-    seat = host.model_copy(update={"name": free_name(machine, "seat")})
+    seat = host.model_copy(update={"name": machine.free_name("seat")})
     axes = placed.rotations[host.frame][0].T @ placed.rotations[hinge.frame][0] @ hinge.axes
     soft = np.array(
         [p["axial"], p["radial"], p["radial"] * p["other"], 0.0, p["tilt"] * p["other"], p["tilt"]]
@@ -146,11 +143,11 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    a, b = ends_of(machine, bar.nodes)
+    a, b = machine.ends(bar.nodes)
     away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
     for end, place in zip(bar.nodes, (a, b), strict=True):
-        machine, name = with_node_at(machine, "leg", machine.node(end).frame, place + away, end)
+        machine, name = machine.with_node_at("leg", machine.node(end).frame, place + away, end)
         names.append(name)
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)

@@ -8,14 +8,13 @@ import numpy as np
 
 from beamstiff.exam.added_parts import axis_in_the_middle, pair_of
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turns
+from beamstiff.exam.components import stiffness_of, turns
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.effect import Reality, at_joints, built, form, law
 from beamstiff.exam.forms.author4.scales import beside, main_stiffness, rounded_ramp
 from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, rubbing, varying, winding
-from beamstiff.exam.machine import Machine, Mesh, drives_of, joints_of, own_stiffness
+from beamstiff.exam.machine import Machine, Mesh, drives_of, in_the_middle, joints_of, own_stiffness, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 ROUND = 0.08  # of a play's width: its corners
 BLUNT = 2e-6  # rad

@@ -6,14 +6,13 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import slender, stroke
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author4.measurement import times
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 

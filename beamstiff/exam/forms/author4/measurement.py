@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, by_reach, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, load, reading
+from beamstiff.exam.effect import Seen, load, places_of, reading
+from beamstiff.exam.machine import in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
-from beamstiff.exam.reality import places_of
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
 QUICK, SLOW = ([f"{name}_{axis}" for axis in "xyz"] for name in ("quick", "slow"))

@@ -5,13 +5,12 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import with_node
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import drives, in_the_middle, nowhere, slender
+from beamstiff.exam.components import drives, nowhere, slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
-from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.machine import Machine, Rod, in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
 
@@ -50,7 +49,7 @@ def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
     at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
     at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
-    machine, crane = with_node(machine, "crane", "base", at, machine.fixed[0])
+    machine, crane = machine.with_node("crane", "base", at, machine.fixed[0])
     law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])
     return machine.plus(rods=(Rod(f"{crane} rope", (crane, elbow), 0.0, law),))
 

@@ -7,16 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamstiff.exam.added_parts import (
-    UP,
-    behind_flange,
-    ends_of,
-    free_name,
-    on_pedestal,
-    seen_from,
-    sprung,
-    with_node,
-)
+from beamstiff.exam.added_parts import UP, behind_flange, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, each, evenly, whole
@@ -90,20 +81,20 @@ def _bend(
 ) -> Machine:
     old = next((bar for bar in machine.bars if bar.name == link), None)
     nodes = dict(machine.rigids)[link] if old is None else old.nodes
-    a, b = ends_of(machine, nodes)
+    a, b = machine.ends(nodes)
     length, along = float(np.linalg.norm(b - a)), (b - a) / np.linalg.norm(b - a)
     u = np.eye(3)[np.argmin(np.abs(along))]
     u = u - (u @ along) * along
     u = u / np.linalg.norm(u)
     side = np.cos(p["side"]) * u + np.sin(p["side"]) * np.cross(along, u)
     profile = windowed(p["stiffness"], length, *piece(p))
-    up = seen_from(machine, nodes[0], side)
+    up = machine.seen_from(nodes[0], side)
     machine = machine.without(link)
     # what the model has of the link bends as well, in series: from the first end to a body at the second, on
     # which what is added starts
     first = nodes[0]
     if old is not None:
-        first = free_name(machine, f"{link} end")
+        first = machine.free_name(f"{link} end")
         node = machine.node(nodes[1]).model_copy(update={"name": first})
         machine = machine.plus(nodes=(node,), bars=(dataclasses.replace(old, nodes=(nodes[0], first)),))
     # the line through the shear centres of an open section runs beside the link
@@ -116,8 +107,8 @@ def _bend(
 def _held(machine: Machine, name: str, host: str, away: Array) -> tuple[Machine, str]:
     """Return the machine with a node beside one, by a way in the middle of the range, rigidly on a host."""
     node = machine.node(name)
-    return with_node(
-        machine, f"beside {name}", node.frame, np.array(node.at) + seen_from(machine, name, away), host
+    return machine.with_node(
+        f"beside {name}", node.frame, np.array(node.at) + machine.seen_from(name, away), host
     )
 
 
@@ -191,7 +182,7 @@ def _on_feet(p: Parameters, machine: Machine, _: str) -> Machine:
         top = middle + half * np.array([x, y, 0.0])
         ends = []
         for host, place in ((ground, top - [0.0, 0.0, LEG]), (body, top)):
-            machine, name = with_node(machine, f"leg {at}", "base", place, host)
+            machine, name = machine.with_node(f"leg {at}", "base", place, host)
             ends.append(name)
         law = short_foot(k, p["gap"]) if at == p["short"] else None
         machine = machine.plus(rods=(Rod(f"leg {at}", (ends[0], ends[1]), k, law),))
