@@ -13,8 +13,7 @@ from beamstiff.robot.parts import Mass
 from beamstiff.robot.reader import load_robot
 
 RANDOM_ARM = "random-arm"
-ROBOTS = ("kr240-2", "kr500", RANDOM_ARM, "ir663")
-WEIGHTS = (0.35, 0.15, 0.25, 0.25)
+ROBOTS = {"kr240-2": 0.35, "kr500": 0.15, RANDOM_ARM: 0.25, "ir663": 0.25}  # and how often each is drawn
 
 # N m/rad, axis 2 of an arm with 1 m reach; the KR240-2 (2.7 m) has 6.6e6 (its paper, table 2), which fixes it
 MAIN_AXIS = 3e5

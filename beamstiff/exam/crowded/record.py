@@ -11,7 +11,6 @@ Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
 OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
 LEAST = 0.1  # share of the gap from which a cause has to be found
-SIMILAR = 0.8  # of the largest share, from which either may come first
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from beamstiff.exam.crowded.record import (
-    EXAMINED,
-    OF_GEOMETRY,
-    SIMILAR,
-    CrowdedLabel,
-    CrowdedRecord,
-    Kind,
-    Reply,
-)
+from beamstiff.exam.crowded.record import EXAMINED, OF_GEOMETRY, CrowdedLabel, CrowdedRecord, Kind, Reply
 from beamstiff.exam.names import FAILED, NONE, UNKNOWN, effect_of
 from beamstiff.exam.rates import Figure, mean, median, rate
 from beamstiff.exam.table import Row, row_dict
@@ -24,6 +16,7 @@ from beamstiff.exam.table import Row, row_dict
 Pairs = Sequence[tuple[CrowdedLabel, Reply]]
 Score = Callable[[Pairs], Figure]
 MAIN = 0.5  # share of the gap from which the largest cause is asked by name
+SIMILAR = 0.8  # of the largest share, from which either may come first
 WITHIN = 0.2  # of the true remainder, in which the said one has to lie
 NINETY = 0.9
 
