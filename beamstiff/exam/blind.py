@@ -62,15 +62,11 @@ def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
 
 @dataclass(frozen=True)
 class Examiner:
-    """Who is examined, and how.
-
-    `baseline`: fits the model without effects to noise-free rows; the residual it leaves is the gap.
-    `controls`: plain methods to compare with, by their name.
-    """
+    """Who is examined, and how."""
 
     diagnose: Diagnose
-    baseline: Baseline = linear_baseline
-    controls: Mapping[str, Control] = field(default_factory=dict)
+    baseline: Baseline = linear_baseline  # fits noise-free rows; the residual it leaves is the gap
+    controls: Mapping[str, Control] = field(default_factory=dict)  # plain methods to compare with
     reports: Path | None = None  # folder for every report, as ``case-000012.json``
 
 

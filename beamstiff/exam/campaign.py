@@ -17,15 +17,12 @@ ROWS = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_poi
 
 @dataclass(frozen=True)
 class Truth:
-    """An effect as the simulated machine has it: the label that the diagnosis must find.
-
-    `parameters`: the simulator's own parameters of that form, SI.
-    """
+    """An effect as the simulated machine has it: the label that the diagnosis must find."""
 
     effect: str  # name of the effect, as in the table of effects; or of one outside that table
     component: str | None  # where it sits
     form: str  # constitutive form, for instance ``"iwan"``
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)  # the simulator's own of that form, SI
 
     @property
     def label(self) -> str:
@@ -35,31 +32,22 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedCampaign:
-    """Which states are measured, in which order, and how well; N rows, A actuated variables.
-
-    `step`: (N,) array of int; order within the pose; rows of equal pose and step are one state seen at
-        several points.
-    `point`, `load_point`: (N,) array of str; nodes.
-    `sigma_position`, `sigma_rotation`: float, m and rad; true noise of a value in the table, per component; 0
-        for none.
-    `claimed_position`, `claimed_rotation`: float or None, m and rad; what the table says of its noise.
-    `shared_unloaded`: the rows of a pose are differenced with one unloaded reading of their point.
-    """
+    """Which states are measured, in which order, and how well; N rows, A actuated variables."""
 
     q: Array  # (N, A): rad or m; drive-side readings, in the order of ``robot.actuated``
     wrench: Array  # (N, 6): N and N m; as read, at `load_point`, base frame
     pose: Integers  # (N,)
-    step: Integers
+    step: Integers  # (N,): order within the pose; rows of equal pose and step are one state
     time: Array  # (N,): s
     temperature: Array  # (N,): degC
-    point: Names
-    load_point: Names
+    point: Names  # (N,): node that is read
+    load_point: Names  # (N,): node that is loaded
     kind: Literal["displacement", "absolute"] = "displacement"
-    sigma_position: float = 0.0
-    sigma_rotation: float = 0.0
-    claimed_position: float | None = None
-    claimed_rotation: float | None = None
-    shared_unloaded: bool = False
+    sigma_position: float = 0.0  # m: true noise of a value in the table, per component; 0 for none
+    sigma_rotation: float = 0.0  # rad
+    claimed_position: float | None = None  # m: what the table says of its noise
+    claimed_rotation: float | None = None  # rad
+    shared_unloaded: bool = False  # a pose's rows are differenced with one reading of their point
     rotations: bool = True  # whether rotations are measured as well
 
     def __post_init__(self) -> None:

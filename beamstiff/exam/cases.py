@@ -42,7 +42,6 @@ class Exam:
     """What an exam draws its cases from; the same exam draws the same cases.
 
     `shares`: how many of every block of cases (their sum) are of each kind.
-    `noise`: (float, float), m and rad; of the plan, where its table does not say.
     """
 
     seed: int
@@ -52,7 +51,7 @@ class Exam:
     lean: float = 0.2  # share of lean campaigns
     robot: Robot | None = None  # one robot instead of those by name
     plan: Measurements | None = None  # one campaign instead of drawn ones, of that robot
-    noise: tuple[float, float] = (3e-5, 5e-5)
+    noise: tuple[float, float] = (3e-5, 5e-5)  # m and rad: of the plan, where its table does not say
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data; files by their SHA-256."""
@@ -70,17 +69,14 @@ class Exam:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A drawn case.
-
-    `campaign`, `fresh`: what is measured, and the new poses and loads that promises are tested on.
-    """
+    """A drawn case."""
 
     label: Label
     robot: Robot  # the model that is diagnosed: its stiffness is nominal
     machine: Robot  # the machine without its effects: its stiffness is true
     truths: tuple[Truth, ...]
-    campaign: SimulatedCampaign
-    fresh: SimulatedCampaign
+    campaign: SimulatedCampaign  # what is measured
+    fresh: SimulatedCampaign  # the new poses and loads that promises are tested on
 
 
 def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:

@@ -26,24 +26,16 @@ EncoderChange = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Reality:
-    """A machine and a campaign on it as they really are.
-
-    `geometry`: mapping of str to float, rad or m; errors of frame parameters (``f3.d``) and offsets of
-        encoders (``q2``).
-    `lever`: (3,) tuple, m; from the load's node to the true point of action, in the frame of the node.
-    `target`: (3,) tuple, m; from the measured node to the true reflector, in the frame of the node, where
-        displacements are read.
-    `marked`: (3,) tuple, m; the same where absolute positions are read.
-    """
+    """A machine and a campaign on it as they really are; places beside nodes in the frames of these."""
 
     machine: Machine
-    geometry: Mapping[str, float] = field(default_factory=dict)
+    geometry: Mapping[str, float] = field(default_factory=dict)  # rad or m: errors by name: ``f3.d``, ``q2``
     loads: tuple[LoadChange, ...] = ()
     readings: tuple[ReadingChange, ...] = ()
     encoders: tuple[EncoderChange, ...] = ()  # errors of encoders that change with the angle
-    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    marked: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the load's node to where it acts
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the node read to the true reflector
+    marked: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: the same where absolute positions are read
 
     def with_machine(self, machine: Machine) -> Self:
         """Return the same with another machine."""
@@ -83,14 +75,11 @@ def axes_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
 
 @dataclass(frozen=True)
 class Form:
-    """A constitutive form of an effect.
-
-    `draw`: parameters, none of which is a joint's own stiffness: that is the machine's.
-    """
+    """A constitutive form of an effect."""
 
     effect: str
     name: str
-    draw: Callable[[DrawRequest], dict[str, float]]
+    draw: Callable[[DrawRequest], dict[str, float]]  # parameters; a joint's own stiffness is the machine's
     impose: Callable[[Truth, Reality], Reality]  # a reality with the effect
 
 
@@ -104,10 +93,7 @@ def form(
 def law(
     effect: str, name: str, of: Callable[[Parameters, float, str], Law], *draws: Draw, **by_name: Draw
 ) -> Form:
-    """Return a form that is a law in the component's own direction.
-
-    `of`: from the parameters, the joint's stiffness and the component.
-    """
+    """Return a form that is a law in a component's own direction, of parameters, stiffness and component."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
         return at_joints(truth, reality, lambda k: of(truth.parameters, k, str(truth.component)))

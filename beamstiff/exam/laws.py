@@ -30,12 +30,9 @@ class Situation:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Force against strain in one direction of a joint, or along a spring.
+    """Force against strain in one direction of a joint, or along a spring."""
 
-    `respond`: force, tangent stiffness, (P,) each, and the memory after, from the strain (P,), the situation
-        and the memory.
-    """
-
+    # force and tangent stiffness, (P,) each, and the memory after, from the strain (P,) and the memory
     respond: Callable[[Array, Situation, Memory], tuple[Array, Array, Memory]]
     start: Callable[[int], Memory] = lambda poses: ()  # memory of the machine at rest in so many new poses
     changes: bool = False  # whether the answer depends on time or temperature

@@ -32,28 +32,21 @@ class Topology:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The machine before it deforms, P poses, base frame, SI.
-
-    `first`, `second`: (P, E, 3) array; arms of the ends.
-    `bending`: (P, bars, 6, 6) array; matrix H of the bars, which follow the hinges: bending shortens them by
-        ``e.H.e/2``.
-    `rod`, `rod_first`, `rod_second`: (P, S, 3) array.
-    `load_arm`, `load`: (P, L, 3) array; weights.
-    """
+    """The machine before it deforms, P poses, base frame, SI."""
 
     arms: Array  # (P, N, 3): nodes from the reference point of their body
     nodes: Array  # (P, N, 3)
     axes: Array  # (P, E, 3, 3): axes of hinges and bars as columns
     rest: Array  # (P, E, 3): from the first end of a member to the second
-    first: Array
-    second: Array
+    first: Array  # (P, E, 3): arms of the first ends
+    second: Array  # (P, E, 3)
     stiffness: Array  # (P, E, 6, 6): of hinges and bars; rows of rigid directions are zero
-    bending: Array
-    rod: Array
-    rod_first: Array
+    bending: Array  # (P, bars, 6, 6): H of the bars, which follow the hinges: they shorten by ``e.H.e/2``
+    rod: Array  # (P, S, 3)
+    rod_first: Array  # (P, S, 3): arms
     rod_second: Array
-    load_arm: Array
-    load: Array
+    load_arm: Array  # (P, L, 3): of weights
+    load: Array  # (P, L, 3)
     load_moment: Array  # (P, L, 3)
 
 

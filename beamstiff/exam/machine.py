@@ -31,19 +31,14 @@ LONG = 0.4  # m, likewise of a prismatic one
 
 @dataclass(frozen=True, eq=False)
 class Hinge:
-    """Springs in six directions between two nodes at one place.
-
-    `stiffness`: (6,) or (6, 6) array; in the joint's axes; infinity is rigid, 0 free. A full matrix has no
-        rigid directions.
-    `laws`: directions that follow a law in place of their stiffness.
-    """
+    """Springs in six directions between two nodes at one place."""
 
     name: str
     nodes: tuple[str, str]
     frame: str  # frame that `axes` are given in
     axes: Array  # (3, 3): its axes as columns, the joint's own first
-    stiffness: Array
-    laws: Mapping[int, Law] = field(default_factory=dict)
+    stiffness: Array  # (6,): infinity is rigid, 0 free; or (6, 6), without rigid directions; in these axes
+    laws: Mapping[int, Law] = field(default_factory=dict)  # in place of their stiffness, by direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +55,12 @@ class Profile:
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """A beam between two nodes.
-
-    `up`: (3,) array or None; direction in the frame of the first node; local y lies in the plane of the axis
-        and it.
-    """
+    """A beam between two nodes."""
 
     name: str
     nodes: tuple[str, str]
     profile: Profile
-    up: Array | None
+    up: Array | None  # (3,): in the frame of the first node; local y lies in the plane of the axis and it
     weight: float = 0.0  # kg/m
 
 
@@ -85,12 +76,9 @@ class Rod:
 
 @dataclass(frozen=True, eq=False)
 class Cross:
-    """Stiffness that links two directions of hinges.
+    """Stiffness that links two directions of hinges."""
 
-    `first`, `second`: tuple of (str, int); hinge and direction.
-    """
-
-    first: tuple[str, int]
+    first: tuple[str, int]  # hinge and direction
     second: tuple[str, int]
     added: Array  # (2, 2): added to the stiffness of the two
 
@@ -99,13 +87,11 @@ class Cross:
 class Mesh:
     """A spring between two directions of hinges, as gears or a belt make one; it may follow any law.
 
-    `first`, `second`: tuple of (str, int); hinge and direction.
-    `weights`: (float or callable, float or callable); the spring's strain is the sum of the two strains, each
-        times its weight: a number, or (P,) numbers from the situation where a lever arm changes with the
-        pose.
+    Its strain is the sum of the two strains, each times its weight: a number, or (P,) numbers from the
+    situation where a lever arm changes with the pose.
     """
 
-    first: tuple[str, int]
+    first: tuple[str, int]  # hinge and direction
     second: tuple[str, int]
     weights: tuple[Weight, Weight]
     law: Law

@@ -46,13 +46,10 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """The frames of a robot as expressions, with the errors that the true machine has.
-
-    `frames`: tuple of (name, parent, {parameter: Expression}); parents first; parameters that are zero are
-        left out.
-    """
+    """The frames of a robot as expressions, with the errors that the true machine has."""
 
     robot: Robot
+    # name, parent and parameters but those that are zero; parents first
     frames: tuple[tuple[str, str, Mapping[str, Expression]], ...]
     equals: Mapping[str, Expression]  # coupled variables
 

@@ -37,13 +37,10 @@ R = TypeVar("R", Record, CrowdedRecord)
 
 @dataclass(frozen=True)
 class Procedure(Generic[R]):
-    """How the cases of a sort of exam are drawn, examined and read again.
+    """How the cases of a sort of exam are drawn, examined and read again."""
 
-    `examined`: record and report, from the exam, the case and the examiner.
-    """
-
-    draw: Callable[[Any, int], Any]  # A case, with its ``label``, from the exam and a number
-    examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]
+    draw: Callable[[Any, int], Any]  # a case, with its ``label``, from the exam and a number
+    examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]  # record and report of a case
     record_from: Callable[[Mapping[str, Any]], R]  # the record, from its plain data
 
 
@@ -69,14 +66,12 @@ def run_cases(
 ) -> list[R]:
     """Return the records of cases 0 to `count` - 1, in their order.
 
-    With `results`, a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256
-    of the label) before it is given out, and its record once it is opened. Cases whose record is there
-    already are not examined again; a line that an interruption cut short is taken off.
+    `results` is a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256 of the
+    label) before it is given out, and its record once it is opened. Cases whose record is there already are
+    not examined again; a line that an interruption cut short is taken off.
 
-    `exam`: the one that the procedure is for.
     `examiner`: with several processes or a scheduler it is pickled: its functions are those of modules.
     `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
-    `results`: path, optional.
     `progress`: called after every case, those of the file included.
 
     Raises BeamstiffError when `results` is another exam's or cannot be written, or a number is not positive,
@@ -145,10 +140,7 @@ def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner,
 
 
 def check_results(path: Path) -> None:
-    """Refuse a file that is there and holds no results of an exam.
-
-    Raises BeamstiffError naming the line that is none.
-    """
+    """Refuse, by the line that is none, a file that is there and holds no results of an exam."""
     if path.exists() and not is_device(path) and path.stat().st_size:
         _whole_lines(path)
 

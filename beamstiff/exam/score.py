@@ -234,10 +234,7 @@ BINS = 10
 
 @dataclass(frozen=True)
 class Bin:
-    """Verdicts of about the same probability.
-
-    `low`, `high`: probabilities from `low` to below `high`; the last bin holds 1 too.
-    """
+    """Verdicts of about the same probability, from `low` to below `high`; the last bin holds 1 too."""
 
     low: float
     high: float

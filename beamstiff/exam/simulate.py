@@ -33,9 +33,7 @@ def simulate(
 ) -> Measurements:
     """Return what a campaign would read on a machine that has the given effects.
 
-    `robot`: the machine without the effects, with its true stiffness.
-    `truths`: effects, imposed in this order.
-    `rng`: for the noise of the readings.
+    `robot`: the machine without the effects, with its true stiffness. `rng`: for the noise of the readings.
 
     Raises BeamstiffError when an effect does not fit the robot, a loop does not close or a state does not
     come to rest.
@@ -139,9 +137,8 @@ def solve(
 ) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
-    `near`: of a machine of the same parts and geometry in the same campaign, to start from.
-    `start`: of another machine in the same campaign: it is started from where its bodies are as many.
-    `once`: one step from there: the change to first order.
+    `near`: to start from; of a machine of the same parts and geometry in the same campaign.
+    `start`: the same of any machine; taken where its bodies are as many. `once`: one step: to first order.
     """
     topology = topology_of(reality.machine)
     q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)

@@ -1,9 +1,8 @@
 """How large effects are: drawn by the gap that they are to leave, within what is realistic.
 
-An effect's size runs from 0 to 1 over its realistic range. What gap it leaves depends on the machine, the
-campaign and the noise, so that sizes drawn evenly would leave most effects either invisible or glaring. The
-gap over noise is drawn instead, and the size found that leaves about it; where no realistic size does, the
-nearest one stands. The gap is what the best fit without effects leaves of noise-free rows, over the noise.
+An effect's size runs from 0 to 1 over its realistic range. Drawn evenly, most effects would be invisible or
+glaring: the gap over noise is drawn instead, and the size found that leaves about it, or the nearest one. The
+gap is what the best fit without effects leaves of noise-free rows, over the noise.
 """
 
 import math
@@ -59,8 +58,8 @@ class Fit:
 def linear_fit(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Fit:
     """Return the linear least-squares fit of the compliances that a robot lists to identify.
 
-    The rows' derivatives by the compliances are differences of the simulator's own answers without effects,
-    at the true stiffness; values are weighted by the true noise. It shares nothing with the diagnosis.
+    Derivatives are differences of the simulator's own answers without effects, at the true stiffness; values
+    are weighted by the true noise.
     """
     exact = without_noise(campaign)
     reality = Reality(machine_of(machine))
@@ -125,14 +124,10 @@ def sized(
     truths: Sequence[Truth],
     kind: Kind,
 ) -> tuple[Sized, ...]:
-    """Return the effects in sizes that leave about the gaps that are drawn for them.
+    """Return the effects, given in any size, in sizes that leave about the gaps that are drawn for them.
 
     Where an effect as it was drawn leaves far less at any size (a wrist's short link), another of its forms
-    or another component is drawn, a few times.
-
-    `robot`, `machine`: the model, and the machine without effects.
-    `truths`: as drawn, of any size.
-    `kind`: of the case.
+    or another component is drawn, a few times. `robot`, `machine`: the model, the machine without effects.
     """
     if not truths:
         return ()

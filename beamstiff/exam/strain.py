@@ -28,39 +28,28 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Strain:
-    """Strains of all members, M = 6 E + S rows.
-
-    `rates`: (P, E, 6, 12) array; of the members' strains, by displacement and spin of the first body, then of
-        the second.
-    `axes`, `rate`, `second`, `from_first`: arrays; current axes, inverse Jacobian of the rotation vector, and
-        arms, for the geometric part.
-    `along`, `length`: (P, S, 3), (P, S) arrays; of the rods.
-    """
+    """Strains of all members, M = 6 E + S rows; rates by displacement and spin of both bodies."""
 
     rows: Array  # (P, M)
-    rates: Array
+    rates: Array  # (P, E, 6, 12): of the members' strains
     plain: Array  # (P, E, 6, 12): the same before bending shortens bars
-    axes: Array
-    rate: Array
-    second: Array
+    axes: Array  # current axes
+    rate: Array  # inverse Jacobian of the rotation vector
+    second: Array  # arms
     from_first: Array
     bent: Array  # (P, E, 6): strains before bending shortens
     rod_rates: Array  # (P, S, 12): of the rods' change of length
-    along: Array
-    length: Array
+    along: Array  # (P, S, 3): of the rods
+    length: Array  # (P, S)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Slopes of the members' forces by their strains.
-
-    `between`: list of (int, int, (P,) array or float); row of the force, row of the strain, and slope, where
-        these are of different members.
-    """
+    """Slopes of the members' forces by their strains."""
 
     members: Array  # (P, E, 6, 6)
     rods: Array  # (P, S)
-    between: list[tuple[int, int, Array | float]]
+    between: list[tuple[int, int, Array | float]]  # slopes of a row's force by another member's row
 
     def add(self, row: int, other: int, slope: Array | float) -> None:
         """Add to the slope of one row's force by another row's strain."""

@@ -14,10 +14,7 @@ Records = Sequence[Record]
 
 @dataclass(frozen=True)
 class Row:
-    """A figure of the table.
-
-    `required`, `aim`: none where nothing is asked.
-    """
+    """A figure of the table; none is required, or aimed at, where nothing is asked."""
 
     name: str
     figure: Figure  # what was reached

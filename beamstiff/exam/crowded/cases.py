@@ -53,16 +53,13 @@ INDEPENDENT = 1e-6  # singular value of unit columns below which a direction is 
 
 @dataclass(frozen=True)
 class CrowdedExam:
-    """What the exam draws its cases from; the same exam draws the same cases.
-
-    `robots`: with the share of each. `absolute`: share of the campaigns. `count`: fewest effects, and most.
-    """
+    """What the exam draws its cases from; the same exam draws the same cases."""
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
-    robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))
-    absolute: float = ABSOLUTE
-    count: tuple[int, int] = (FEWEST, MOST)
+    robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))  # with the share of each
+    absolute: float = ABSOLUTE  # share of the campaigns
+    count: tuple[int, int] = (FEWEST, MOST)  # fewest effects, and most
     authors: tuple[int, ...] = ()  # whose forms the effects have; all by default
 
     def settings(self) -> dict[str, Any]:
@@ -72,19 +69,15 @@ class CrowdedExam:
 
 @dataclass(frozen=True, eq=False)
 class CrowdedCase:
-    """A drawn case.
-
-    `geometry`, `truths`: by what the geometry is off, and the effects, as the label orders them.
-    `campaign`, `fresh`: what is measured, and the new poses.
-    """
+    """A drawn case."""
 
     label: CrowdedLabel
     robot: Robot  # the model that is diagnosed
     machine: Robot  # the same with its true stiffness and reflectors
-    geometry: tuple[Truth, ...]
-    truths: tuple[Truth, ...]
-    campaign: SimulatedCampaign
-    fresh: SimulatedCampaign
+    geometry: tuple[Truth, ...]  # by what it is off
+    truths: tuple[Truth, ...]  # the effects, as the label orders them
+    campaign: SimulatedCampaign  # what is measured
+    fresh: SimulatedCampaign  # the new poses
     frame: Array  # (6,): rad and m; rotation vector and origin of the base in the measuring frame
     gap: Array  # (3N,): m; what the best geometry and compliances leave of the noise-free rows
     parts: Array  # (3N, c): m; what leaving each effect out changes of it

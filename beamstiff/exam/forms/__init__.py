@@ -46,9 +46,7 @@ def draw_truth(
 ) -> Truth:
     """Return an effect drawn at random: its component, form and parameters.
 
-    `robot`: as the model has it.
     `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
-    `component`, `form`: given instead of drawn.
     `authors`: of the forms that are drawn; all by default.
 
     Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.

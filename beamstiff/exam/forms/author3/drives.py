@@ -31,11 +31,7 @@ def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
 
 
 def _runout(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with an output gear off its centre: its play grows and shrinks once a turn.
-
-    Known from gear metrology (radial run-out and tooth thickness, ISO 1328, make the range of the backlash),
-    its depth an engineering estimate.
-    """
+    """Return the reality with an output gear off its centre: its play changes once a turn (ISO 1328)."""
     p = truth.parameters
 
     def curve(e: Array, situation: Situation, k: float) -> Curved:
@@ -53,11 +49,9 @@ def _runout(truth: Truth, reality: Reality) -> Reality:
 
 
 def _scissors(p: Parameters, k: float, torque: Array) -> Curved:
-    """Return a split gear whose halves a spring spreads: it holds both flanks.
+    """Return an anti-backlash gear: two halves that a spring spreads hold both flanks.
 
-    A torque above the spring's preload crosses the whole play, one way only. Anti-backlash gears, any
-    textbook of machine elements; the preloads are an engineering estimate. `growth`: of the preload while the
-    play is crossed.
+    A torque above its preload crosses the whole play, one way only. `growth`: of the preload meanwhile.
     """
     width = p["growth"] * p["preload"] * k
     x = (p["way"] * torque - p["preload"] * k) / width
@@ -75,9 +69,8 @@ def levers(shortened: float) -> Array:
 def _lobes(p: Parameters, k: float, e: Array) -> Curved:
     """Return a cycloid reducer: relieved flanks of its disc leave gaps at all pins but one.
 
-    They close one after another as it winds up, so that ever more pins carry. The gaps are those of Yu and
-    others for a relieved disc, ``g (1 - l)`` with l a pin's lever (in papers on the load distribution in RV
-    gears); the pins that carry from the start are an engineering estimate.
+    They close one after another as it winds up, so that ever more pins carry: ``g (1 - l)`` with l a pin's
+    lever, after Yu and others on the load distribution in RV gears.
     """
     arm = levers(p["shortened"])
     closed = np.abs(e)[:, None] * arm - p["bend"] * (1.0 - arm)
@@ -87,10 +80,7 @@ def _lobes(p: Parameters, k: float, e: Array) -> Curved:
 
 
 def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
-    """Return gears whose flanks have another pressure angle either way, as hypoid and bevel gears (Gleason).
-
-    The stiffness rises both ways but from different torques. The curve is an engineering estimate.
-    """
+    """Return hypoid or bevel gears (Gleason), whose stiffness rises from another torque either way."""
     more = (1.0 / p["soft"] - 1.0 / p["hard"]) / k
     knee = 0.5 * k * p["bend"] * np.where(torque < 0.0, p["coast"], 1.0)
     x = torque / knee
@@ -101,8 +91,7 @@ def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
 def _strands(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with a joint that a band or cable pulls from either side.
 
-    What one strand gains in length the other loses, so that the two together are softest in the middle of the
-    stroke: ``1/L1 + 1/L2``. Catalogues of belt-driven axes (Gates, HIWIN) compute the stiffness so.
+    They are softest in the middle of the stroke: ``1/L1 + 1/L2`` (catalogues of Gates, HIWIN).
     """
     p = truth.parameters
     middle, half = stroke(reality.machine.robot, truth.component)
@@ -116,10 +105,7 @@ def _strands(truth: Truth, reality: Reality) -> Reality:
 
 
 def _spokes(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a wheel in the joint that is softer between its spokes or bolts than at them.
-
-    Known of bull gears and turntables; the depth is an engineering estimate.
-    """
+    """Return the reality with a bull gear or turntable, softer between its spokes or bolts than at them."""
     p = truth.parameters
 
     def spokes(situation: Situation) -> Array:
@@ -132,10 +118,8 @@ def _spokes(truth: Truth, reality: Reality) -> Reality:
 def _teeth(p: Parameters, k: float, variable: str) -> Law:
     """Return a spring with friction of the loaded flanks: a share of the torque that passes them.
 
-    The loop is narrow where the load is small and opens with it. The loss factor of gears and screws in any
-    textbook; the way over which it turns round is an engineering estimate. The friction's state runs to the
-    way of motion exponentially, as Dahl's with exponent 1. The way is longer where the teeth were pressed
-    harder, as slip of contacts after Mindlin is. `seals`: torque over the stiffness.
+    The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1, over a way that
+    is longer where the teeth were pressed harder, as slip after Mindlin is. `seals`: torque over stiffness.
     """
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
@@ -156,9 +140,8 @@ def _teeth(p: Parameters, k: float, variable: str) -> Law:
 def _clamped(p: Parameters, k: float, variable: str) -> Law:
     """Return a spring behind a slider, beside which a second spring holds what has slipped.
 
-    A hub is held on its shaft by a shrink disc; above the disc's torque it slips until its key or bolts hold
-    it, which are elastic, and it stays where it went. Known from the design of clamped hubs; the sizes are an
-    engineering estimate. `breaks`: torque over the stiffness.
+    A hub slips above its shrink disc's torque until its key or bolts hold it, which are elastic, and stays
+    where it went. `breaks`: torque over the stiffness.
     """
     key, breaks = k / p["softer"], k * p["breaks"]
 
@@ -181,8 +164,7 @@ def _clamped(p: Parameters, k: float, variable: str) -> Law:
 def _linkage(p: Parameters, machine: Machine, pair: str) -> Machine:
     """Return the machine with a rod from the first axis' motor, before it, to a crank on the second.
 
-    As in palletisers; its lever on the second axis swings as the cosine of the crank's angle, and with it the
-    coupling. Known from robots with a parallel rod (ABB IRB 6400, KUKA palletisers); sizes are an estimate.
+    Its lever on the second axis swings as the cosine of the crank's angle (ABB IRB 6400, KUKA palletisers).
     `start`: rad from the longest lever.
     """
     one, two, first, second = pair_of(machine, pair)
@@ -198,11 +180,7 @@ def _linkage(p: Parameters, machine: Machine, pair: str) -> Machine:
 
 
 def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
-    """Return the machine with bevel gears of a wrist that pass torque between the axes.
-
-    Their teeth grow stiffer with it as contacts after Hertz do. Known from hollow wrists with three shafts;
-    sizes are an estimate. `preload`: strain.
-    """
+    """Return the machine with bevel gears of a hollow wrist, whose contacts stiffen; `preload`: strain."""
     one, two, first, second = pair_of(machine, pair)
     strong = strong_of(p) * first
 

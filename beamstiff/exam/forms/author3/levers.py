@@ -73,12 +73,8 @@ def _draw_lever(request: DrawRequest) -> dict[str, float]:
 def _lever(share: Callable[[Parameters, Array], Array], p: Parameters, k: float, variable: str) -> Law:
     """Return the drive of a joint through a lever; its stiffness is that at mid-range.
 
-    ``slider-crank``: a screw moves a slide on rails, and a rod from it turns the crank on the joint, so
-    that the lever is that of piston engines. Any textbook of mechanisms.
-
-    ``cylinder``: a hydraulic cylinder across the joint, whose oil columns grow softer towards mid-stroke:
-    ``A1^2/V1 + A2^2/V2`` (Merritt, Hydraulic control systems, 1967). Heavy manipulators; sizes are an
-    estimate.
+    ``slider-crank``: a screw moves a slide, and a rod from it turns the crank on the joint.
+    ``cylinder``: a hydraulic one, whose oil is softest at mid-stroke: ``A1^2/V1 + A2^2/V2`` (Merritt, 1967).
     """
 
     def stiffness(situation: Situation) -> Array:
@@ -99,9 +95,7 @@ def lift(angle: Array, p: Parameters) -> tuple[Array, Array, Array]:
 def _cam(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with a cam on the joint that presses a roller against a spring.
 
-    Upright it rests in its hollow and has no lever. Known from balancers that follow a sine (any textbook of
-    mechanisms); sizes as for the others. `top`: rad from mid-range, where it neither lifts nor sinks;
-    `pointed`: second harmonic of the cam's lift.
+    `top`: rad from mid-range, where it neither lifts nor sinks; `pointed`: second harmonic of its lift.
     """
     p, variable = truth.parameters, str(truth.component)
     strong = crank_stiffness(p, reality.machine, variable)
@@ -118,11 +112,7 @@ def _cam(truth: Truth, reality: Reality) -> Reality:
 
 
 def _chain(p: Parameters, machine: Machine, variable: str) -> Machine:
-    """Return the machine with a coil that pulls by a chain, which hangs slack over part of the range.
-
-    It helps on one side only. Known from balancers with a chain or rope; sizes as for the others. `slack`: m
-    of stretch from mid-range.
-    """
+    """Return the machine with a coil that pulls by a chain; `slack`: m of stretch from mid-range."""
 
     def beyond(situation: Situation) -> Array:
         return stretch(p, variable, situation) - p["slack"]

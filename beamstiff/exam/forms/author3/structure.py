@@ -36,13 +36,9 @@ FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 def _base(stiffness: Callable[[Parameters], Array], p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a soft base, turned about the vertical.
 
-    ``carriage``: the robot rides on a seventh axis, held by four guide blocks on rails and, along them, by
-    the rack's drive, which is softer. Common in body shops; block stiffness as in catalogues (Bosch Rexroth,
-    THK), the drive's an engineering estimate. `long`, `wide`: m, half the distances of the guide blocks;
-    `across`: sideways over upright; `rack`: along the rails over one block's upright.
-
-    ``girder``: it stands on a bridge that is clamped at both ends, beside the bridge's axis, as on gantries
-    and platforms; sizes are an engineering estimate.
+    ``carriage``: of a seventh axis, on four guide blocks (catalogues of Bosch Rexroth, THK) and a rack.
+    `long`, `wide`: m, half the distances of the guide blocks; `across`: sideways over upright; `rack`: along
+    the rails over one block's upright. ``girder``: beside the axis of a bridge that is clamped at both ends.
     """
     c, s = math.cos(p["turned"]), math.sin(p["turned"])
     turned = np.kron(np.eye(2), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
@@ -77,11 +73,7 @@ def girder(p: Parameters) -> Array:
 
 
 def _housing(p: Parameters, machine: Machine, component: str) -> Machine:
-    """Return the machine with a bearing whose seat is softer one way, in a fork for instance.
-
-    That way stays with the link before the joint as that turns. Seen in finite-element models of castings;
-    the ratio is an engineering estimate.
-    """
+    """Return the machine with a bearing whose seat in the link before it is softer one way, as in a fork."""
     for name, own in joints_of(machine.robot, component):
         machine = _seated(machine, name, own, p)
     return machine
@@ -107,22 +99,15 @@ def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
 
 
 def _unloading(p: Parameters, k: float, e: Array) -> Curved:
-    """Return a pair of angular-contact rows under preload.
-
-    Past a moment one row has no load left, and the other holds alone, with the stiffness `loose`. Bearing
-    catalogues (SKF, Schaeffler) give the load at which it lifts.
-    """
+    """Return a preloaded pair of angular-contact rows, one of which lifts (catalogues of SKF, Schaeffler)."""
     return slackening(e, k, p["loose"], p["strain"])
 
 
 def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
     """Return the machine with a link that bends.
 
-    ``channel``: an open section, whose shear centre lies beside the line from joint to joint, so that forces
-    across twist it. Any textbook of strength of materials.
-
-    ``fork``: two legs side by side between stiff ends, as forked arms have; one may be the weaker, by
-    `uneven`. Any textbook; the distances, shares of the length, are an engineering estimate.
+    ``channel``: an open section, whose shear centre lies beside the line from joint to joint.
+    ``fork``: two legs side by side between stiff ends; one may be the weaker, by `uneven`.
     """
     beam = next((bar for bar in machine.bars if bar.name == name), None)
     if beam is None:
@@ -172,8 +157,7 @@ def hertzian(pressed: Array, k: float, clamped: float) -> Curved:
 def _balls(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a tool changer or kinematic coupling that seats on three balls under a clamp.
 
-    Their contacts stiffen as they are pressed and soften as they are lifted (A. H. Slocum, Precision machine
-    design, 1992); the clamping forces, N on each ball, are an engineering estimate.
+    Their contacts stiffen as they are pressed (A. H. Slocum, Precision machine design, 1992). `clamped`: N.
     """
     machine, flange = behind_flange(machine)
     angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
@@ -194,8 +178,7 @@ def _balls(p: Parameters, machine: Machine, _: str) -> Machine:
 def _remote_centre(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a compliant device for assembly, its elastic centre at or ahead of the tip.
 
-    A force there moves the tool without tilting it (D. E. Whitney, 1982). `reach`: m, root of what it gives
-    across over what it tilts.
+    (D. E. Whitney, 1982.) `reach`: m, root of what it gives across over what it tilts.
     """
     about = tool1.about_tool(p)
     across = 1.0 / (about[:2] * p["reach"] ** 2)
@@ -211,10 +194,7 @@ def eyes(p: Parameters) -> Array:
 
 
 def _at_eyes(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads hooked into that eye bolt of an adapter, one on each of its sides, that faces them.
-
-    Common practice with dead weights and pulleys. `tip`: distance of the eye ahead over that of the others.
-    """
+    """Return loads hooked into that eye bolt of an adapter, one on each of its sides, that faces them."""
     places, axes = eyes(p), seen.tool_axes
     own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
     facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
@@ -222,11 +202,7 @@ def _at_eyes(p: Parameters, seen: Seen, wrench: Array) -> Array:
 
 
 def _rehung(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads by a sling laid on anew in each pose, beside the TCP but never quite the same.
-
-    Common practice; the scatter, by the pose's number whichever others are measured, is an engineering
-    estimate.
-    """
+    """Return loads by a sling laid on anew in each pose, beside the TCP, never quite the same."""
     poses = np.unique(seen.campaign.pose)
     apart = np.array(
         [np.random.default_rng([int(p["seed"]), int(pose)]).standard_normal(3) for pose in poses]
