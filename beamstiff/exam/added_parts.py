@@ -19,10 +19,7 @@ NONE: Mapping[int, Law] = {}
 
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
-    """Return the machine with all its fixed nodes on one body that springs hold, in base axes.
-
-    The springs (6,) or (6, 6) act at the middle of the fixed nodes.
-    """
+    """Return the machine with its fixed nodes on one body, held by springs (6,) or (6, 6) in their middle."""
     placed, fixed = in_the_middle(machine.robot), machine.fixed
     foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
     machine, ground = machine.with_node("ground", "base", foot)
@@ -32,10 +29,7 @@ def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NO
 
 
 def behind_flange(machine: Machine) -> tuple[Machine, str]:
-    """Return the machine cut open in front of its TCP, and the node on the machine's side, at the same place.
-
-    What hangs on the TCP alone stays on the tool's side.
-    """
+    """Return the machine cut open before its TCP and what hangs on that alone, and the node left there."""
     flange = machine.free_name("flange")
     tcp = machine.tcp
     ties = machine.ties

@@ -39,10 +39,7 @@ K = TypeVar("K", bound=str)
 
 @dataclass(frozen=True, eq=False)
 class Exam:
-    """What an exam draws its cases from; the same exam draws the same cases.
-
-    `shares`: how many of every block of cases (their sum) are of each kind.
-    """
+    """What an exam draws its cases from, in blocks with these shares; the same exam draws the same cases."""
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
@@ -80,10 +77,7 @@ class Case:
 
 
 def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:
-    """Return the kind of a case, and how many cases of that kind come before it.
-
-    Blocks of cases hold the kinds exactly in their shares, in an order drawn for the block.
-    """
+    """Return the kind of a case, in an order drawn for its block, and how many of that kind come before."""
     return dealt(exam.seed, {kind: exam.shares.get(kind, 0) for kind in KINDS}, case)
 
 

@@ -51,9 +51,6 @@ def drive_of(robot: Robot, component: str) -> str | None:
 
 
 def slender(robot: Robot) -> float:
-    """Return by how much a robot's structure is softer than a large one's, from 1 for those to `SMALL`.
-
-    Structure grows with the drives, less than they do: by the square root of the main axis' stiffness.
-    """
+    """Return how much softer a structure is than a large robot's, to `SMALL`: by the root of its drives'."""
     turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
     return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0

@@ -1,8 +1,4 @@
-"""The machine of `beamstiff demo`: a KR240-2 whose second link bends, simulated apart from the diagnosis.
-
-Rigid bodies and springs that the exam's simulator brings to rest on the deformed machine. Its effects share
-no equations with the library of the diagnosis, which does not read this file.
-"""
+"""The machine of `beamstiff demo`: a KR240-2 whose second link bends, as the exam simulates it."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -67,10 +63,7 @@ def measured(
     kind: Literal["absolute", "displacement"] = "displacement",
     sigma: float = SIGMA,
 ) -> Measurements:
-    """Return what is read of the machine under loads (N, 6) at joint values (N, 6), with noise.
-
-    `robot`: its file, without the fault.
-    """
+    """Return what is read of a robot with the fault under loads (N, 6) at joint values (N, 6), with noise."""
     rows, real = len(q), robot.with_parameters({f"{name}.torsional": k for name, k in DRIVES.items()})
     tcp = np.full(rows, robot.tcp)
     states = SimulatedCampaign(

@@ -137,10 +137,7 @@ def draw_crowded(
 
 
 def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> SimulatedCampaign:
-    """Return the campaign that a user's table of tests lays out; its measured values are not looked at.
-
-    `sigma`: (float, float), m and rad; noise where the table does not say.
-    """
+    """Return the campaign of a user's table of tests; `sigma`: noise, m and rad, where it does not say."""
     rows = len(plan)
     position = plan.sigma_position or sigma[0]
     rotation = plan.sigma_rotation or sigma[1]
@@ -168,10 +165,7 @@ def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, fl
 
 
 def reachable(rng: np.random.Generator, robot: Robot, count: int) -> Array:
-    """Return poses within the limits whose loops close, (count, A), the tool above the floor where it can be.
-
-    The floor is the height of the base frame.
-    """
+    """Return poses (count, A) whose loops close, those first whose tool is above the base frame's height."""
     kinematics = compile_kinematics(robot)
     drawn = random_poses(kinematics, 4 * count, rng)
     drawn = drawn[simulated_alike(robot, drawn)]

@@ -93,10 +93,7 @@ def _kind(given: dict[str, Any]) -> Kind:
 
 
 def set_names(folder: Path) -> list[str]:
-    """Return the names of the labelled sets in a folder, in order.
-
-    Raises BeamstiffError when ``labels.json`` is missing or cannot be read.
-    """
+    """Return the names of the labelled sets in a folder, in order."""
     return sorted(_labels(folder))
 
 

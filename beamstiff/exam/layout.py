@@ -105,11 +105,7 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
 
 
 def tip_stiffness(profile: Profile, length: Array) -> Array:
-    """Return the stiffness (P, 6, 6) of beams' second ends with the first ones held.
-
-    The inverse of the flexibility ``L sum of X^T c X`` over the stations, X the section forces under a unit
-    wrench at the tip.
-    """
+    """Return the stiffness (P, 6, 6) of beams' free ends: inverse of ``L sum of X^T c X`` over stations."""
     X = np.zeros((len(length), len(profile.stations), 6, 6))
     X[..., range(6), range(6)] = 1.0
     lever = length[:, None] * (1.0 - profile.stations)

@@ -11,10 +11,7 @@ NINETY_FIVE = 1.959963984540054  # two-sided 95 % point of the normal distributi
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the exam: its value, a 95 % interval, and how many cases it rests on.
-
-    `value`, `low`, `high`: none where there is no case, or no interval.
-    """
+    """A figure of the exam: its value, a 95 % interval, none where there is none, and its number of cases."""
 
     value: float | None
     low: float | None

@@ -69,11 +69,7 @@ def turned_by(rotation: Array) -> Array:
 
 
 def vector_rate(vector: Array) -> Array:
-    """Return the matrices that turn the spin of a rotation into the rate of its rotation vector.
-
-    ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``: exact to the fourth order, for the small relative rotations of
-    springs.
-    """
+    """Return what turns spin into the rate of a rotation vector: ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``."""
     s = cross_matrix(vector)
     square = np.sum(vector**2, axis=-1)[..., None, None]
     result: Array = np.eye(3) - 0.5 * s + (1.0 / 12.0 + square / 720.0) * (s @ s)

@@ -73,11 +73,7 @@ def is_covered(record: Record) -> bool:
 
 
 def is_flagged(record: Record) -> bool:
-    """Tell whether the answer to an effect whose class was withheld warns of it.
-
-    The verdict is ``unknown``, or it comes with declared equivalents: a set, not a single name. ``none`` is
-    no warning.
-    """
+    """Tell whether the answer to a withheld effect warns: ``unknown``, or a name with equivalents."""
     return is_unknown(record) or (is_named(record.answer.verdict) and len(record.verdict_set) > 1)
 
 
@@ -207,10 +203,7 @@ def control_exact(records: Records, name: str) -> Figure:
 
 
 def shuffled(records: Records, seed: int = 0, times: int = 200) -> Figure:
-    """Return the share of exact verdicts once the labels are dealt anew at random, over `times` deals.
-
-    The interval holds 95 % of the deals.
-    """
+    """Return the share of exact verdicts with the labels dealt anew `times` times, and 95 % of the deals."""
     truths = np.array([record.truth for record in records])
     verdicts = np.array([record.named[0] if len(record.named) == 1 else "" for record in records])
     if not truths.size:
@@ -248,10 +241,7 @@ def judged(records: Sequence[Record]) -> list[Record]:
 
 
 def reliability(records: Sequence[Record], bins: int = BINS) -> list[Bin]:
-    """Return how many verdicts are right, in bins of equal width by their probability; empty ones left out.
-
-    What is right is said in `score.is_right`.
-    """
+    """Return how many verdicts are right, in filled bins of equal width by their probability."""
     cases = judged(records)
     said = np.array([record.answer.probability for record in cases])
     at = np.clip((said * bins).astype(int), 0, bins - 1)

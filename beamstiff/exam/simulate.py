@@ -70,10 +70,7 @@ def reality_of(robot: Robot, truths: Sequence[Truth]) -> Reality:
 
 
 def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
-    """Return the true stiffness of what would be identified: a quarter around the nominal one, lognormal.
-
-    By parameter name, for `Robot.with_parameters`; of all elastic drives where the robot names no parameters.
-    """
+    """Return the true stiffness by name of what is identified, of all drives where nothing is: lognormal."""
     names = robot.identify or tuple(
         f"{joint}.{JOINT_DIRECTIONS[own]}"
         for name in drives_of(robot)
@@ -229,10 +226,7 @@ def _load(
 
 
 def _states(campaign: SimulatedCampaign) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return each state's first row, each row's state, each state's pose and its turn within the pose.
-
-    States are in the order of pose, then step.
-    """
+    """Return states' first rows, rows' states, states' poses and turns in these; by pose, then step."""
     keys = np.stack([campaign.pose, campaign.step], axis=1)
     states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     pose = states[:, 0]

@@ -161,11 +161,7 @@ def add_stiffness(
     force: Array,
     tangent: Tangent,
 ) -> None:
-    """Add how the bodies' forces change with their motion, in the first 6 B rows and columns of a system.
-
-    `system`: (P, n, n) array; changed in place.
-    `force`: (P, M) array; of every row of the strains; these turn with the bodies.
-    """
+    """Add to a system (P, n, n) how bodies' forces change with their motion, of members' forces (P, M)."""
     poses, members = layout.axes.shape[:2]
     s = force[:, : 6 * members].reshape(poses, members, 6)
     bars = layout.bending.shape[1]

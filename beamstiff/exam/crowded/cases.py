@@ -288,10 +288,7 @@ def _draw_effects(
     outside: bool,
     exam: CrowdedExam,
 ) -> list[Truth]:
-    """Return effects, as many as the exam asks for, each at a place of its own, the largest first.
-
-    `rows` tells what a machine with some effects reads, without what is fitted in any case.
-    """
+    """Return effects, each at a place of its own, the largest first, from what a machine with some reads."""
     still = rows(())
 
     def contribution(truth: Truth) -> float:

@@ -31,10 +31,7 @@ def rod_drives(robot: Robot) -> list[str | None]:
 
 
 def draw_lever(request: DrawRequest) -> dict[str, float]:
-    """Return the crank's shape; the stiffness is that of the drive at mid-range.
-
-    The crank's angle to the frame is `start` at mid-range; `gear` is its turn over the joint's.
-    """
+    """Return the crank: `start`, its angle to the frame at mid-range; `gear`, its turn over the joint's."""
     middle, half = stroke(request.robot, request.component)
     swing = request.sized(*SWING)
     crank, frame = request.uniform(0.2, 0.35), request.uniform(0.8, 1.3)
@@ -99,11 +96,7 @@ def balanced_axes(robot: Robot) -> list[str | None]:
 
 
 def draw_balancer(request: DrawRequest) -> dict[str, float]:
-    """Return the spring: its pull N at mid-range, its stiffness over the drive's, and where it sits.
-
-    The stiffness is that against small strains, in which the rod's seals or the coils' ends stick; over the
-    stroke the pull grows far less.
-    """
+    """Return the spring: pull N at mid-range, stiffness (at small strains) over the drive's, and place."""
     middle, _ = stroke(request.robot, request.component)
     crank, frame = request.uniform(0.2, 0.4), request.uniform(0.8, 1.4)
     pull = request.sized(*PULL) * request.uniform(0.6, 1.5)

@@ -62,10 +62,7 @@ def _toothed(p: Parameters, k: float, variable: str) -> Law:
 
 
 def _creeping(p: Parameters, k: float, variable: str) -> Law:
-    """Return a spring in series with a spring and damper side by side (Kelvin and Voigt).
-
-    `creep`: slow compliance over the prompt one.
-    """
+    """Return a spring in series with Kelvin and Voigt's; `creep`: slow compliance over the prompt one."""
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         crept = memory[0]

@@ -36,10 +36,7 @@ STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
 
 
 def links(robot: Robot) -> list[str | None]:
-    """Return the beams, and the rigids that have a length and carry load.
-
-    Not those that stand on the ground: they are the base by another name.
-    """
+    """Return the beams and rigids with a length that carry load; those on the ground are the base."""
     machine, placed = machine_of(robot), in_the_middle(robot)
     ground = {"base"}
     for name, parent, parameters in skeleton_of(robot).frames:  # parents first

@@ -22,20 +22,13 @@ BLUNT = 0.02  # m over which a second coil engages
 
 
 def hertzian(torque: Array, scale: float) -> Curved:
-    """Return the give of contacts after Hertz under a preload, odd in the torque, and its slope.
-
-    Approach grows with the load's power 2/3; it is counted from the preload `scale`, and has slope 1 there.
-    """
+    """Return the give of preloaded contacts after Hertz (power 2/3), and its slope, 1 at no torque."""
     more = 1.0 + np.abs(torque) / scale
     return 1.5 * scale * np.sign(torque) * (np.cbrt(more**2) - 1.0), 1.0 / np.cbrt(more)
 
 
 def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
-    """Return the force of a preloaded pair of springs and its slope, (P,) each.
-
-    Past the strain `at` one of the pair hangs slack, and the share `loose` of the stiffness k is left. The
-    corner is rounded.
-    """
+    """Return the force of preloaded springs, and its slope: past `at` the share `loose` of k is left."""
     x4 = (e / at) ** 4
     held, slope = e / (1.0 + x4) ** 0.25, (1.0 + x4) ** -1.25
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)

@@ -89,10 +89,7 @@ def _draw_depth(request: DrawRequest) -> dict[str, float]:
 
 
 def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values read by a tracker whose axes are turned where it stands.
-
-    Or by a camera there, which misjudges depth more than what lies across its view.
-    """
+    """Return values by a turned tracker, or by a camera that misjudges depth more than what lies across."""
     place, share = vector(p, "uvw"), measurement1.REGISTERED if seen.absolute else 1.0
     R = turn(share * vector(p))
     view = place / np.linalg.norm(place)

@@ -77,10 +77,7 @@ def _pairs(p: Parameters, machine: Machine, component: str) -> Machine:
 
 
 def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
-    """Return the joint held by two bearings a span apart, in series with what it had.
-
-    `uneven`: second bearing's stiffness over the first's.
-    """
+    """Return the joint held by two bearings a span apart; `uneven`: the second's stiffness over the first's."""
     k = 2.0 / (p["tilt"] * p["span"] ** 2)
     K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
     for place, stiffness in ((0.5, k), (-0.5, p["uneven"] * k)):
@@ -121,10 +118,7 @@ def _thinner(p: Parameters, was: Profile) -> Profile:
 
 
 def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
-    """Return the machine with a link that is bolted at one `end`, a `joint` that `opens` about one axis.
-
-    `joint`: its share of the bending.
-    """
+    """Return the machine with a link bolted at one `end`: a `joint`, by its share, that `opens` one way."""
     if "softer" in p:
         more = p["softer"] - 1.0
         return machine.with_profile(name, lambda was: _with_joint(p, was, more * was.compliance.sum(axis=0)))

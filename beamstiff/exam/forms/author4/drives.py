@@ -54,10 +54,7 @@ def engaging(k: float, gain: float, scale: float, skew: float) -> Law:
 
 
 def spline(k: float, contact: float, knee: float) -> Law:
-    """Return the wind-up of a shaft in a spline: contacts that give with the torque to two thirds.
-
-    `contact`: their compliance at no torque, over that of the shaft.
-    """
+    """Return the wind-up of a shaft in a spline; `contact`: its give at no torque over the shaft's."""
 
     def wind_up(force: Array) -> Curved:
         u = force / (k * knee)
@@ -87,10 +84,7 @@ def scissor(k: float, sign: float, preload: float, gap: float, soft: float) -> L
 
 
 def eccentric_mesh(p: Parameters, k: float, variable: str) -> Law:
-    """Return play between flanks of a wheel that runs out: half as wide again on one side of its turn.
-
-    Grease between the flanks carries a little.
-    """
+    """Return play between greased flanks of a wheel that runs out: wider on one side of its turn."""
 
     def curve(strain: Array, situation: Situation) -> Curved:
         w = p["half_width"] * (1.0 + p["runout"] * np.cos(situation.values[variable] - p["phase"]))
@@ -255,11 +249,7 @@ def _heavy_side(machine: Machine, joint: str) -> float:
 
 
 def _balance(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a balancer's torque against the turning of its joint.
-
-    It is `torque` where the joint is in the middle and the temperature 20 degC; the pull follows the stretch
-    over the crank's length.
-    """
+    """Return the reality with a balancer's torque against its joint: `torque` in the middle, at 20 degC."""
     p, variable, machine = truth.parameters, str(truth.component), reality.machine
     robot, heats = machine.robot, truth.form == "gas-and-heat"
     middle = stroke(robot, variable)[0]
