@@ -12,6 +12,7 @@ from beamstiff.exam.laws import Law, Situation, varying
 from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, in_the_middle, joints_of, own_stiffness
 from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.rotations import cross_matrix
+from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Mass
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -138,9 +139,9 @@ def stretch(p: Parameters, variable: str, situation: Situation) -> Array:
     return np.asarray(now - middle)
 
 
-def crank_stiffness(p: Parameters, machine: Machine, variable: str) -> float:
+def crank_stiffness(p: Parameters, robot: Robot, variable: str) -> float:
     """Return a balancer's stiffness against small strains, N/m."""
-    return p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2
+    return p["share"] * stiffness_of(robot, variable) / p["crank"] ** 2
 
 
 def with_balancer(
@@ -154,7 +155,7 @@ def with_balancer(
 
     `rate`: stiffness, from the situation and that against small strains. `pull`: force in the pose.
     """
-    strong = crank_stiffness(p, machine, variable)
+    strong = crank_stiffness(p, machine.robot, variable)
     law = varying(lambda situation: rate(situation, strong), pull)
     for name, _ in joints_of(machine.robot, variable):
         machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, law)

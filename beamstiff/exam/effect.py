@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.components import Places
-from beamstiff.exam.laws import Curved, Law, curved, winding
+from beamstiff.exam.laws import Curved, Law, Situation, curved, posed, winding
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.placing import Placed
+from beamstiff.robot.description import Robot
 
 # wrenches as they act, (N, 6), from the campaign, the machine placed at its rows, and the wrenches as read
 LoadChange = Callable[[SimulatedCampaign, Placed, Array], Array]
@@ -90,6 +91,14 @@ def form(
     return Form(effect, name, lambda request: request.drawn(*draws, **by_name), impose)
 
 
+def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
+    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
+    machine = reality.machine
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
+    return reality.with_machine(machine)
+
+
 def law(
     effect: str, name: str, of: Callable[[Parameters, float, str], Law], *draws: Draw, **by_name: Draw
 ) -> Form:
@@ -110,10 +119,39 @@ def curve(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> 
 
 
 def wind_up(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that is a spring's strain and compliance at a force; `hard`, if any, of k at most."""
-    return law(
-        effect, name, lambda p, k, _: winding(partial(of, p, k), k * p.get("hard", 1.0)), *draws, **by_name
-    )
+    """Return a form that is a strain and compliance at a force, `hard`, or 1 + `gain`, of k at most."""
+
+    def law_of(p: Parameters, k: float, _: str) -> Law:
+        return winding(partial(of, p, k), k * p.get("hard", 1.0 + p.get("gain", 0.0)))
+
+    return law(effect, name, law_of, *draws, **by_name)
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A joint in its own direction: the robot, the component and its stiffness, SI."""
+
+    robot: Robot
+    component: str
+    k: float
+
+
+def in_pose(
+    effect: str,
+    name: str,
+    of: Callable[[Parameters, Drive, Array, Situation], Curved],
+    *draws: Draw,
+    **by_name: Draw,
+) -> Form:
+    """Return a form that is a drive's force and slope at a strain in a situation."""
+
+    def impose(truth: Truth, reality: Reality) -> Reality:
+        robot, component = reality.machine.robot, str(truth.component)
+        return at_joints(
+            truth, reality, lambda k: posed(partial(of, truth.parameters, Drive(robot, component, k)))
+        )
+
+    return form(effect, name, impose, *draws, **by_name)
 
 
 def built(
@@ -210,11 +248,3 @@ class Effect:
     def author_of(self, form: str) -> int:
         """Return who wrote a form: 1 for the first author."""
         return next(k for k, some in enumerate(self.authors, start=1) if form in [one.name for one in some])
-
-
-def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
-    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
-    return reality.with_machine(machine)

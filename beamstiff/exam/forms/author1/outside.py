@@ -10,9 +10,9 @@ from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import drives, nowhere, turns
 from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
-from beamstiff.exam.effect import built, law
+from beamstiff.exam.effect import Drive, built, in_pose, law
 from beamstiff.exam.forms.author1.structure import bearings
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, varying, winding
 from beamstiff.exam.machine import Machine, axes_from, joints_of
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
@@ -29,13 +29,11 @@ def _waves(low: float, high: float, per_metre: float) -> Draw:
     return draw
 
 
-def _ripple(steep: bool, p: Parameters, k: float, variable: str) -> Law:
-    def stiffness(situation: Situation) -> Array:
-        wave = np.sin(p["waves"] * situation.value(variable) + p["phase"])
-        wave = np.tanh(3.0 * wave) if steep else wave
-        return np.asarray(k * np.exp(p["depth"] * wave))
-
-    return varying(stiffness)
+def _ripple(steep: bool, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    wave = np.sin(p["waves"] * situation.value(drive.component) + p["phase"])
+    wave = np.tanh(3.0 * wave) if steep else wave
+    k = drive.k * np.exp(p["depth"] * wave)
+    return k * e, k
 
 
 def _warm_up(lagged: bool, p: Parameters, k: float, variable: str) -> Law:
@@ -49,16 +47,12 @@ def _warm_up(lagged: bool, p: Parameters, k: float, variable: str) -> Law:
     return varying(stiffness, changes=True)
 
 
-def _toothed(p: Parameters, k: float, variable: str) -> Law:
+def _toothed(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     """Return a gear whose error of transmission runs on as it winds up: torque waves over the strain."""
-
-    def curve(strain: Array, situation: Situation) -> Curved:
-        before = p["teeth"] * situation.value(variable) + p["phase"]
-        wave = p["depth"] / p["teeth"] * (np.sin(before + p["teeth"] * strain) - np.sin(before))
-        slope = p["depth"] * np.cos(before + p["teeth"] * strain)
-        return k * (strain + wave), k * (1.0 + slope)
-
-    return posed(curve)
+    before = p["teeth"] * situation.value(drive.component) + p["phase"]
+    wave = p["depth"] / p["teeth"] * (np.sin(before + p["teeth"] * e) - np.sin(before))
+    slope = p["depth"] * np.cos(before + p["teeth"] * e)
+    return drive.k * (e + wave), drive.k * (1.0 + slope)
 
 
 def _creeping(p: Parameters, k: float, variable: str) -> Law:
@@ -120,12 +114,12 @@ PLACES = {
 _RIPPLE: dict[str, Draw] = {"depth": sized(0.08, 0.75), "waves": _waves(5.0, 12.0, 6.0), "phase": PHASE}
 _WARMING: dict[str, Draw] = {"softer": sized(0.1, 3.0), "lag": evenly(600.0, 3000.0)}
 FORMS = (
-    law("stiffness-ripple", "sine", partial(_ripple, False), **_RIPPLE),
-    law("stiffness-ripple", "steep", partial(_ripple, True), **_RIPPLE),
+    in_pose("stiffness-ripple", "sine", partial(_ripple, False), **_RIPPLE),
+    in_pose("stiffness-ripple", "steep", partial(_ripple, True), **_RIPPLE),
     law("warm-up", "lagged", partial(_warm_up, True), **_WARMING),
     law("warm-up", "slow", partial(_warm_up, False), **_WARMING),
-    law("transmission-error", "toothed", _toothed,
-        teeth=_waves(300.0, 1500.0, 10.0), depth=sized(0.1, 0.9), phase=PHASE),
+    in_pose("transmission-error", "toothed", _toothed,
+            teeth=_waves(300.0, 1500.0, 10.0), depth=sized(0.1, 0.9), phase=PHASE),
     law("creep", "kelvin-voigt", _creeping, creep=sized(0.08, 1.5), time=evenly(60.0, 400.0)),
     built("loose-bolt", "gaping", _bolt,
           tilt=sized(1.5e-8, 6e-7), firm=always(FIRM), angle=PHASE, blunt=evenly(30.0, 300.0)),

@@ -3,9 +3,9 @@
 import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch, turned, with_balancer
-from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import Reality, at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
@@ -196,14 +196,12 @@ def _draw_linkage(request: DrawRequest) -> dict[str, float]:
     return found | {"gear": found["reach"] / half, "way": request.sign(), "middle": middle}
 
 
-def _four_bar(p: Parameters, k: float, variable: str) -> Law:
-    def stiffness(situation: Situation) -> Array:
-        turn = p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
-        turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
-        ratio, _ = _linkage(p["start"] + turn, p)
-        return np.asarray(k * (ratio / _linkage(np.array(p["start"]), p)[0]) ** 2)
-
-    return varying(stiffness)
+def _four_bar(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    turn = p["way"] * p["gear"] * (situation.values[drive.component] - p["middle"])
+    turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
+    ratio, _ = _linkage(p["start"] + turn, p)
+    k = drive.k * (ratio / _linkage(np.array(p["start"]), p)[0]) ** 2
+    return k * e, k
 
 
 def _triangle(p: Parameters, angle: Array | float) -> tuple[Array, Array]:
@@ -211,17 +209,12 @@ def _triangle(p: Parameters, angle: Array | float) -> tuple[Array, Array]:
     return arm, length - DEAD * (p["frame"] - p["crank"])
 
 
-def _screw(p: Parameters, k: float, variable: str) -> Law:
+def _screw(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     """Return a screw's; `shaft`: give of its free length over that of nut and bearings, at mid-range."""
-
-    def stiffness(situation: Situation) -> Array:
-        (arm, shaft), (arm0, shaft0) = (
-            _triangle(p, levers1.angle_of(p, variable, situation)),
-            _triangle(p, p["start"]),
-        )
-        return np.asarray(k * ((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0)))
-
-    return varying(stiffness)
+    arm, shaft = _triangle(p, levers1.angle_of(p, drive.component, situation))
+    arm0, shaft0 = _triangle(p, p["start"])
+    k = drive.k * ((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0))
+    return k * e, k
 
 
 def _nested(p: Parameters, machine: Machine, variable: str) -> Machine:
@@ -242,28 +235,16 @@ def _nested(p: Parameters, machine: Machine, variable: str) -> Machine:
     return with_balancer(p, machine, variable, rate, pull)
 
 
-def _disc(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a strap over a disc that turns with the joint, off its middle."""
-    p, variable = truth.parameters, str(truth.component)
-    strong = crank_stiffness(p, reality.machine, variable)
-
-    def shape(situation: Situation) -> tuple[Array, Array, Array]:
-        """Return the strap's pull, its arm and how that grows with the angle."""
-        angle = turned(p, variable, situation)
-        wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
-        strap = np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0)
-        arm = p["crank"] * (1.0 + p["eccentric"] * np.cos(angle - p["phase"]))
-        return strap, arm, -p["crank"] * p["eccentric"] * np.sin(angle - p["phase"])
-
-    def torque(situation: Situation) -> Array:
-        strap, arm, _ = shape(situation)
-        return p["side"] * strap * arm
-
-    def stiffness(situation: Situation, drive: float) -> Array:
-        strap, arm, slope = shape(situation)
-        return drive + (strong * arm**2 + p["side"] * strap * slope)
-
-    return at_joints(truth, reality, lambda k: varying(lambda situation: stiffness(situation, k), torque))
+def _disc(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive with a strap over a disc that turns with the joint, off its middle."""
+    angle = turned(p, drive.component, situation)
+    wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
+    strap = np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0)
+    arm = p["crank"] * (1.0 + p["eccentric"] * np.cos(angle - p["phase"]))
+    slope = -p["crank"] * p["eccentric"] * np.sin(angle - p["phase"])
+    strong = crank_stiffness(p, drive.robot, drive.component)
+    k = drive.k + (strong * arm**2 + p["side"] * strap * slope)
+    return k * e + p["side"] * strap * arm, k
 
 
 FORMS = (
@@ -281,10 +262,10 @@ FORMS = (
     built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
     built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
     built("joint-coupling", "bracket", _bracket, **_COUPLED),
-    law("actuator-lever", "four-bar", _four_bar, _draw_linkage),
-    law("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
+    in_pose("actuator-lever", "four-bar", _four_bar, _draw_linkage),
+    in_pose("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
     built("gravity-compensator", "nested", _nested,
           levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
-    form("gravity-compensator", "disc", _disc,
-         levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
+    in_pose("gravity-compensator", "disc", _disc,
+            levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
 )  # fmt: skip

@@ -77,7 +77,7 @@ def _pairs(p: Parameters, machine: Machine, component: str) -> Machine:
 
 
 def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
-    """Return the joint held by two bearings a span apart; `uneven`: the second's stiffness over the first's."""
+    """Return the joint held by two bearings a span apart; `uneven`: the second's stiffness over the first."""
     k = 2.0 / (p["tilt"] * p["span"] ** 2)
     K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
     for place, stiffness in ((0.5, k), (-0.5, p["uneven"] * k)):

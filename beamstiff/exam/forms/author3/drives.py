@@ -3,13 +3,13 @@
 import numpy as np
 
 from beamstiff.exam.added_parts import pair_of
-from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import turns
 from beamstiff.exam.draws import PHASE, SIGN, at_joint, by_ratio, evenly, signed, sized, whole
-from beamstiff.exam.effect import Reality, at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, posed, varying, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, varying, winding
 from beamstiff.exam.machine import Machine, Mesh, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 
@@ -24,28 +24,23 @@ SERVED = np.deg2rad(70.0)  # to either side: what a crank can turn before its ro
 LINEAR = 0.4  # share of the shafts, which are linear, in what bevel gears give at first
 
 
-def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
+def _angle(drive: Drive, situation: Situation) -> Array:
     """Return the angle of the joint's own wheel, rad: of a pinion where the joint slides."""
-    q = situation.value(str(truth.component))
-    return q if turns(reality.machine.robot, truth.component) else PER_METRE * q
+    q = situation.value(drive.component)
+    return q if turns(drive.robot, drive.component) else PER_METRE * q
 
 
-def _runout(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with an output gear off its centre: its play changes once a turn (ISO 1328)."""
-    p = truth.parameters
-
-    def curve(e: Array, situation: Situation, k: float) -> Curved:
-        half = p["half"] * (1.0 + p["depth"] * np.cos(_angle(truth, reality, situation) + p["phase"]))
-        left = p["left"]
-        force, slope = left * k * e, np.full_like(e, left * k)
-        for side in (1.0, -1.0):
-            z = side * e - half
-            root = np.hypot(z, ROUNDED * p["half"])
-            force = force + side * (1.0 - left) * k * 0.5 * (z + root)
-            slope = slope + (1.0 - left) * k * 0.5 * (1.0 + z / root)
-        return force, slope
-
-    return at_joints(truth, reality, lambda k: posed(lambda e, situation: curve(e, situation, k)))
+def _runout(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return an output gear off its centre: its play grows and shrinks once a turn (ISO 1328)."""
+    half = p["half"] * (1.0 + p["depth"] * np.cos(_angle(drive, situation) + p["phase"]))
+    k, left = drive.k, p["left"]
+    force, slope = left * k * e, np.full_like(e, left * k)
+    for side in (1.0, -1.0):
+        z = side * e - half
+        root = np.hypot(z, ROUNDED * p["half"])
+        force = force + side * (1.0 - left) * k * 0.5 * (z + root)
+        slope = slope + (1.0 - left) * k * 0.5 * (1.0 + z / root)
+    return force, slope
 
 
 def _scissors(p: Parameters, k: float, torque: Array) -> Curved:
@@ -88,31 +83,22 @@ def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
     return strain, 1.0 / (k * p["hard"]) + more / np.hypot(1.0, x)
 
 
-def _strands(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a joint that a band or cable pulls from either side.
+def _strands(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return a joint that a band or cable pulls from either side (catalogues of Gates, HIWIN).
 
-    They are softest in the middle of the stroke: ``1/L1 + 1/L2`` (catalogues of Gates, HIWIN).
+    They are softest in the middle of the stroke: ``1/L1 + 1/L2``.
     """
-    p = truth.parameters
-    middle, half = stroke(reality.machine.robot, truth.component)
-
-    def strands(situation: Situation) -> Array:
-        q = situation.value(str(truth.component), middle)
-        share = np.clip(p["reach"] * (q - middle) / half, -FURTHEST, FURTHEST)
-        return np.asarray(p["stiffness"] / (1.0 - share**2))
-
-    return at_joints(truth, reality, lambda _: varying(strands))
+    middle, half = stroke(drive.robot, drive.component)
+    q = situation.value(drive.component, middle)
+    share = np.clip(p["reach"] * (q - middle) / half, -FURTHEST, FURTHEST)
+    k = p["stiffness"] / (1.0 - share**2)
+    return k * e, k
 
 
-def _spokes(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a bull gear or turntable, softer between its spokes or bolts than at them."""
-    p = truth.parameters
-
-    def spokes(situation: Situation) -> Array:
-        wave = np.cos(p["spokes"] * _angle(truth, reality, situation) + p["phase"])
-        return np.asarray(p["stiffness"] / (1.0 + p["depth"] * wave))
-
-    return at_joints(truth, reality, lambda _: varying(spokes))
+def _spokes(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return a bull gear or turntable, softer between its spokes or bolts than at them."""
+    k = p["stiffness"] / (1.0 + p["depth"] * np.cos(p["spokes"] * _angle(drive, situation) + p["phase"]))
+    return k * e, k
 
 
 def _teeth(p: Parameters, k: float, variable: str) -> Law:
@@ -199,14 +185,14 @@ def _coast(request: DrawRequest) -> float:
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
 FORMS = (
-    form("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
+    in_pose("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
     wind_up("backlash", "scissors", _scissors, author1.draw_backlash,
             preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
     curve("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
     wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening, coast=_coast),
-    form("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
-    form("joint-compliance", "spokes", _spokes, author1.draw_compliance,
-         spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),
+    in_pose("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
+    in_pose("joint-compliance", "spokes", _spokes, author1.draw_compliance,
+            spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),
     law("hysteresis", "teeth", _teeth, arrived=_ARRIVED, rubbing=sized(*RUBBING),
         seals=at_joint(by_ratio(2e-6, 2e-5)), slip=at_joint(by_ratio(4e-5, 2e-4))),
     law("hysteresis", "clamped", _clamped, arrived=_ARRIVED, softer=sized(*SOFTER),

@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, stretch, turned, with_balancer
-from beamstiff.exam.campaign import Array, Truth
+from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import evenly
-from beamstiff.exam.effect import Reality, at_joints, built, form, law
+from beamstiff.exam.effect import Drive, built, in_pose
 from beamstiff.exam.forms.author1 import levers as author1
-from beamstiff.exam.laws import Law, Situation, varying
+from beamstiff.exam.laws import Curved, Situation
 from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
@@ -70,18 +70,17 @@ def _draw_lever(request: DrawRequest) -> dict[str, float]:
     return found | {"start": best[1], "gear": best[2]}
 
 
-def _lever(share: Callable[[Parameters, Array], Array], p: Parameters, k: float, variable: str) -> Law:
+def _lever(
+    share: Callable[[Parameters, Array], Array], p: Parameters, drive: Drive, e: Array, situation: Situation
+) -> Curved:
     """Return the drive of a joint through a lever; its stiffness is that at mid-range.
 
     ``slider-crank``: a screw moves a slide, and a rod from it turns the crank on the joint.
     ``cylinder``: a hydraulic one, whose oil is softest at mid-stroke: ``A1^2/V1 + A2^2/V2`` (Merritt, 1967).
     """
-
-    def stiffness(situation: Situation) -> Array:
-        angle = author1.angle_of(p, variable, situation)
-        return np.asarray(k * share(p, angle) / share(p, np.array(p["start"])))
-
-    return varying(stiffness)
+    angle = author1.angle_of(p, drive.component, situation)
+    k = drive.k * share(p, angle) / share(p, np.array(p["start"]))
+    return k * e, k
 
 
 def lift(angle: Array, p: Parameters) -> tuple[Array, Array, Array]:
@@ -92,23 +91,15 @@ def lift(angle: Array, p: Parameters) -> tuple[Array, Array, Array]:
     return pressed, slope, high * (np.cos(angle) + more * np.cos(2.0 * angle))
 
 
-def _cam(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a cam on the joint that presses a roller against a spring.
+def _cam(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive with a cam on the joint that presses a roller against a spring.
 
     `top`: rad from mid-range, where it neither lifts nor sinks; `pointed`: second harmonic of its lift.
     """
-    p, variable = truth.parameters, str(truth.component)
-    strong = crank_stiffness(p, reality.machine, variable)
-
-    def torque(situation: Situation) -> Array:
-        pressed, slope, _ = lift(turned(p, variable, situation) - p["top"], p)
-        return np.asarray((p["pull"] + p["growth"] * pressed) * slope)
-
-    def stiffness(situation: Situation, k: float) -> Array:
-        pressed, slope, curved = lift(turned(p, variable, situation) - p["top"], p)
-        return np.asarray(k + strong * slope**2 + (p["pull"] + p["growth"] * pressed) * curved)
-
-    return at_joints(truth, reality, lambda k: varying(lambda situation: stiffness(situation, k), torque))
+    pressed, slope, curved = lift(turned(p, drive.component, situation) - p["top"], p)
+    strong, push = crank_stiffness(p, drive.robot, drive.component), p["pull"] + p["growth"] * pressed
+    k = drive.k + strong * slope**2 + push * curved
+    return k * e + push * slope, k
 
 
 def _chain(p: Parameters, machine: Machine, variable: str) -> Machine:
@@ -129,9 +120,9 @@ def _chain(p: Parameters, machine: Machine, variable: str) -> Machine:
 
 
 FORMS = (
-    law("actuator-lever", "slider-crank", partial(_lever, _slider), _draw_lever),
-    law("actuator-lever", "cylinder", partial(_lever, _piston), _draw_lever),
-    form("gravity-compensator", "cam", _cam,
-         author1.draw_balancer, top=evenly(-0.6, 0.6), pointed=evenly(-0.4, 0.4)),
+    in_pose("actuator-lever", "slider-crank", partial(_lever, _slider), _draw_lever),
+    in_pose("actuator-lever", "cylinder", partial(_lever, _piston), _draw_lever),
+    in_pose("gravity-compensator", "cam", _cam,
+            author1.draw_balancer, top=evenly(-0.6, 0.6), pointed=evenly(-0.4, 0.4)),
     built("gravity-compensator", "chain", _chain, author1.draw_balancer, slack=evenly(-0.3, -0.1)),
 )  # fmt: skip
