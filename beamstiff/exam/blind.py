@@ -21,6 +21,10 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 
+A = TypeVar("A")  # what is read of a report
+NO_GAP = 1e-6  # m; below this new rows have nothing to close
+
+
 class Diagnosis(Protocol):
     """What a diagnosing function returns."""
 
@@ -43,15 +47,11 @@ class Diagnose(Protocol):
         ...
 
 
+# a plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out; on
+# crowded machines a diagnosis
 Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any] | Diagnosis]
-"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out.
-
-On crowded machines a diagnosis out.
-"""
-
-
+# residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths
 Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
-"""Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
 
 
 def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
@@ -120,18 +120,12 @@ def true_shrink(case: Case, before: Array, after: Array) -> float | None:
     return float(np.clip(1.0 - left[1] / left[0], 0.0, 1.0))
 
 
-NO_GAP = 1e-6  # m; below this new rows have nothing to close
-
-
 def unmeasured(robot: Robot, fresh: SimulatedCampaign) -> Measurements:
     """Return new rows as a plan: poses and loads, nothing measured."""
     nothing = np.full((len(fresh), 6), np.nan)
     absolute = fresh.kind == "absolute"
     read = {"position": nothing[:, :3]} if absolute else {"displacement": nothing}
     return table_of(robot, fresh, **read)
-
-
-A = TypeVar("A")  # what is read of a report
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,12 +19,7 @@ def nowhere(robot: Robot) -> list[str | None]:
     return [None]
 
 
-def drives(robot: Robot) -> list[str | None]:
-    """Return the joints whose own direction is a spring."""
-    return list(drives_of(robot))
-
-
-def turning_drives(robot: Robot) -> list[str | None]:
+def turning_drives(robot: Robot) -> list[str]:
     """Return the revolute drives that are actuated variables."""
     turning = {v.name for v in robot.actuated if v.type == "revolute"}
     return [name for name in drives_of(robot) if name in turning]

@@ -19,21 +19,8 @@ AXES = ("x", "-x", "y", "-y", "z", "-z")
 # N m/rad, up to 16 % from the robot file's
 DRIVES = {"J1": 3.2e6, "J2": 5.9e6, "J3": 4.3e6, "J4": 5.0e5, "J5": 7.1e5, "J6": 4.7e5}
 # a link that is bolted together, drawn by the exam: EI in N m^2, where the robot file has a rigid link
-FAULT = Truth(
-    "link-bending",
-    "link2",
-    "bolted",
-    {
-        "EI": 6.34e6,
-        "flat": 0.975,
-        "twist": 0.472,
-        "offset": 0.192,
-        "side": 1.96,
-        "end": 1.0,
-        "joint": 0.548,
-        "opens": 0.505,
-    },
-)
+BOLTED = {"EI": 6.34e6, "flat": 0.975, "twist": 0.472, "offset": 0.192, "side": 1.96, "end": 1.0}
+FAULT = Truth("link-bending", "link2", "bolted", {**BOLTED, "joint": 0.548, "opens": 0.505})
 
 
 def campaign(robot: Robot, poses: int, seed: int) -> Measurements:

@@ -17,12 +17,9 @@ from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.placing import Placed
 from beamstiff.robot.description import Robot
 
-# wrenches as they act, (N, 6), from the campaign, the machine placed at its rows, and the wrenches as read
-LoadChange = Callable[[SimulatedCampaign, Placed, Array], Array]
-# values as read, (N, 6), from the campaign, the machine placed at its rows, and the values as they are
-ReadingChange = Callable[[SimulatedCampaign, Placed, Array], Array]
-# where the drives are, (P, A), from what their encoders read
-EncoderChange = Callable[[Array], Array]
+# from the campaign, the machine placed at its rows, and (N, 6): wrenches as read, or values as they are
+RowChange = Callable[[SimulatedCampaign, Placed, Array], Array]
+EncoderChange = Callable[[Array], Array]  # where the drives are, (P, A), from what their encoders read
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +28,8 @@ class Reality:
 
     machine: Machine
     geometry: Mapping[str, float] = field(default_factory=dict)  # rad or m: errors by name: ``f3.d``, ``q2``
-    loads: tuple[LoadChange, ...] = ()
-    readings: tuple[ReadingChange, ...] = ()
+    loads: tuple[RowChange, ...] = ()
+    readings: tuple[RowChange, ...] = ()
     encoders: tuple[EncoderChange, ...] = ()  # errors of encoders that change with the angle
     lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the load's node to where it acts
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the node read to the true reflector
@@ -204,16 +201,6 @@ class Seen:
 Change = Callable[[Parameters, Seen, Array], Array]  # of values or wrenches (N, 6)
 
 
-def reading(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that changes the values read, (N, 6)."""
-    return _changing("readings", effect, name, change, *draws, **by_name)
-
-
-def load(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that changes the wrenches, (N, 6), from what they are read as."""
-    return _changing("loads", effect, name, change, *draws, **by_name)
-
-
 def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
     def impose(truth: Truth, reality: Reality) -> Reality:
         def changed(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
@@ -223,6 +210,10 @@ def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, *
         return dataclasses.replace(reality, **changes)
 
     return form(effect, name, impose, *draws, **by_name)
+
+
+reading = partial(_changing, "readings")  # a form that changes the values read
+load = partial(_changing, "loads")  # a form that changes the wrenches, from what they are read as
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,7 @@ from beamstiff.robot.reader import load_robot
 
 
 def examine_folder(
-    folder: Path,
-    examiner: Examiner,
-    *,
-    processes: int = 1,
-    scheduler: str | None = None,
+    folder: Path, examiner: Examiner, *, processes: int = 1, scheduler: str | None = None
 ) -> list[Record]:
     """Return the records of all labelled sets in a folder, in the order of their names.
 

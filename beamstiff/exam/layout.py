@@ -84,7 +84,9 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
     bending = np.zeros((poses, len(bars), 6, 6))
     for at, hinge in enumerate(hinges):
         axes[:, at] = placed.rotations[hinge.frame] @ hinge.axes
-        k = hinge.stiffness if hinge.stiffness.ndim == 2 else np.diag(_finite(hinge.stiffness))
+        k = hinge.stiffness
+        if k.ndim == 1:
+            k = np.diag(np.where(np.isfinite(k), k, 0.0))
         lawless = np.array([float(direction not in hinge.laws) for direction in range(6)])
         stiffness[:, at] = k * lawless[:, None] * lawless
     for at, bar in enumerate(bars, start=len(hinges)):
@@ -119,10 +121,6 @@ def _ends(parts: Sequence[Any], of_node: Mapping[str, int]) -> Integers:
     """Return what both nodes of every part are, (parts, 2)."""
     found = [[of_node[name] for name in part.nodes] for part in parts]
     return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def _finite(stiffness: Array) -> Array:
-    return np.where(np.isfinite(stiffness), stiffness, 0.0)
 
 
 def _rejoin(machine: Machine, index: dict[str, int], nodes: Array) -> None:

@@ -6,7 +6,7 @@ linear spring of the model may follow any law.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Self
@@ -288,14 +288,15 @@ def own_stiffness(robot: Robot, joint: str, direction: int) -> float:
     return float(getattr(found.stiffness, JOINT_DIRECTIONS[direction]))
 
 
+def components_of(robot: Robot) -> list[str]:
+    """Return all joints, by their variables where they have one."""
+    return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
+
+
 def drives_of(robot: Robot) -> list[str]:
     """Return the components whose own direction is an elastic drive: neither rigid nor free."""
-    names: Iterable[str] = dict.fromkeys(j.variable or j.name for j in robot.joints)
-    return [
-        name
-        for name in names
-        if all(0.0 < own_stiffness(robot, *joint) < math.inf for joint in joints_of(robot, name))
-    ]
+    every = ((name, joints_of(robot, name)) for name in components_of(robot))
+    return [name for name, joints in every if all(0.0 < own_stiffness(robot, *j) < math.inf for j in joints)]
 
 
 def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:

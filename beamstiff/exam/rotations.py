@@ -4,11 +4,13 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 
+PAIRS = ((2, 1), (0, 2), (1, 0))  # row and column of the components of a skew matrix
+
 
 def cross_matrix(v: Array) -> Array:
     """Return the matrices (..., 3, 3) that take the cross product with vectors (..., 3) from the left."""
     result = np.zeros((*v.shape, 3))
-    for at, (j, k) in enumerate(((2, 1), (0, 2), (1, 0))):
+    for at, (j, k) in enumerate(PAIRS):
         result[..., j, k], result[..., k, j] = v[..., at], -v[..., at]
     return result
 
@@ -47,14 +49,7 @@ def turned_by(rotation: Array) -> Array:
     >>> turned_by(turn(np.array([0.1, -0.2, 0.3])))
     array([ 0.1, -0.2,  0.3])
     """
-    skew = 0.5 * np.stack(
-        [
-            rotation[..., 2, 1] - rotation[..., 1, 2],
-            rotation[..., 0, 2] - rotation[..., 2, 0],
-            rotation[..., 1, 0] - rotation[..., 0, 1],
-        ],
-        axis=-1,
-    )
+    skew = 0.5 * np.stack([rotation[..., j, k] - rotation[..., k, j] for j, k in PAIRS], axis=-1)
     sine = np.linalg.norm(skew, axis=-1)
     angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
     factor = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)

@@ -17,7 +17,7 @@ from beamstiff.exam.effect import places_of
 from beamstiff.exam.forms import OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS, LATER
-from beamstiff.exam.parameters import between
+from beamstiff.exam.parameters import between, unit_vector
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
@@ -210,8 +210,8 @@ def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
 def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str]) -> tuple[Robot, Robot]:
     """Return the robot with reflectors on stalks at the TCP where they are guessed, and where they are."""
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
-    true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
-    guess = [at + between(rng.random(), *GUESSED) * _direction(rng) for at in true]
+    true = [np.array(tcp.at) + rng.uniform(*STALKS) * unit_vector(rng) for _ in names]
+    guess = [at + between(rng.random(), *GUESSED) * unit_vector(rng) for at in true]
 
     def with_nodes(places: Sequence[Array]) -> Robot:
         pairs = zip(names, places, strict=True)
@@ -337,8 +337,3 @@ def _beyond(values: Array, basis: Array) -> Array:
 def _rms(values: Array) -> float:
     """Return the RMS norm of positions (3N,)."""
     return float(np.sqrt(3.0 * np.mean(np.square(values)))) if values.size else 0.0
-
-
-def _direction(rng: np.random.Generator) -> Array:
-    v = rng.standard_normal(3)
-    return np.asarray(v / np.linalg.norm(v))

@@ -11,7 +11,7 @@ from beamstiff.exam.components import turning_drives, turns
 from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Reality, built, curve, form, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
-from beamstiff.exam.machine import Cross, Machine, joints_of, own_stiffness
+from beamstiff.exam.machine import Cross, Machine, components_of, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.robot.description import Robot
 
@@ -76,10 +76,10 @@ def _sharp(p: Parameters, k: float, variable: str) -> Law:
     return curved(curve)
 
 
-def rigid_joints(robot: Robot) -> list[str | None]:
+def rigid_joints(robot: Robot) -> list[str]:
     """Return the joints that are rigid in their own direction."""
-    names = dict.fromkeys(joint.variable or joint.name for joint in robot.joints)
-    return [n for n in names if all(own_stiffness(robot, *j) == math.inf for j in joints_of(robot, n))]
+    every = ((name, joints_of(robot, name)) for name in components_of(robot))
+    return [name for name, joints in every if all(own_stiffness(robot, *j) == math.inf for j in joints)]
 
 
 def draw_compliance(request: DrawRequest) -> dict[str, float]:
@@ -177,10 +177,10 @@ def _bouc_wen(p: Parameters, k: float, variable: str) -> Law:
     return rubbing(k, friction, p["arrived"], run)
 
 
-def coupled_drives(robot: Robot) -> list[str | None]:
+def coupled_drives(robot: Robot) -> list[str]:
     """Return neighbouring drives, and the outer two of the last three (a wrist)."""
     order = [v.name for v in robot.variables]
-    names = sorted((str(n) for n in turning_drives(robot)), key=order.index)
+    names = sorted(turning_drives(robot), key=order.index)
     pairs = list(pairwise(names))
     if len(names) >= 6:
         pairs.append((names[-3], names[-1]))

@@ -24,7 +24,7 @@ PULL = (1e3, 3e4)  # N in the middle of the range
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
 
 
-def rod_drives(robot: Robot) -> list[str | None]:
+def rod_drives(robot: Robot) -> list[str]:
     """Return the turning drives whose range a rod can serve, by gears perhaps; all where there is none."""
     found = turning_drives(robot)
     return [name for name in found if stroke(robot, name)[1] <= GEARED] or found
@@ -80,16 +80,16 @@ def angle_of(p: Parameters, variable: str, situation: Situation) -> Array:
     return np.asarray(np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR))
 
 
-def balanced_axes(robot: Robot) -> list[str | None]:
+def balanced_axes(robot: Robot) -> list[str]:
     """Return the level axes among the first three that are driven."""
     g = np.array(robot.gravity)
     if not g.any():
         return []
     machine = machine_of(robot)
     main = [variable.name for variable in robot.actuated][:3]
-    found: list[str | None] = []
+    found = []
     for name in turning_drives(robot):
-        axis, _ = axis_in_the_middle(machine, joints_of(robot, str(name))[0][0])
+        axis, _ = axis_in_the_middle(machine, joints_of(robot, name)[0][0])
         if name in main and abs(axis @ g) < LEVEL * np.linalg.norm(g):
             found.append(name)
     return found

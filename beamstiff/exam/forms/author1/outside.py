@@ -8,12 +8,11 @@ import numpy as np
 
 from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import drives, nowhere, turns
+from beamstiff.exam.components import nowhere, turns
 from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
 from beamstiff.exam.effect import Drive, built, in_pose, law
-from beamstiff.exam.forms.author1.structure import bearings
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, varying, winding
-from beamstiff.exam.machine import Machine, axes_from, joints_of
+from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of, joints_of
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
 FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
@@ -108,8 +107,8 @@ def _stop(p: Parameters, machine: Machine, _: str) -> Machine:
 
 
 PLACES = {
-    **dict.fromkeys(("stiffness-ripple", "warm-up", "transmission-error", "creep"), drives),
-    "loose-bolt": nowhere, "bearing-play": bearings, "tool-contact": nowhere,
+    **dict.fromkeys(("stiffness-ripple", "warm-up", "transmission-error", "creep"), drives_of),
+    "loose-bolt": nowhere, "bearing-play": components_of, "tool-contact": nowhere,
 }  # fmt: skip
 _RIPPLE: dict[str, Draw] = {"depth": sized(0.08, 0.75), "waves": _waves(5.0, 12.0, 6.0), "phase": PHASE}
 _WARMING: dict[str, Draw] = {"softer": sized(0.1, 3.0), "lag": evenly(600.0, 3000.0)}

@@ -131,11 +131,6 @@ def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -
     return machine.plus(bars=(before, behind))
 
 
-def bearings(robot: Robot) -> list[str | None]:
-    """Return all joints."""
-    return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
-
-
 def draw_bearing(request: DrawRequest) -> dict[str, float]:
     """Return compliances: tilting rad/(N m), radial and axial m/N; and how the bearing sits."""
     joints = joints_of(request.robot, str(request.component))

@@ -6,6 +6,5 @@ measurement or strength of materials; sizes are engineering estimates where no s
 
 from beamstiff.exam.forms.author3 import drives, levers, measurement, outside, structure
 
-MODULES = (drives, levers, measurement, structure, outside)
-FORMS = tuple(form for module in MODULES for form in module.FORMS)
+FORMS = tuple(form for module in (drives, levers, measurement, structure, outside) for form in module.FORMS)
 PLACES = outside.PLACES

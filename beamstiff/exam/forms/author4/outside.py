@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import drives, nowhere, slender
+from beamstiff.exam.components import nowhere, slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
-from beamstiff.exam.machine import Machine, Rod, in_the_middle
+from beamstiff.exam.machine import Machine, Rod, drives_of, in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
 
@@ -76,7 +76,7 @@ def _truck(p: Parameters, seen: Seen, values: Array) -> Array:
     return values + np.where(there[:, None], both, 0.0)
 
 
-PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives}
+PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives_of}
 FORMS = (
     built("elbow-hanger", "rope-on-a-drum", _hang, _draw_pull,
           reach=by_ratio(5e-5, 5e-4), arrived=evenly(-0.9, 0.9), aside=by_reach(evenly(0.0, 1.0)), way=PHASE,
