@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import stiffness_of
-from beamstiff.exam.laws import Law, Situation, varying
+from beamstiff.exam.laws import Curved, Law, Situation, posed
 from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, in_the_middle, joints_of, own_stiffness
 from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.rotations import cross_matrix
@@ -132,33 +132,32 @@ def turned(p: Parameters, variable: str, situation: Situation) -> Array:
     return np.asarray(p["way"] * (situation.values[variable] - p["middle"]))
 
 
-def stretch(p: Parameters, variable: str, situation: Situation) -> Array:
-    """Return how much longer a balancer is than in the middle of the range, (P,), m."""
-    ways = (turned(p, variable, situation), 0.0)
-    now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in ways)
-    return np.asarray(now - middle)
-
-
 def crank_stiffness(p: Parameters, robot: Robot, variable: str) -> float:
     """Return a balancer's stiffness against small strains, N/m."""
     return p["share"] * stiffness_of(robot, variable) / p["crank"] ** 2
 
 
 def with_balancer(
+    spring: Callable[[Parameters, float, Array], tuple[Array, Array]],
     p: Parameters,
     machine: Machine,
     variable: str,
-    rate: Callable[[Situation, float], Array],
-    pull: Callable[[Situation], Array],
 ) -> Machine:
     """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p.
 
-    `rate`: stiffness, from the situation and that against small strains. `pull`: force in the pose.
+    `spring`: stiffness and force in the pose, from the stiffness against small strains, and how much longer
+    than in the middle of the range the balancer is, (P,), m.
     """
     strong = crank_stiffness(p, machine.robot, variable)
-    law = varying(lambda situation: rate(situation, strong), pull)
+    middle = lever(p["crank"], p["frame"], p["angle"])[1]
+
+    def curve(strain: Array, situation: Situation) -> Curved:
+        now = lever(p["crank"], p["frame"], p["angle"] + turned(p, variable, situation))[1]
+        k, pull = spring(p, strong, now - middle)
+        return k * strain + pull, k
+
     for name, _ in joints_of(machine.robot, variable):
-        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, law)
+        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, posed(curve))
     return machine
 
 

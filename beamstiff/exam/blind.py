@@ -20,7 +20,6 @@ from beamstiff.outputs import write_output
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
-
 A = TypeVar("A")  # what is read of a report
 NO_GAP = 1e-6  # m; below this new rows have nothing to close
 

@@ -55,33 +55,28 @@ def random_arm(rng: np.random.Generator) -> Robot:
     ends = [(0.0, 0.0, height), (shoulder, 0.0, 0.0), (upper, 0.0, 0.0), (elbow, fore, 0.0)]
     ends += [(wrist, 0.0, 0.0), (0.0, flange, 0.0)]
     nodes: list[dict[str, Any]] = [{"name": "n0"}]
-    links, joints = [], []
     main = MAIN_AXIS * reach**3.3 * rng.uniform(0.6, 1.6)
     share = np.array([1.5, 1.0, 1.6, 12.0, 12.0, 14.0]) * np.exp(rng.uniform(-0.7, 0.7, 6))
-    for at, end in enumerate(ends, start=1):
+    joints = []
+    for at, (end, less) in enumerate(zip(ends, share, strict=True), start=1):
         parent = "base" if at == 1 else f"f{at - 1}"
         nodes += [{"name": f"n{at}a", "frame": parent, "at": end}, {"name": f"n{at}b", "frame": f"f{at}"}]
-        links.append({"name": f"link{at - 1}", "nodes": ["n0" if at == 1 else f"n{at - 1}b", f"n{at}a"]})
-        joints.append(
-            {
-                "name": f"J{at}",
-                "nodes": [f"n{at}a", f"n{at}b"],
-                "frame": f"f{at}",
-                "axis": "z",
-                "variable": f"q{at}",
-                "stiffness": {"torsional": float(main / share[at - 1])},
-            }
-        )
+        joint = {"name": f"J{at}", "nodes": [f"n{at}a", f"n{at}b"], "frame": f"f{at}", "axis": "z"}
+        joints.append({**joint, "variable": f"q{at}", "stiffness": {"torsional": float(main / less)}})
+    starts = ["n0", *(f"n{at}b" for at in range(1, 6))]
+    limits = [[f"{limit} deg" for limit in both] for both in _LIMITS]
     return Robot.model_validate(
         {
             "name": RANDOM_ARM,
             "variables": [
-                {"name": f"q{at}", "type": "revolute", "limits": [f"{limit} deg" for limit in limits]}
-                for at, limits in enumerate(_LIMITS, start=1)
+                {"name": f"q{at}", "type": "revolute", "limits": both}
+                for at, both in enumerate(limits, start=1)
             ],
             "frames": frames,
             "nodes": nodes,
-            "rigids": links,
+            "rigids": [
+                {"name": f"link{at}", "nodes": [start, f"n{at + 1}a"]} for at, start in enumerate(starts)
+            ],
             "joints": joints,
             "fixed": ["n0"],
             "tcp": "n6b",

@@ -1,8 +1,10 @@
 """Further forms of drives, their levers and balancers: play, hardening, friction, linkages, coils, a disc."""
 
+from functools import partial
+
 import numpy as np
 
-from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch, turned, with_balancer
+from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, turned, with_balancer
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
@@ -217,22 +219,12 @@ def _screw(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curve
     return k * e, k
 
 
-def _nested(p: Parameters, machine: Machine, variable: str) -> Machine:
-    """Return the machine with two coils: from a stretch on, m, a second one with a share of the rate."""
-
-    def beyond(situation: Situation) -> Array:
-        return stretch(p, variable, situation) - p["engages"]
-
-    def pull(situation: Situation) -> Array:
-        z = beyond(situation)
-        second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
-        return np.asarray(p["pull"] + p["growth"] * (stretch(p, variable, situation) + second))
-
-    def rate(situation: Situation, strong: float) -> Array:
-        z = beyond(situation)
-        return np.asarray(strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))))
-
-    return with_balancer(p, machine, variable, rate, pull)
+def _nested(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+    """Return two coils: from a stretch on, m, a second one with a share of the rate."""
+    z = longer - p["engages"]
+    second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
+    pull = p["pull"] + p["growth"] * (longer + second)
+    return strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))), pull
 
 
 def _disc(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
@@ -264,7 +256,7 @@ FORMS = (
     built("joint-coupling", "bracket", _bracket, **_COUPLED),
     in_pose("actuator-lever", "four-bar", _four_bar, _draw_linkage),
     in_pose("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
-    built("gravity-compensator", "nested", _nested,
+    built("gravity-compensator", "nested", partial(with_balancer, _nested),
           levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
     in_pose("gravity-compensator", "disc", _disc,
             levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),

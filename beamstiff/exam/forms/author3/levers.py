@@ -5,13 +5,13 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import crank_stiffness, lever, stretch, turned, with_balancer
+from beamstiff.exam.added_parts import crank_stiffness, lever, turned, with_balancer
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import evenly
 from beamstiff.exam.effect import Drive, built, in_pose
 from beamstiff.exam.forms.author1 import levers as author1
 from beamstiff.exam.laws import Curved, Situation
-from beamstiff.exam.machine import Machine, stroke
+from beamstiff.exam.machine import stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
 CLEAR = author1.CLEAR
@@ -102,21 +102,11 @@ def _cam(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     return k * e + push * slope, k
 
 
-def _chain(p: Parameters, machine: Machine, variable: str) -> Machine:
-    """Return the machine with a coil that pulls by a chain; `slack`: m of stretch from mid-range."""
-
-    def beyond(situation: Situation) -> Array:
-        return stretch(p, variable, situation) - p["slack"]
-
-    def pull(situation: Situation) -> Array:
-        z = beyond(situation)
-        return np.asarray(p["growth"] * (z + np.hypot(z, BLUNT)))
-
-    def rate(situation: Situation, strong: float) -> Array:
-        z = beyond(situation)
-        return np.asarray(strong * 0.5 * (1.0 + z / np.hypot(z, BLUNT)))
-
-    return with_balancer(p, machine, variable, rate, pull)
+def _chain(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+    """Return a coil that pulls by a chain; `slack`: m of stretch from mid-range."""
+    z = longer - p["slack"]
+    rate = strong * 0.5 * (1.0 + z / np.hypot(z, BLUNT))
+    return rate, p["growth"] * (z + np.hypot(z, BLUNT))
 
 
 FORMS = (
@@ -124,5 +114,6 @@ FORMS = (
     in_pose("actuator-lever", "cylinder", partial(_lever, _piston), _draw_lever),
     in_pose("gravity-compensator", "cam", _cam,
             author1.draw_balancer, top=evenly(-0.6, 0.6), pointed=evenly(-0.4, 0.4)),
-    built("gravity-compensator", "chain", _chain, author1.draw_balancer, slack=evenly(-0.3, -0.1)),
+    built("gravity-compensator", "chain", partial(with_balancer, _chain),
+          author1.draw_balancer, slack=evenly(-0.3, -0.1)),
 )  # fmt: skip
