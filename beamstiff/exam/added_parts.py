@@ -138,10 +138,7 @@ def crank_stiffness(p: Parameters, robot: Robot, variable: str) -> float:
 
 
 def with_balancer(
-    spring: Callable[[Parameters, float, Array], tuple[Array, Array]],
-    p: Parameters,
-    machine: Machine,
-    variable: str,
+    spring: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, variable: str
 ) -> Machine:
     """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p.
 

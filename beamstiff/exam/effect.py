@@ -162,6 +162,19 @@ def built(
     return form(effect, name, impose, *draws, **by_name)
 
 
+def built_at_joints(
+    effect: str, name: str, of: Callable[..., Machine], *draws: Draw, **by_name: Draw
+) -> Form:
+    """Return the same, from parameters, machine, each joint of the component and its own direction."""
+
+    def change(p: Parameters, machine: Machine, component: str) -> Machine:
+        for joint, own in joints_of(machine.robot, component):
+            machine = of(p, machine, joint, own)
+        return machine
+
+    return built(effect, name, change, *draws, **by_name)
+
+
 @dataclass(frozen=True, eq=False)
 class Seen:
     """A campaign, and the machine placed at its rows, as loads and readings find them."""

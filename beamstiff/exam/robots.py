@@ -64,19 +64,18 @@ def random_arm(rng: np.random.Generator) -> Robot:
         joint = {"name": f"J{at}", "nodes": [f"n{at}a", f"n{at}b"], "frame": f"f{at}", "axis": "z"}
         joints.append({**joint, "variable": f"q{at}", "stiffness": {"torsional": float(main / less)}})
     starts = ["n0", *(f"n{at}b" for at in range(1, 6))]
-    limits = [[f"{limit} deg" for limit in both] for both in _LIMITS]
+    variables = [
+        {"name": f"q{at}", "type": "revolute", "limits": [f"{limit} deg" for limit in limits]}
+        for at, limits in enumerate(_LIMITS, start=1)
+    ]
+    rigids = [{"name": f"link{at}", "nodes": [start, f"n{at + 1}a"]} for at, start in enumerate(starts)]
     return Robot.model_validate(
         {
             "name": RANDOM_ARM,
-            "variables": [
-                {"name": f"q{at}", "type": "revolute", "limits": both}
-                for at, both in enumerate(limits, start=1)
-            ],
+            "variables": variables,
             "frames": frames,
             "nodes": nodes,
-            "rigids": [
-                {"name": f"link{at}", "nodes": [start, f"n{at + 1}a"]} for at, start in enumerate(starts)
-            ],
+            "rigids": rigids,
             "joints": joints,
             "fixed": ["n0"],
             "tcp": "n6b",

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
@@ -33,6 +33,7 @@ class Void:
 
 
 R = TypeVar("R", Record, CrowdedRecord)
+Write = Callable[[dict[str, Any]], None]
 
 
 @dataclass(frozen=True)
@@ -81,50 +82,33 @@ def run_cases(
         raise BeamstiffError(
             f"exam: found {count} cases and {processes} processes, expected 1 or more of each"
         )
-    with _resumed(results, exam.settings()) as (done, write):
-        found: dict[int, R | Void] = {case: item for case, item in done.items() if case < count}
+    with _resumed(results, exam.settings()) as (kept, write):
+        found: dict[int, R | Void] = {case: item for case, item in kept.items() if case < count}
         for item in found.values():
             progress(item)
+
+        def sealed(done: Any) -> list[Any]:
+            """Write a case's seal before anybody is given the case."""
+            if isinstance(done, Void | tuple):
+                return []
+            write({"sealed": done.label.case, "label_sha256": done.label.digest()})
+            return [done]
+
         missing = (case for case in range(count) if case not in found)
-        for item in _examined(procedure, exam, missing, examiner, processes, scheduler, write):
-            if isinstance(item, Void):
-                write({"void": item.case, "why": item.why})
-                found[item.case] = item
-            else:
-                write({"record": item.to_dict()})
-                found[item.label.case] = item
-            progress(item)
+        step = partial(_step, procedure, exam, examiner)
+        for _, done in parallel_map(step, missing, processes=processes, scheduler=scheduler, then=sealed):
+            if isinstance(done, Void):
+                write({"void": done.case, "why": done.why})
+                found[done.case] = done
+                progress(done)
+            elif isinstance(done, tuple):
+                record, report = done
+                if report is not None:
+                    keep_report(examiner, record.label.case, report)
+                write({"record": record.to_dict()})
+                found[record.label.case] = record
+                progress(record)
     return [item for _, item in sorted(found.items()) if not isinstance(item, Void)]
-
-
-Write = Callable[[dict[str, Any]], None]
-
-
-def _examined(
-    procedure: Procedure[R],
-    exam: Exam | CrowdedExam,
-    cases: Iterable[Any],
-    examiner: Examiner,
-    processes: int,
-    scheduler: str | None,
-    write: Write,
-) -> Iterator[R | Void]:
-    def sealed(done: Any) -> list[Any]:
-        """Write a case's seal before anybody is given the case."""
-        if isinstance(done, Void | tuple):
-            return []
-        write({"sealed": done.label.case, "label_sha256": done.label.digest()})
-        return [done]
-
-    step = partial(_step, procedure, exam, examiner)
-    for _, done in parallel_map(step, cases, processes=processes, scheduler=scheduler, then=sealed):
-        if isinstance(done, Void):
-            yield done
-        elif isinstance(done, tuple):
-            record, report = done
-            if report is not None:
-                keep_report(examiner, record.label.case, report)
-            yield record
 
 
 def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner, task: Any) -> Any:

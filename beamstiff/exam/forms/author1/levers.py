@@ -123,11 +123,11 @@ def _way(robot: Robot, variable: str) -> float:
     return float(np.sign(spin @ (here.rotations[hinge.frame][0] @ hinge.axes[:, 0])))
 
 
-def _coil(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+def _coil(p: Parameters, strong: float, longer: Array) -> Curved:
     return np.full_like(longer, strong), p["pull"] + p["growth"] * longer
 
 
-def _gas(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+def _gas(p: Parameters, strong: float, longer: Array) -> Curved:
     """Return a gas spring: polytropic, squeezed where the rod is drawn out."""
     squeezed = 1.0 - np.minimum(longer / (1.3 * p["pull"] / p["growth"]), 0.7)
     pull = p["pull"] * squeezed**-1.3

@@ -10,9 +10,9 @@ from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import nowhere, turns
 from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
-from beamstiff.exam.effect import Drive, built, in_pose, law
+from beamstiff.exam.effect import Drive, built, built_at_joints, in_pose, law
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, varying, winding
-from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of, joints_of
+from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
 FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
@@ -82,16 +82,14 @@ def _bolt(p: Parameters, machine: Machine, _: str) -> Machine:
     return machine.with_hinge(dataclasses.replace(machine.hinges[-1], axes=axes, laws=laws))
 
 
-def _play(p: Parameters, machine: Machine, component: str) -> Machine:
+def _play(p: Parameters, machine: Machine, joint: str, _: int) -> Machine:
     def wind_up(moment: Array) -> Curved:
         x = moment / p["crossing"]
         root = np.sqrt(1.0 + x**2)
         return p["tilt"] * moment + p["half"] * x / root, p["tilt"] + p["half"] / (p["crossing"] * root**3)
 
     law = winding(wind_up, 1.0 / p["tilt"])
-    for name, _ in joints_of(machine.robot, component):
-        machine = machine.with_law(name, 4, law).with_law(name, 5, law)
-    return machine
+    return machine.with_law(joint, 4, law).with_law(joint, 5, law)
 
 
 def _stop(p: Parameters, machine: Machine, _: str) -> Machine:
@@ -122,8 +120,8 @@ FORMS = (
     law("creep", "kelvin-voigt", _creeping, creep=sized(0.08, 1.5), time=evenly(60.0, 400.0)),
     built("loose-bolt", "gaping", _bolt,
           tilt=sized(1.5e-8, 6e-7), firm=always(FIRM), angle=PHASE, blunt=evenly(30.0, 300.0)),
-    built("bearing-play", "tilting", _play,
-          half=sized(3e-5, 5e-4), crossing=by_ratio(20.0, 200.0), tilt=always(TILT)),
+    built_at_joints("bearing-play", "tilting", _play,
+                    half=sized(3e-5, 5e-4), crossing=by_ratio(20.0, 200.0), tilt=always(TILT)),
     built("tool-contact", "one-sided", _stop,
           direction(), stiffness=sized(2e5, 2e7), gap=evenly(0.0, 2e-4), way=SIGN),
 )  # fmt: skip

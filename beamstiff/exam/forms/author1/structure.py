@@ -11,7 +11,7 @@ from beamstiff.exam.added_parts import about_x, across_link, on_pedestal, seen_f
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import evenly, sized, softer
-from beamstiff.exam.effect import built
+from beamstiff.exam.effect import built, built_at_joints
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.machine import (
     Bar,
@@ -158,33 +158,30 @@ def draw_bearing(request: DrawRequest) -> dict[str, float]:
     return found
 
 
-def _bearing(p: Parameters, machine: Machine, component: str) -> Machine:
+def _bearing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     added = np.array([p["axial"], p["radial"], p["radial"], 0.0, p["tilt"], p["tilt"] * p["other"]])
-    for name, own in joints_of(machine.robot, component):
-        hinge = machine.hinge(name)
-        k = hinge.stiffness.copy()
-        others = [d for d in range(6) if d != own and k.ndim == 1 and k[d] > 0.0 and added[d] > 0.0]
-        k[others] = 1.0 / (added[others] + 1.0 / k[others])
-        laws = dict(hinge.laws)
-        if "strain" in p:
-            laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
-        if p.get("offset", 0.0):
-            k = _moved(k, p["offset"])
-        axes = hinge.axes @ about_x(p["turned"])
-        machine = machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
-    return machine
+    hinge = machine.hinge(joint)
+    k = hinge.stiffness.copy()
+    others = [d for d in range(6) if d != own and k.ndim == 1 and k[d] > 0.0 and added[d] > 0.0]
+    k[others] = 1.0 / (added[others] + 1.0 / k[others])
+    laws = dict(hinge.laws)
+    if "strain" in p:
+        laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
+    if p.get("offset", 0.0):
+        k = _moved(k, p["offset"])
+    axes = hinge.axes @ about_x(p["turned"])
+    return machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
 
 
 def with_tilting(
-    curve: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, component: str
+    curve: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, joint: str, own: int
 ) -> Machine:
-    """Return the machine with soft bearings whose tilting follows a curve of stiffness and strain."""
-    machine = _bearing(p, machine, component)
-    for name, own in joints_of(machine.robot, component):
-        for d in (4, 5):
-            k = float(machine.hinge(name).stiffness[d])
-            if d != own and 0.0 < k < math.inf:
-                machine = machine.with_law(name, d, curved(partial(curve, p, k)))
+    """Return the machine with a soft bearing whose tilting follows a curve of stiffness and strain."""
+    machine = _bearing(p, machine, joint, own)
+    for d in (4, 5):
+        k = float(machine.hinge(joint).stiffness[d])
+        if d != own and 0.0 < k < math.inf:
+            machine = machine.with_law(joint, d, curved(partial(curve, p, k)))
     return machine
 
 
@@ -227,7 +224,7 @@ FORMS = (
     built("link-bending", "tapered", partial(_link, _tapered), draw_link),
     built("link-bending", "hinged", partial(_link, _hinged), draw_link),
     built("link-bending", "elbow", partial(_link, None), draw_link),
-    *(built("bearing-tilt", name, _bearing, draw_bearing)
+    *(built_at_joints("bearing-tilt", name, _bearing, draw_bearing)
       for name in ("anisotropic", "off-centre", "contact")),
     built("base-compliance", "block", _block,
           tilt=TILT, about_y=evenly(0.4, 1.2), about_z=evenly(0.1, 0.6), shift=evenly(0.1, 0.5),

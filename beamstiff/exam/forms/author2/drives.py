@@ -219,7 +219,7 @@ def _screw(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curve
     return k * e, k
 
 
-def _nested(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+def _nested(p: Parameters, strong: float, longer: Array) -> Curved:
     """Return two coils: from a stretch on, m, a second one with a share of the rate."""
     z = longer - p["engages"]
     second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))

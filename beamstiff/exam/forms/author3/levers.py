@@ -102,7 +102,7 @@ def _cam(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     return k * e + push * slope, k
 
 
-def _chain(p: Parameters, strong: float, longer: Array) -> tuple[Array, Array]:
+def _chain(p: Parameters, strong: float, longer: Array) -> Curved:
     """Return a coil that pulls by a chain; `slack`: m of stretch from mid-range."""
     z = longer - p["slack"]
     rate = strong * 0.5 * (1.0 + z / np.hypot(z, BLUNT))

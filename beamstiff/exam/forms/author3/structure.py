@@ -19,13 +19,13 @@ from beamstiff.exam.added_parts import (
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.effect import Seen, built, built_at_joints, load
 from beamstiff.exam.forms.author1 import structure as structure1
 from beamstiff.exam.forms.author1 import tool as tool1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
-from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, in_the_middle, joints_of, tapered
+from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, in_the_middle, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
@@ -72,15 +72,8 @@ def girder(p: Parameters) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _housing(p: Parameters, machine: Machine, component: str) -> Machine:
+def _housing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     """Return the machine with a bearing whose seat in the link before it is softer one way, as in a fork."""
-    for name, own in joints_of(machine.robot, component):
-        machine = _seated(machine, name, own, p)
-    return machine
-
-
-def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
-    """Return the machine with a seat between a joint and the link that it is mounted in."""
     hinge, placed = machine.hinge(joint), in_the_middle(machine.robot)
     at = int(machine.node(hinge.nodes[0]).frame == hinge.frame)  # the node that does not turn with the joint
     host = machine.node(hinge.nodes[at])
@@ -221,9 +214,9 @@ FORMS = (
     built("base-compliance", "girder", partial(_base, girder), **_BASE,
           span=evenly(2.0, 5.0), place=evenly(0.25, 0.75), beside=evenly(-0.3, 0.3), above=evenly(0.1, 0.4),
           flat=evenly(0.2, 0.8), twist=evenly(0.2, 0.6)),
-    built("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
-    built("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
-          structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
+    built_at_joints("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
+    built_at_joints("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
+                    structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
     built("link-bending", "channel", partial(_link, False),
           structure1.draw_link, side=PHASE, beside=evenly(0.04, 0.12)),
     built("link-bending", "fork", partial(_link, True),

@@ -11,7 +11,7 @@ from beamstiff.exam.added_parts import UP, behind_flange, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, each, evenly, whole
-from beamstiff.exam.effect import built
+from beamstiff.exam.effect import built, built_at_joints
 from beamstiff.exam.forms.author4.scales import main_stiffness, round_about, rounded_ramp, wrist_stiffness
 from beamstiff.exam.laws import Curved, Law, Situation, curved, varying
 from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, Rod, joints_of, own_stiffness
@@ -131,11 +131,9 @@ def _joint_stiffness(request: DrawRequest) -> float:
     return scale / request.sized(0.02, 0.7)
 
 
-def _lifting_rim(p: Parameters, machine: Machine, variable: str) -> Machine:
-    for name, _ in joints_of(machine.robot, variable):
-        machine = machine.with_stiffness(name, slice(4, 6), 0.0)
-        machine = round_about(machine, name, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
-    return machine
+def _lifting_rim(p: Parameters, machine: Machine, joint: str, _: int) -> Machine:
+    machine = machine.with_stiffness(joint, slice(4, 6), 0.0)
+    return round_about(machine, joint, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
 
 
 def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
@@ -260,8 +258,8 @@ FORMS = (
           side=evenly(0.0, np.pi)),
     built("link-bending", "open-section", partial(_bend, _open_section),
           stiffness=_link_stiffness, twist=by_ratio(4.0, 15.0), off=evenly(0.06, 0.2), side=PHASE),
-    built("bearing-tilt", "lifting-rim", _lifting_rim,
-          stiffness=_joint_stiffness, **{"from": by_ratio(3e-5, 2e-4), "rest": evenly(0.25, 0.6)}),
+    built_at_joints("bearing-tilt", "lifting-rim", _lifting_rim,
+                    stiffness=_joint_stiffness, **{"from": by_ratio(3e-5, 2e-4), "rest": evenly(0.25, 0.6)}),
     built("bearing-tilt", "casting-soft-side", _soft_side,
           stiffness=_joint_stiffness, softer=evenly(0.5, 0.85), phase=evenly(0.0, np.pi)),
     built("base-compliance", "short-foot", _on_feet,
