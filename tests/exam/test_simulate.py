@@ -38,7 +38,7 @@ ALLOWED = {
     "beamstiff.measure.table",
 }
 SIMULATOR = [
-    "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium", "reality",
+    "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium",
     "components", "draws", "parameters", "effect", "added_parts", "simulate", "sizes", "record", "names",
 ]  # fmt: skip
 
