@@ -111,10 +111,9 @@ def axis_in_the_middle(machine: Machine, joint: str) -> tuple[Array, Array]:
 def with_rod(
     machine: Machine, joint: str, arms: tuple[float, float], angle: float, stiffness: float, law: Law | None
 ) -> Machine:
-    """Return the machine with a rod across a joint, its ends rigidly on the nodes that the joint joins.
+    """Return the machine with a rod across a joint, rigidly on its nodes, by `arms` from the axis, m.
 
-    `arms`: m; distances of the ends on the moved side and on the other from the joint's axis.
-    `angle`: rad; from the arm before to the arm behind, about the axis, in the middle of its range.
+    `angle`: rad; from the arm before (the second) to the arm behind, in the middle of its range.
     """
     axis, point = axis_in_the_middle(machine, joint)
     up = UP if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
@@ -142,8 +141,7 @@ def with_balancer(
 ) -> Machine:
     """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p.
 
-    `spring`: stiffness and force in the pose, from the stiffness against small strains, and how much longer
-    than in the middle of the range the balancer is, (P,), m.
+    `spring`: stiffness and force, from p, that against small strains, and the stretch from mid-range, m.
     """
     strong = crank_stiffness(p, machine.robot, variable)
     middle = lever(p["crank"], p["frame"], p["angle"])[1]

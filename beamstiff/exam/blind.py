@@ -105,10 +105,9 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
 
 
 def true_shrink(case: Case, before: Array, after: Array) -> float | None:
-    """Return the share of the gap on new rows that the verdict's effects close, clipped to [0, 1].
+    """Return ``1 - (after/before)^2`` of the RMS position errors on new rows, clipped to [0, 1].
 
-    ``1 - (after/before)^2`` of the root mean square position errors against the noise-free truth. None where
-    the truth holds outliers, which new rows do not have, and where the new rows show no gap at all.
+    None where the truth holds outliers, which new rows do not have, and where they show no gap at all.
     """
     if any(truth.effect == "outliers" for truth in case.truths):
         return None

@@ -68,9 +68,8 @@ def draw_wish(rng: np.random.Generator, truths: Sequence[Truth], lean: float) ->
 def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> SimulatedCampaign:
     """Return a campaign of the wished sort.
 
-    Rich: 12 to 24 poses with two or three load directions of three to eight states, repeats of the last state
-    of a pose, now and then a second reflector; absolute positions: 24 to 40 poses with the payload alone and
-    two loads. Lean: ten poses, one load each, nothing repeated. Noise 0.02 to 0.05 mm and 2e-5 to 1e-4 rad.
+    Rich: 12 to 24 poses in two or three directions of load, of absolute positions 24 to 40 with the payload
+    alone and two loads. Lean: ten poses, one load each. Noise 0.02 to 0.05 mm and 2e-5 to 1e-4 rad.
     """
     force = largest_force(robot, rng) * rng.uniform(0.6, 1.4)
     pattern: tuple[float, ...]
@@ -117,11 +116,9 @@ def draw_fresh(rng: np.random.Generator, robot: Robot, like: SimulatedCampaign) 
 def draw_crowded(
     rng: np.random.Generator, robot: Robot, data: Data, force: float, points: tuple[str, ...]
 ) -> tuple[SimulatedCampaign, SimulatedCampaign]:
-    """Return a campaign of a crowded machine, and 40 fresh poses without noise that are loaded alike.
+    """Return a campaign of a crowded machine, and fresh poses without noise, loaded and warmed up alike.
 
-    Absolute positions: 40 to 60 poses with the payload alone, two thirds of them under a load as well.
-    Displacements: 12 to 24 poses with a sequence of loads. Noise 0.01 to 0.03 mm, rightly claimed. The fresh
-    poses take as long and warm the machine up alike, from cold.
+    Absolute positions: 40 to 60 poses, two thirds of them under a load. Displacements: 12 to 24 poses.
     """
     sigma, absolute = rng.uniform(1e-5, 3e-5), data == "absolute"
     poses = int(rng.integers(40, 61) if absolute else rng.integers(12, 25))

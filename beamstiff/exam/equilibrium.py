@@ -1,8 +1,7 @@
 """Equilibrium of the deformed machine: Newton's method on displacements, rotations and holding forces.
 
-Unknowns are the displacement and spin of every body and one multiplier a rigid direction. Rotations are
-updated on the rotation group. The tangent is complete but for terms of second order in the relative rotation
-of a spring, so that corrections shrink by orders of magnitude a step.
+One multiplier holds a rigid direction. Rotations are updated on the rotation group; the tangent lacks terms
+of second order in the relative rotation of a spring only.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -121,8 +120,7 @@ def rows_of(topology: Topology) -> Rows:
 def equilibrium(problem: Problem, start: State, *, once: bool = False) -> Solved:
     """Return the equilibrium under weight and load, from a start that may be another load's equilibrium.
 
-    With `once` Newton's method takes one step only: what a small change of a machine without memory does, to
-    first order; what is unbalanced then is not looked at (NaN).
+    With `once` Newton's method takes one step: to first order; what is unbalanced is not looked at (NaN).
 
     Raises BeamstiffError when a state does not come to rest: the machine buckles or is a mechanism.
     """

@@ -101,11 +101,10 @@ def rubbing(
     run: Callable[[Array, Array], Curved],
     largest: Callable[[Array, Array], tuple[Any, Any]] | None = None,
 ) -> Law:
-    """Return a spring with friction beside it, whose state runs after the motion from -1 to 1.
+    """Return a spring with friction beside it, `arrived` in a state that runs with the motion from -1 to 1.
 
-    `friction`: its largest force. `arrived`: its state after the move to the pose.
     `run`: state and its slope by the way, (P,) each, after a way from a state along the motion.
-    `largest`: where it is not constant: the largest friction after a strain, and how friction grows with it.
+    `largest`: where not constant: the largest friction after a strain, and how friction grows with it.
     """
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:

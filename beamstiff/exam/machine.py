@@ -43,13 +43,10 @@ class Hinge:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A beam's compliance along its length.
-
-    `compliance`: (G, 6) array; of a piece of unit length there against stretch, shear (2), twist and bending
-        (2), times the share of the length that the station stands for.
-    """
+    """A beam's compliance along its length, from the first end (0) to the second (1)."""
 
     stations: Array  # (G,): places along the beam, from 0 to 1
+    # (G, 6): of unit length against stretch, shear (2), twist and bending (2), times the share of the length
     compliance: Array
 
 
@@ -247,10 +244,9 @@ def machine_of(robot: Robot) -> Machine:
 
 
 def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
-    """Return the profile of a beam whose cross-section changes its size along the length.
+    """Return the profile of a beam whose cross-section changes its linear size, from 0 to 1 along it.
 
     `rigidity`: (6,) array; EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
-    `size`: linear size of the cross-section at stations (G,) from 0 to 1.
     `bending`: power of the size that bending and twist grow with; stretch and shear grow with half of it.
     """
     stations = 0.5 * (GAUSS[0] + 1.0)

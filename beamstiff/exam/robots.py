@@ -28,9 +28,8 @@ def exam_robot(name: str, rng: np.random.Generator) -> Robot:
 def random_arm(rng: np.random.Generator) -> Robot:
     """Return a six-axis arm with rigid links, its proportions and drive stiffness drawn.
 
-    Reach from 0.9 to 3 m; offsets at the shoulder, the elbow, and in half of the cases at the wrist, which
-    then has no common centre. Drive stiffness grows with the reach as it does from small arms to large
-    ones, and each axis' own is scattered by a factor of two.
+    Reach from 0.9 to 3 m, with which stiffness grows, each axis' own scattered by two; half without a wrist's
+    common centre.
 
     >>> arm = random_arm(np.random.default_rng(3))
     >>> arm.name, len(arm.joints), arm.identify[0]

@@ -67,16 +67,12 @@ def run_cases(
 ) -> list[R]:
     """Return the records of cases 0 to `count` - 1, in their order.
 
-    `results` is a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256 of the
-    label) before it is given out, and its record once it is opened. Cases whose record is there already are
-    not examined again; a line that an interruption cut short is taken off.
+    `results`, a file of JSON lines, gets the exam's settings, every case's seal (SHA-256 of the label) before
+    it is given out, and its record once it is opened; records that are there are not asked for again, and a
+    line that was cut short goes. `examiner`: pickled for several processes or a scheduler of dask.
+    `progress`: called after every case.
 
-    `examiner`: with several processes or a scheduler it is pickled: its functions are those of modules.
-    `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
-    `progress`: called after every case, those of the file included.
-
-    Raises BeamstiffError when `results` is another exam's or cannot be written, or a number is not positive,
-    or a process or the scheduler fails.
+    Raises BeamstiffError when `results` is another exam's or cannot be written, or processes fail.
     """
     if count < 1 or processes < 1:
         raise BeamstiffError(
@@ -133,8 +129,7 @@ def check_results(path: Path) -> None:
 def _resumed(results: Path | None, settings: dict[str, Any]) -> Iterator[tuple[dict[int, Any], Write]]:
     """Give what a file of results holds already, and a function that appends a line and sees it to the disk.
 
-    The file is held meanwhile; nothing of it is changed before all of it is known to be this exam's. Its
-    first line is there as soon as the file is. A last line that a kill cut short goes.
+    The file is held meanwhile, and changed only once all of it is known to be this exam's.
     """
     if results is None:
         yield {}, lambda _: None

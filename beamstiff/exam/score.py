@@ -77,22 +77,13 @@ def is_flagged(record: Record) -> bool:
     return is_unknown(record) or (is_named(record.answer.verdict) and len(record.verdict_set) > 1)
 
 
-def is_truly_flagged(record: Record) -> bool:
-    """Tell the same, strictly: ``unknown``, or the withheld effect is in the set by name."""
-    return is_unknown(record) or effect_of(record.label.truths[0]) in map(effect_of, record.verdict_set)
-
-
 def is_nameless(record: Record) -> bool:
     """Tell whether no effect was named: ``unknown`` or ``none``."""
     return effect_of(record.answer.verdict) in (NONE, UNKNOWN)
 
 
 def is_right(record: Record) -> bool:
-    """Tell whether the verdict is right, as calibration asks.
-
-    It is the effect and component of a single, ``none`` of a null, ``unknown`` of an effect outside the
-    library. Below 0.3 of the noise ``none`` is right of anything.
-    """
+    """Tell whether the verdict is right, for calibration: the truth; below 0.3 of the noise ``none``, too."""
     if record.gap < HARDLY and effect_of(record.answer.verdict) == NONE:
         return True
     return record.answer.verdict == record.truth
@@ -123,14 +114,23 @@ detection = _rate(lambda record: is_named(record.answer.verdict) or is_unknown(r
 exact = _rate(is_exact)
 right_family = _rate(is_family)
 right_place = _rate(is_place)
-coverage = _rate(is_covered)  # ``none`` and ``unknown`` alone do not hold the truth
-coverage_of_names = _rate(is_covered, _named)  # the same among the verdicts that name an effect
+coverage = _rate(
+    lambda record: record.truth in record.verdict_set
+)  # ``none`` and ``unknown`` alone do not hold the truth
+# the same among the verdicts that name an effect
+coverage_of_names = _rate(lambda record: record.truth in record.verdict_set, _named)
 unknowns = _rate(is_unknown)
 false_seconds = _rate(lambda record: len(record.named) > 1)
 # of effects outside the library, and of those withheld from it; gap at least the noise
 not_named = _rate(is_nameless, _clear("outside"))
 flagged = _rate(is_flagged, _clear("removed"))
-truly_flagged = _rate(is_truly_flagged, _clear("removed"))
+# strictly: ``unknown``, or the withheld effect is in the set by name
+truly_flagged = _rate(
+    lambda record: (
+        is_unknown(record) or effect_of(record.label.truths[0]) in map(effect_of, record.verdict_set)
+    ),
+    _clear("removed"),
+)
 # of clear pairs: both named, each with its component; no effect named that is not at work: none is not false
 both = _rate(lambda record: set(record.label.truths) <= set(record.named), clear_pairs)
 nothing_false = _rate(
@@ -149,8 +149,7 @@ def set_size(records: Records) -> Figure:
 def shrink_difference(records: Records) -> Figure:
     """Return the median of |promised - true shrink| over named singles whose gap is 1.5 of the noise or more.
 
-    The true shrink is that on new poses and new loads without noise. Cases of which one of the two is missing
-    (a verdict that names nothing, outliers, which new rows do not have) are left out.
+    Cases of which one of the two is missing are left out.
     """
     return median(
         abs(record.answer.promised - record.shrink)
@@ -179,10 +178,9 @@ def worst_first(records: Records) -> list[tuple[str, list[Record]]]:
 
 
 def confusion(records: Records) -> dict[str, Counter[str]]:
-    """Return how often each effect (rows, the truth) got each verdict, components left aside.
+    """Return how often each effect (rows, the truth) got each verdict; clear cases, and all nulls.
 
-    Nulls stand under ``none``, effects outside the library under ``outside``, withheld ones under
-    ``removed``; all but the nulls with a gap of at least the noise. Pairs are left out.
+    Effects outside the library stand under ``outside``, withheld ones under ``removed``; no pairs.
     """
     rows: dict[str, Counter[str]] = {}
     for record in records:
@@ -258,10 +256,9 @@ def reliability(records: Sequence[Record], bins: int = BINS) -> list[Bin]:
 
 
 def calibration_error(records: Sequence[Record], bins: int = BINS) -> Figure:
-    """Return the expected calibration error: |share right - mean probability| by bin, its mean over verdicts.
+    """Return the expected calibration error: mean over verdicts of |share right - mean probability| by bin.
 
-    Naeini, Cooper, Hauskrecht (2015), "Obtaining well calibrated probabilities using Bayesian binning"; of
-    the verdict's probability, with ten bins of equal width.
+    Naeini, Cooper, Hauskrecht (2015), "Obtaining well calibrated probabilities using Bayesian binning".
     """
     filled = reliability(records, bins)
     count = sum(item.right.count for item in filled)
@@ -274,8 +271,7 @@ def calibration_error(records: Sequence[Record], bins: int = BINS) -> Figure:
 def brier(records: Sequence[Record]) -> Figure:
     """Return the Brier score, the mean over cases of ``sum_k (p_k - y_k)^2`` over all candidates: 0 to 2.
 
-    y is 1 at what is right, as `score.is_right` has it, and 0 elsewhere. Probabilities below 1e-6, which the
-    records leave out, count as 0.
+    y is 1 at what is right, as `is_right` has it. Probabilities that the records leave out count as 0.
     """
     return mean(map(_brier, judged(records)))
 

@@ -31,12 +31,9 @@ ROOM = 20.0  # degC where it gives no temperature
 def simulate(
     robot: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign, rng: np.random.Generator
 ) -> Measurements:
-    """Return what a campaign would read on a machine that has the given effects.
+    """Return what a campaign reads on a robot of true stiffness that has some effects, imposed in order.
 
-    `robot`: the machine without the effects, with its true stiffness. `rng`: for the noise of the readings.
-
-    Raises BeamstiffError when an effect does not fit the robot, a loop does not close or a state does not
-    come to rest.
+    Raises BeamstiffError when an effect does not fit, a loop does not close or a state does not come to rest.
     """
     values = readings(reality_of(robot, truths), campaign) + _noise(campaign, rng)
     if not campaign.rotations:

@@ -56,10 +56,9 @@ class Fit:
 
 
 def linear_fit(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Fit:
-    """Return the linear least-squares fit of the compliances that a robot lists to identify.
+    """Return the linear least-squares fit, weighted by the true noise, of the compliances to identify.
 
-    Derivatives are differences of the simulator's own answers without effects, at the true stiffness; values
-    are weighted by the true noise.
+    Derivatives are differences of the simulator's own answers without effects, at the true stiffness.
     """
     exact = without_noise(campaign)
     reality = Reality(machine_of(machine))
@@ -177,9 +176,8 @@ def some_poses(campaign: SimulatedCampaign, most: int) -> SimulatedCampaign:
 def size_for(gap_of: Callable[[float], float], wanted: float) -> tuple[float, float]:
     """Return the size in [0, 1] whose gap is nearest by ratio to the wanted one, and its gap.
 
-    The gap's logarithm mostly grows about evenly with the size: false position between the sizes that
-    bracket it, `USUAL` growth beyond them. Where the largest size leaves less than the middle one (a drive
-    that sticks altogether) sizes between are tried.
+    False position on the gap's logarithm between the sizes that bracket it, `USUAL` growth beyond them; where
+    the largest size leaves less than the middle one (a drive that sticks), sizes between are tried.
 
     >>> size, gap = size_for(lambda s: 0.1 * 100.0**s, 1.0)
     >>> round(size, 1), 0.85 < gap < 1.17

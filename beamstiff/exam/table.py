@@ -41,11 +41,7 @@ COVERED_NAMES = "the same, of verdicts that name an effect"
 
 
 def headline(records: Records, lean: bool = False) -> list[Row]:
-    """Return the figures that the exam asks for, over the given cases.
-
-    Of lean designs nothing is asked but few false alarms, and that the verdict set holds the truth where an
-    effect is named: only the others are shown.
-    """
+    """Return the figures that the exam asks for; of `lean` designs no false alarms, and true sets, alone."""
     rows = _headline(records)
     if not lean:
         return rows

@@ -194,11 +194,7 @@ def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -
 
 
 def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
-    """Return other names that mean the same.
-
-    A balancer's torque follows the angle, and so does what it winds its drive up by, which is all that
-    absolute positions show of it. What stands on the ground is the base.
-    """
+    """Return other names that mean the same: torques by the angle; what stands on the ground is the base."""
     if truth.effect in BY_ANGLE:
         return tuple(f"{name}:{truth.component}" for name in BY_ANGLE if name != truth.effect)
     if truth.effect != "base-compliance":
@@ -244,8 +240,7 @@ def _open_parameters(robot: Robot) -> dict[str, str]:
 def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Array:
     """Return an orthonormal basis (3N, k) of what is fitted in any case, in the positions.
 
-    Compliances to identify; of absolute positions zeros, frame parameters (those of Hayati as well), base
-    frame and reflector: the derivatives of the unloaded machine, by central differences.
+    Compliances; of absolute positions also zeros, frame parameters with Hayati's, base frame and reflector.
     """
     columns = [*np.moveaxis(linear_fit(robot, machine, campaign).basis[:, :3], -1, 0)]
     if campaign.kind == "absolute":

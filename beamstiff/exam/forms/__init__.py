@@ -44,10 +44,9 @@ def draw_truth(
     form: str | None = None,
     authors: Sequence[int] = (),
 ) -> Truth:
-    """Return an effect drawn at random: its component, form and parameters.
+    """Return an effect drawn at random: its component, form (of these authors) and parameters.
 
     `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
-    `authors`: of the forms that are drawn; all by default.
 
     Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.
     """

@@ -45,14 +45,6 @@ def _play(p: Parameters, k: float, stages: list[tuple[float, float]]) -> Law:
     return winding(wind_up, k)
 
 
-def _smooth(p: Parameters, k: float, variable: str) -> Law:
-    return _play(p, k, [(1.0, 1.0)])
-
-
-def _stages(p: Parameters, k: float, variable: str) -> Law:
-    return _play(p, k, [(p["share"], 0.5), (1.0 - p["share"], 2.5)])
-
-
 def flanks(e: Array, k: float, half: Array | float, left: float, rounded: Array | float) -> Curved:
     """Return the force, and its slope, of two flanks at +-half about the middle of a play."""
     s, ds = left * k * e, np.full_like(e, left * k)
@@ -161,8 +153,7 @@ def _iwan(p: Parameters, stiffness: float, variable: str) -> Law:
 def _bouc_wen(p: Parameters, k: float, variable: str) -> Law:
     """Return Bouc and Wen's friction with exponent 1, integrated in closed form along each step.
 
-    ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``: linear while unloading, exponential while loading.
-    `arrived`: friction left over from the move to the pose.
+    ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``; `arrived`: left over from the move to the pose.
     """
     friction = k * p["friction"]
     slip = friction * (1.0 - p["sliding"]) / (k * p["sliding"])
@@ -211,8 +202,9 @@ def _by_gear(p: Parameters, machine: Machine, pair: str) -> Machine:
 _SHARE = signed(sized(*SHARE))
 FORMS = (
     law("backlash", "sharp", _sharp, draw_backlash, rest=evenly(-0.8, 0.8)),
-    law("backlash", "smooth", _smooth, draw_backlash),
-    law("backlash", "stages", _stages, draw_backlash, share=evenly(0.4, 0.8)),
+    law("backlash", "smooth", lambda p, k, _: _play(p, k, [(1.0, 1.0)]), draw_backlash),
+    law("backlash", "stages", lambda p, k, _: _play(p, k, [(p["share"], 0.5), (1.0 - p["share"], 2.5)]),
+        draw_backlash, share=evenly(0.4, 0.8)),
     form("joint-compliance", "plain", _compliance, draw_compliance),
     form("joint-compliance", "helped", _compliance,
          draw_compliance, **{"from": by_ratio(1e-4, 1e-3), "more": evenly(0.2, 0.8)}),

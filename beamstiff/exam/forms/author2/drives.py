@@ -29,8 +29,9 @@ def hertzian(torque: Array, scale: float) -> Curved:
     return 1.5 * scale * np.sign(torque) * (np.cbrt(more**2) - 1.0), 1.0 / np.cbrt(more)
 
 
-def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
-    """Return the force of preloaded springs, and its slope: past `at` the share `loose` of k is left."""
+def slackening(p: Parameters, k: float, e: Array) -> Curved:
+    """Return the force of preloaded springs, and its slope: past `from` the share `loose` of k is left."""
+    at, loose = p["from"], p["loose"]
     x4 = (e / at) ** 4
     held, slope = e / (1.0 + x4) ** 0.25, (1.0 + x4) ** -1.25
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
@@ -82,10 +83,6 @@ def _contacts(p: Parameters, _: float, variable: str) -> Law:
     return winding(wind_up, k)
 
 
-def _preloaded(p: Parameters, _: float, variable: str) -> Law:
-    return curved(lambda e: slackening(e, p["stiffness"], p["loose"], p["from"]))
-
-
 def _dahl(p: Parameters, k: float, variable: str) -> Law:
     """Return Dahl's friction with exponent 2, integrated in closed form along each step.
 
@@ -103,10 +100,9 @@ def _dahl(p: Parameters, k: float, variable: str) -> Law:
 
 
 def _maxwell_slip(p: Parameters, stiffness: float, variable: str) -> Law:
-    """Return a few sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
+    """Return sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
 
-    The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
-    2005). Later ones are softer, by the power `fall`; together they hold the friction torque.
+    Generalised Maxwell slip (Al-Bender, Lampaert and Swevers, 2005); later ones are softer, by power `fall`.
     """
     yields = p["ratio"] ** np.arange(SLIDERS)
     k = yields ** -p["fall"]
@@ -146,7 +142,7 @@ def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
 def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:
     """Return the machine with a belt, a strand of which hangs slack from a strain on."""
     one, two, first, second = pair_of(machine, pair)
-    law = curved(lambda e: slackening(e, strong_of(p) * first, 0.5, p["slack"]))
+    law = curved(partial(slackening, {"loose": 0.5, "from": p["slack"]}, strong_of(p) * first))
     return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), law),))
 
 
@@ -246,7 +242,7 @@ FORMS = (
     curve("hardening", "cubic", _cubic, drives1.draw_hardening),
     law("joint-compliance", "hertz", _contacts,
         drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
-    law("joint-compliance", "preloaded", _preloaded,
+    law("joint-compliance", "preloaded", lambda p, _, __: curved(partial(slackening, p, p["stiffness"])),
         drives1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
     law("hysteresis", "dahl", _dahl, drives1.draw_friction, arrived=_ARRIVED),
     law("hysteresis", "maxwell-slip", _maxwell_slip,

@@ -65,10 +65,6 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return reality.with_encoder(drive, encoder)
 
 
-def _hose(p: Parameters, machine: Machine, _: str) -> Machine:
-    return machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),))
-
-
 def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a part of the payload that sits loose along an axis."""
     held = np.full(6, np.inf)
@@ -181,7 +177,8 @@ _ANGLE, _DRIFT, _GAIN = (
 FORMS = (
     form("geometry-error", "eccentric", _geometry, _draw_geometry),
     form("geometry-error", "crooked", _geometry, _draw_geometry),
-    built("payload-error", "hose", _hose,
+    built("payload-error", "hose",
+          lambda p, machine, _: machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),)),
           per_metre=lambda request: request.sized(*geometry1.MASS) / HEIGHT, low=evenly(-0.3, 0.3)),
     built("payload-error", "loose", _loose, direction(),
           mass=sized(*geometry1.MASS), slides=lambda request: FURTHEST * request.uniform(0.3, 1.0),

@@ -148,17 +148,12 @@ def strutted(p: Parameters) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _struts(p: Parameters, machine: Machine, _: str) -> Machine:
-    return sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p))
-
-
 def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a flange that opens from a moment, N m, about x, and a `later` one about y."""
     k = tool1.sprung_about(tool1.about_tool(p))
     ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
-    laws = {
-        d: curved(partial(slackening, k=float(k[d]), loose=p["loose"], at=end)) for d, end in ends.items()
-    }
+    loose = {d: {"loose": p["loose"], "from": end} for d, end in ends.items()}
+    laws = {d: curved(partial(slackening, pair, float(k[d]))) for d, pair in loose.items()}
     return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
 
 
@@ -200,7 +195,8 @@ FORMS = (
           shear=evenly(0.1, 0.25), skew=evenly(0.0, math.pi), narrower=evenly(0.1, 0.5)),
     built("link-bending", "bolted", _bolted,
           structure1.draw_link, end=whole(0, 2), joint=evenly(0.3, 0.6), opens=evenly(0.3, 0.8)),
-    built("tool-compliance", "struts", _struts, **_SOFT,
+    built("tool-compliance", "struts",
+          lambda p, machine, _: sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p)), **_SOFT,
           **{f"strut{i}": evenly(0.6, 1.0) for i in range(6)},
           lower=evenly(0.04, 0.06), upper=evenly(0.02, 0.04), height=evenly(0.03, 0.06), first=PHASE),
     built("tool-compliance", "opening", _opening, **_SOFT,

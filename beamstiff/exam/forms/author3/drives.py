@@ -11,7 +11,7 @@ from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, varying, winding
 from beamstiff.exam.machine import Machine, Mesh, stroke
-from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
+from beamstiff.exam.parameters import Draw, Parameters
 
 PER_METRE = 6.0  # rad of a pinion's turn for a metre of its rack
 ROUNDED = 0.02  # of the play, about which a flank's contact closes
@@ -178,10 +178,6 @@ def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
     return machine.plus(meshes=(mesh,))
 
 
-def _coast(request: DrawRequest) -> float:
-    return float(by_ratio(1.5, 5.0)(request) ** request.sign())
-
-
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
 FORMS = (
@@ -189,7 +185,8 @@ FORMS = (
     wind_up("backlash", "scissors", _scissors, author1.draw_backlash,
             preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
     curve("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
-    wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening, coast=_coast),
+    wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening,
+            coast=lambda request: float(by_ratio(1.5, 5.0)(request) ** request.sign())),
     in_pose("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
     in_pose("joint-compliance", "spokes", _spokes, author1.draw_compliance,
             spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),

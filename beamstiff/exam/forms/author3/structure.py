@@ -93,7 +93,7 @@ def _housing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
 
 def _unloading(p: Parameters, k: float, e: Array) -> Curved:
     """Return a preloaded pair of angular-contact rows, one of which lifts (catalogues of SKF, Schaeffler)."""
-    return slackening(e, k, p["loose"], p["strain"])
+    return slackening({**p, "from": p["strain"]}, k, e)
 
 
 def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:

@@ -100,10 +100,9 @@ def _rope_drive(p: Parameters, drive: Drive, e: Array, situation: Situation) -> 
 
 
 def tooth_friction(p: Parameters, k: float, _: str) -> Law:
-    """Return friction of seals, and of teeth by the torque that they carry: the loop is a bow tie.
+    """Return friction of seals (`friction`, a strain), and of teeth by a `share` of the torque they carry.
 
-    `friction`: as the strain that it holds; `reach`: strain over which it turns round, by Dahl's law;
-    `share`: of the torque.
+    It turns round by Dahl's law over a `reach`.
     """
     friction = k * p["friction"]
 
@@ -157,10 +156,9 @@ def _idler(p: Parameters, machine: Machine, pair: str) -> Machine:
 
 
 def _housing(p: Parameters, machine: Machine, pair: str) -> Machine:
-    """Return the machine with a housing that both torques twist.
+    """Return the machine with a housing that both torques twist, the second by the cosine between the axes.
 
-    The second by the cosine of the angle between the axes: its compliance c in series,
-    ``(C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)``.
+    Compliance c in series: ``(C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)``.
     """
     one, two, k1, k2 = pair_of(machine, pair)
     c = p["compliance"] / max(k1, k2)

@@ -35,8 +35,7 @@ def beside(machine: Machine, hinge: str, direction: int, law: Law) -> Machine:
 def round_about(machine: Machine, hinge: str, first: int, law: Law) -> Machine:
     """Return the machine with a law in every way of tilting about two directions of a hinge.
 
-    Four springs on diameters 45 degrees apart take half of the law's stiffness each: alike in all ways where
-    the law is linear, nearly so else. `law`: of one of the four.
+    `law`: of one of four springs on diameters 45 degrees apart, each with half of the stiffness.
     """
     for angle in 0.25 * np.pi * np.arange(4):
         weights = (float(np.cos(angle)), float(np.sin(angle)))

@@ -32,11 +32,9 @@ SIDEWAYS = 1.5  # of a foot's stiffness
 
 
 def windowed(stiffness: float, length: float, window: tuple[float, float], weaker: Array) -> Profile:
-    """Return the profile of a link of which a piece is weaker.
+    """Return the profile of a link, `stiffness` N m/rad against bending, of which a piece is weaker.
 
-    `stiffness`: against bending over the length, N m/rad.
-    `window`: from and to, over the length.
-    `weaker`: (6,) array; how often more compliant the piece is.
+    `window`: from and to, over the length. `weaker`: (6,) array; how often more compliant the piece is.
     """
     bending = stiffness * length
     along = bending / (DEPTH * length) ** 2
