@@ -9,7 +9,16 @@ import numpy as np
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import stiffness_of
 from beamstiff.exam.laws import Curved, Law, Situation, posed
-from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, in_the_middle, joints_of, own_stiffness
+from beamstiff.exam.machine import (
+    Hinge,
+    Machine,
+    Mesh,
+    Rod,
+    axes_from,
+    in_the_middle,
+    joints_of,
+    own_stiffness,
+)
 from beamstiff.exam.parameters import Parameters
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot
@@ -174,3 +183,19 @@ def pair_of(machine: Machine, component: str) -> tuple[tuple[str, int], tuple[st
     """Return two drives that are linked, as hinge and direction, and the stiffness of each."""
     one, two = (joints_of(machine.robot, name)[0] for name in component.split("+"))
     return one, two, own_stiffness(machine.robot, *one), own_stiffness(machine.robot, *two)
+
+
+def beside(machine: Machine, hinge: str, direction: int, law: Law) -> Machine:
+    """Return the machine with a law parallel to whatever a hinge has in a direction."""
+    return machine.plus(meshes=(Mesh((hinge, direction), (hinge, direction), (1.0, 0.0), law),))
+
+
+def round_about(machine: Machine, hinge: str, first: int, law: Law) -> Machine:
+    """Return the machine with a law in every way of tilting about two directions of a hinge.
+
+    `law`: of one of four springs on diameters 45 degrees apart, each with half of the stiffness.
+    """
+    for angle in 0.25 * np.pi * np.arange(4):
+        weights = (float(np.cos(angle)), float(np.sin(angle)))
+        machine = machine.plus(meshes=(Mesh((hinge, first), (hinge, first + 1), weights, law),))
+    return machine

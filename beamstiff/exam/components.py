@@ -49,3 +49,15 @@ def slender(robot: Robot) -> float:
     """Return how much softer a structure is than a large robot's, to `SMALL`: by the root of its drives'."""
     turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
     return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0
+
+
+def main_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the stiffest turning drive, N m/rad."""
+    return LARGE / slender(robot) ** 2
+
+
+def wrist_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the softest turning drive, N m/rad; a tenth of the main one's at least."""
+    turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
+    main = main_stiffness(robot)
+    return max(min(turning, default=main), 0.05 * main)

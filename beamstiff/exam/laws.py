@@ -122,3 +122,9 @@ def fading(state: Array, way: Array, reach: float) -> Curved:
     """Return a friction's state and its slope after a way: it nears 1 exponentially (Dahl, exponent 1)."""
     left = (1.0 - state) * np.exp(-way / reach)
     return 1.0 - left, left / reach
+
+
+def ramp(x: Array, width: Array | float) -> Curved:
+    """Return a ramp that is 0 for x < 0 and x for x > 0, rounded over a width, and its slope."""
+    root = np.sqrt(x**2 + width**2)
+    return 0.5 * (x + root), 0.5 * (1.0 + x / root)

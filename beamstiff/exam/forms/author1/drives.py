@@ -10,7 +10,7 @@ from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
 from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Reality, built, curve, form, law, wind_up
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, rubbing, winding
 from beamstiff.exam.machine import Cross, Machine, components_of, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.robot.description import Robot
@@ -49,10 +49,9 @@ def flanks(e: Array, k: float, half: Array | float, left: float, rounded: Array 
     """Return the force, and its slope, of two flanks at +-half about the middle of a play."""
     s, ds = left * k * e, np.full_like(e, left * k)
     for side in (1.0, -1.0):
-        z = side * e - half
-        root = np.sqrt(z**2 + rounded**2)
-        s = s + side * (1.0 - left) * k * 0.5 * (z + root)
-        ds = ds + (1.0 - left) * k * 0.5 * (1.0 + z / root)
+        carried, slope = ramp(side * e - half, rounded)
+        s = s + side * (1.0 - left) * k * carried
+        ds = ds + (1.0 - left) * k * slope
     return s, ds
 
 

@@ -11,7 +11,7 @@ from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import nowhere, turns
 from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
 from beamstiff.exam.effect import Drive, built, built_at_joints, in_pose, law
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, varying, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, varying, winding
 from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
@@ -96,10 +96,9 @@ def _stop(p: Parameters, machine: Machine, _: str) -> Machine:
     """Something at the tool that stops it one way."""
 
     def curve(e: Array) -> Curved:
-        z = p["way"] * e - p["gap"]
-        root = np.sqrt(z**2 + BLUNT**2)
+        met, slope = ramp(p["way"] * e - p["gap"], BLUNT)
         rest = 0.5 * (math.hypot(p["gap"], BLUNT) - p["gap"])
-        return p["way"] * p["stiffness"] * (0.5 * (z + root) - rest), p["stiffness"] * 0.5 * (1.0 + z / root)
+        return p["way"] * p["stiffness"] * (met - rest), p["stiffness"] * slope
 
     return tied_to_ground(machine, "stop", vector(p), np.zeros(6), {0: curved(curve)})
 

@@ -10,7 +10,7 @@ from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, rubbing, varying, winding
 from beamstiff.exam.machine import Cross, Machine, Mesh, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 
@@ -50,10 +50,9 @@ def _planets(p: Parameters, k: float, e: Array) -> Curved:
     each = (1.0 - left) * k / 3.0
     for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
         for side in (1.0, -1.0):
-            z = side * e - flank
-            root = np.sqrt(z**2 + (0.02 * h) ** 2)
-            force = force + side * each * 0.5 * (z + root)
-            slope = slope + each * 0.5 * (1.0 + z / root)
+            carried, its = ramp(side * e - flank, 0.02 * h)
+            force = force + side * each * carried
+            slope = slope + each * its
     return force, slope
 
 

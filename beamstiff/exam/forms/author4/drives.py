@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.added_parts import axis_in_the_middle, pair_of
+from beamstiff.exam.added_parts import axis_in_the_middle, beside, pair_of
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stiffness_of, turns
+from beamstiff.exam.components import main_stiffness, stiffness_of, turns
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Drive, Reality, built, curve, form, in_pose, law, wind_up
-from beamstiff.exam.forms.author4.scales import beside, main_stiffness, rounded_ramp
-from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, rubbing, varying, winding
+from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, ramp, rubbing, varying, winding
 from beamstiff.exam.machine import Machine, Mesh, drives_of, in_the_middle, joints_of, own_stiffness, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 
@@ -62,8 +61,8 @@ def scissor(p: Parameters, k: float, strain: Array) -> Curved:
     width = ROUND * (p["gap"] + p["preload"])
 
     def part(y: Array) -> Curved:
-        first, its = rounded_ramp(-y - p["preload"], width)
-        last, other = rounded_ramp(-y - p["preload"] - p["gap"], width)
+        first, its = ramp(-y - p["preload"], width)
+        last, other = ramp(-y - p["preload"] - p["gap"], width)
         return k * y + (1.0 - p["soft"]) * k * (first - last), k - (1.0 - p["soft"]) * k * (its - other)
 
     force, slope = part(p["sign"] * strain)
@@ -149,7 +148,7 @@ def _idler(p: Parameters, machine: Machine, pair: str) -> Machine:
     k, side = min(k1, k2) * p["stiffness"], p["side"]
 
     def curve(strain: Array) -> Curved:
-        carried, slope = rounded_ramp(side * strain, BLUNT)
+        carried, slope = ramp(side * strain, BLUNT)
         return side * k * (carried - 0.5 * BLUNT), k * slope
 
     return machine.plus(meshes=(Mesh(one, two, (1.0, p["ratio"]), curved(curve)),))

@@ -7,13 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, behind_flange, on_pedestal, sprung
+from beamstiff.exam.added_parts import UP, behind_flange, on_pedestal, round_about, sprung
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import slender
+from beamstiff.exam.components import main_stiffness, slender, wrist_stiffness
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, each, evenly, whole
 from beamstiff.exam.effect import built, built_at_joints
-from beamstiff.exam.forms.author4.scales import main_stiffness, round_about, rounded_ramp, wrist_stiffness
-from beamstiff.exam.laws import Curved, Law, Situation, curved, varying
+from beamstiff.exam.laws import Curved, Law, Situation, curved, ramp, varying
 from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, Rod, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.rotations import cross_matrix
@@ -161,7 +160,7 @@ def short_foot(k: float, gap: float) -> Law:
     width = ROUGH + ROUND * gap
 
     def part(strain: Array) -> Curved:
-        down, slope = rounded_ramp(-strain - gap, width)
+        down, slope = ramp(-strain - gap, width)
         return k * (STUD * strain - (1.0 - STUD) * down), k * (STUD + (1.0 - STUD) * slope)
 
     free = part(np.zeros(1))[0]
