@@ -114,11 +114,8 @@ detection = _rate(lambda record: is_named(record.answer.verdict) or is_unknown(r
 exact = _rate(is_exact)
 right_family = _rate(is_family)
 right_place = _rate(is_place)
-coverage = _rate(
-    lambda record: record.truth in record.verdict_set
-)  # ``none`` and ``unknown`` alone do not hold the truth
-# the same among the verdicts that name an effect
-coverage_of_names = _rate(lambda record: record.truth in record.verdict_set, _named)
+coverage = _rate(is_covered)  # ``none`` and ``unknown`` alone do not hold the truth
+coverage_of_names = _rate(is_covered, _named)  # the same among the verdicts that name an effect
 unknowns = _rate(is_unknown)
 false_seconds = _rate(lambda record: len(record.named) > 1)
 # of effects outside the library, and of those withheld from it; gap at least the noise
