@@ -47,7 +47,7 @@ from beamstiff.exam import score
 from beamstiff.exam.blind import Examiner, examined
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import calibration_error
+from beamstiff.exam.score import calibration_error
 from beamstiff.exam.table import headline
 from beamstiff.outputs import write_output
 from beamstiff.parallel import parallel_map

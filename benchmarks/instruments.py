@@ -24,8 +24,8 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign
 from beamstiff.exam.cases import Case, Exam, draw_case
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.names import EFFECTS
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import readings, reality_of, simulate
 from beamstiff.measure.instruments import Target, target
 from beamstiff.measure.registration import fit_rigid_motion

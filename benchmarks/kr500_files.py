@@ -27,7 +27,7 @@ from typer.testing import CliRunner
 from beamstiff import Robot, load_robot, write_measurements
 from beamstiff.calibration.corrected import corrected
 from beamstiff.cli.main import app
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.effect import Reality
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.grid_sampling import point_in_each, sample, sampling_points
 from beamstiff.report.tables import table

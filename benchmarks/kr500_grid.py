@@ -24,10 +24,10 @@ import numpy as np
 
 from beamstiff import Robot, load_robot
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.forms import imposed
 from beamstiff.exam.laws import Situation, varying
 from beamstiff.exam.machine import TURN, machine_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.simulate import readings
 from beamstiff.identification.identify import identify
 from beamstiff.identification.models.fuzzy import fit_fuzzy

@@ -3,50 +3,44 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from itertools import count
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, stiffness_of
-from beamstiff.exam.laws import Law, Situation, varying
-from beamstiff.exam.machine import Hinge, Machine, Rod, axes_from, joints_of, own_stiffness
+from beamstiff.exam.components import stiffness_of
+from beamstiff.exam.laws import Curved, Law, Situation, posed
+from beamstiff.exam.machine import (
+    Hinge,
+    Machine,
+    Mesh,
+    Rod,
+    axes_from,
+    in_the_middle,
+    joints_of,
+    own_stiffness,
+)
 from beamstiff.exam.parameters import Parameters
-from beamstiff.exam.placing import Placed
 from beamstiff.exam.rotations import cross_matrix
-from beamstiff.robot.parts import Mass, Node
+from beamstiff.robot.description import Robot
+from beamstiff.robot.parts import Mass
 
 UP = np.array([0.0, 0.0, 1.0])
 NONE: Mapping[int, Law] = {}
 
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
-    """Return the machine with all its fixed nodes on one body that springs hold, in base axes.
-
-    The springs (6,) or (6, 6) act at the middle of the fixed nodes.
-    """
-    placed = in_the_middle(machine.robot)
-    foot = np.mean([placed.node(machine.node(name))[0] for name in machine.fixed], axis=0)
-    ground, body = (free_name(machine, name) for name in ("ground", "foot"))
-    at = tuple(map(float, foot))
-    nodes = (*machine.nodes, *(Node(name=name, at=at) for name in (ground, body)))  # type: ignore[arg-type]
-    ties = tuple((f"{body} {name}", (body, name)) for name in machine.fixed)
+    """Return the machine with its fixed nodes on one body, held by springs (6,) or (6, 6) in their middle."""
+    placed, fixed = in_the_middle(machine.robot), machine.fixed
+    foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
+    machine, ground = machine.with_node("ground", "base", foot)
+    machine, body = machine.with_node("foot", "base", foot, *fixed)
     hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
-    return dataclasses.replace(
-        machine,
-        nodes=nodes,
-        rigids=(*machine.rigids, *ties),
-        hinges=(*machine.hinges, hinge),
-        fixed=(ground,),
-    )
+    return dataclasses.replace(machine.plus(hinges=(hinge,)), fixed=(ground,))
 
 
 def behind_flange(machine: Machine) -> tuple[Machine, str]:
-    """Return the machine cut open in front of its TCP, and the node on the machine's side, at the same place.
-
-    What hangs on the TCP alone stays on the tool's side.
-    """
-    flange = free_name(machine, "flange")
+    """Return the machine cut open before its TCP and what hangs on that alone, and the node left there."""
+    flange = machine.free_name("flange")
     tcp = machine.tcp
     ties = machine.ties
     held = set(machine.fixed)
@@ -75,15 +69,9 @@ def sprung(
 ) -> Machine:
     """Return the machine with springs between flange and tool, at a place seen from the TCP in its frame."""
     tcp = machine.node(machine.tcp)
-    place = tuple(map(float, np.array(tcp.at) + at))
-    names: list[str] = []
-    for _ in range(2):
-        names.append(free_name(machine, "held"))
-        machine = machine.plus(nodes=(Node(name=names[-1], frame=tcp.frame, at=place),))  # type: ignore[arg-type]
-    first, second = names
-    ties = ((f"to {first}", (flange, first)), (f"from {second}", (second, tcp.name)))
-    hinge = Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws)
-    return machine.plus(rigids=ties, hinges=(hinge,))
+    machine, first = machine.with_node("held", tcp.frame, np.array(tcp.at) + at, flange)
+    machine, second = machine.with_node("held", tcp.frame, np.array(tcp.at) + at, tcp.name)
+    return machine.plus(hinges=(Hinge(first, (first, second), tcp.frame, np.eye(3), stiffness, laws),))
 
 
 def with_loose_mass(
@@ -91,18 +79,11 @@ def with_loose_mass(
 ) -> Machine:
     """Return the machine with a mass that springs hold to the tool, along an axis from the TCP."""
     tcp = machine.node(machine.tcp)
-    at = tuple(map(float, np.array(tcp.at) + along * axis))
-    seat, loose = (
-        Node(name=free_name(machine, name), frame=tcp.frame, at=at)  # type: ignore[arg-type]
-        for name in ("seat", "loose")
-    )
-    hinge = Hinge(loose.name, (seat.name, loose.name), tcp.frame, axes_from(axis), stiffness, laws)
-    return machine.plus(
-        nodes=(seat, loose),
-        rigids=((f"to {seat.name}", (tcp.name, seat.name)),),
-        hinges=(hinge,),
-        masses=(Mass(node=loose.name, mass=mass),),
-    )
+    at = np.array(tcp.at) + along * axis
+    machine, seat = machine.with_node("seat", tcp.frame, at, tcp.name)
+    machine, loose = machine.with_node("loose", tcp.frame, at)
+    hinge = Hinge(loose, (seat, loose), tcp.frame, axes_from(axis), stiffness, laws)
+    return machine.plus(hinges=(hinge,), masses=(Mass(node=loose, mass=mass),))
 
 
 def tied_to_ground(
@@ -111,10 +92,9 @@ def tied_to_ground(
     """Return the machine whose TCP springs tie to the ground, the first along an axis of the base frame."""
     tcp = machine.node(machine.tcp)
     # a node of the base could not follow the poses, so the ground's end hangs on the tool's frame
-    name = free_name(machine, wanted)
-    end = Node(name=name, frame=tcp.frame, at=tcp.at)
-    hinge = Hinge(name, (name, tcp.name), "base", axes_from(axis), stiffness, laws)
-    return machine.plus(nodes=(end,), hinges=(hinge,), fixed=(name,))
+    machine, end = machine.with_node(wanted, tcp.frame, np.array(tcp.at))
+    hinge = Hinge(end, (end, tcp.name), "base", axes_from(axis), stiffness, laws)
+    return machine.plus(hinges=(hinge,), fixed=(end,))
 
 
 def seen_from_foot(at: Array, k: Array) -> Array:
@@ -122,18 +102,6 @@ def seen_from_foot(at: Array, k: Array) -> Array:
     X = np.eye(6)
     X[:3, 3:] = -cross_matrix(at)
     return np.asarray(X.T @ k @ X)
-
-
-def node_at(machine: Machine, placed: Placed, frame: str, at: Array, wanted: str) -> Node:
-    """Return a new node on a frame, at a place (3,) in the base frame on the machine as placed."""
-    local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
-    return Node(name=free_name(machine, wanted), frame=frame, at=tuple(map(float, local)))  # type: ignore[arg-type]
-
-
-def free_name(machine: Machine, wanted: str) -> str:
-    """Return a node's name that the machine does not have yet."""
-    taken = {node.name for node in machine.nodes} | {hinge.name for hinge in machine.hinges}
-    return next(name for name in (f"{wanted}{i or ''}" for i in count()) if name not in taken)
 
 
 def lever(near: float, far: float, angle: Array | float) -> tuple[Array, Array]:
@@ -152,28 +120,19 @@ def axis_in_the_middle(machine: Machine, joint: str) -> tuple[Array, Array]:
 def with_rod(
     machine: Machine, joint: str, arms: tuple[float, float], angle: float, stiffness: float, law: Law | None
 ) -> Machine:
-    """Return the machine with a rod across a joint, its ends rigidly on the nodes that the joint joins.
+    """Return the machine with a rod across a joint, rigidly on its nodes, by `arms` from the axis, m.
 
-    `arms`: m; distances of the ends on the moved side and on the other from the joint's axis.
-    `angle`: rad; from the arm before to the arm behind, about the axis, in the middle of its range.
+    `angle`: rad; from the arm before (the second) to the arm behind, in the middle of its range.
     """
-    placed, hinge = in_the_middle(machine.robot), machine.hinge(joint)
     axis, point = axis_in_the_middle(machine, joint)
-    up = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
+    up = UP if abs(axis[2]) < 0.7 else np.array([1.0, 0.0, 0.0])
     u = up - (up @ axis) * axis
     u = u / np.linalg.norm(u)
-    v = np.cross(axis, u)
-    at_before = point - arms[1] * u
-    at_behind = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * v)
-
-    a, b = hinge.nodes
-    before = node_at(machine, placed, machine.node(a).frame, at_before, "rod_before")
-    behind = node_at(machine, placed, machine.node(b).frame, at_behind, "rod_behind")
-    return machine.plus(
-        nodes=(before, behind),
-        rigids=((f"{a} {before.name}", (a, before.name)), (f"{b} {behind.name}", (b, behind.name))),
-        rods=(Rod(free_name(machine, "rod"), (before.name, behind.name), stiffness, law),),
-    )
+    behind_at = point + arms[0] * (-np.cos(angle) * u - np.sin(angle) * np.cross(axis, u))
+    a, b = machine.hinge(joint).nodes
+    machine, before = machine.with_node_at("rod_before", machine.node(a).frame, point - arms[1] * u, a)
+    machine, behind = machine.with_node_at("rod_behind", machine.node(b).frame, behind_at, b)
+    return machine.plus(rods=(Rod(machine.free_name("rod"), (before, behind), stiffness, law),))
 
 
 def turned(p: Parameters, variable: str, situation: Situation) -> Array:
@@ -181,33 +140,28 @@ def turned(p: Parameters, variable: str, situation: Situation) -> Array:
     return np.asarray(p["way"] * (situation.values[variable] - p["middle"]))
 
 
-def stretch(p: Parameters, variable: str, situation: Situation) -> Array:
-    """Return how much longer a balancer is than in the middle of the range, (P,), m."""
-    ways = (turned(p, variable, situation), 0.0)
-    now, middle = (lever(p["crank"], p["frame"], p["angle"] + by)[1] for by in ways)
-    return np.asarray(now - middle)
-
-
-def crank_stiffness(p: Parameters, machine: Machine, variable: str) -> float:
+def crank_stiffness(p: Parameters, robot: Robot, variable: str) -> float:
     """Return a balancer's stiffness against small strains, N/m."""
-    return p["share"] * stiffness_of(machine.robot, variable) / p["crank"] ** 2
+    return p["share"] * stiffness_of(robot, variable) / p["crank"] ** 2
 
 
 def with_balancer(
-    p: Parameters,
-    machine: Machine,
-    variable: str,
-    rate: Callable[[Situation, float], Array],
-    pull: Callable[[Situation], Array],
+    spring: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, variable: str
 ) -> Machine:
     """Return the machine with a rod across each joint of a variable: `crank`, `frame` and `angle` of p.
 
-    `rate`: stiffness, from the situation and that against small strains. `pull`: force in the pose.
+    `spring`: stiffness and force, from p, that against small strains, and the stretch from mid-range, m.
     """
-    strong = crank_stiffness(p, machine, variable)
-    law = varying(lambda situation: rate(situation, strong), pull)
+    strong = crank_stiffness(p, machine.robot, variable)
+    middle = lever(p["crank"], p["frame"], p["angle"])[1]
+
+    def curve(strain: Array, situation: Situation) -> Curved:
+        now = lever(p["crank"], p["frame"], p["angle"] + turned(p, variable, situation))[1]
+        k, pull = spring(p, strong, now - middle)
+        return k * strain + pull, k
+
     for name, _ in joints_of(machine.robot, variable):
-        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, law)
+        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["angle"], strong, posed(curve))
     return machine
 
 
@@ -215,13 +169,6 @@ def about_x(angle: float) -> Array:
     """Return the matrix (3, 3) that turns about x."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
-def ends_of(machine: Machine, nodes: tuple[str, str]) -> tuple[Placed, Array, Array]:
-    """Return the machine in the middle of its range, and where a link's nodes are there, (3,), base frame."""
-    placed = in_the_middle(machine.robot)
-    a, b = (placed.node(machine.node(name))[0] for name in nodes)
-    return placed, a, b
 
 
 def across_link(a: Array, b: Array, side: float) -> Array:
@@ -236,3 +183,19 @@ def pair_of(machine: Machine, component: str) -> tuple[tuple[str, int], tuple[st
     """Return two drives that are linked, as hinge and direction, and the stiffness of each."""
     one, two = (joints_of(machine.robot, name)[0] for name in component.split("+"))
     return one, two, own_stiffness(machine.robot, *one), own_stiffness(machine.robot, *two)
+
+
+def beside(machine: Machine, hinge: str, direction: int, law: Law) -> Machine:
+    """Return the machine with a law parallel to whatever a hinge has in a direction."""
+    return machine.plus(meshes=(Mesh((hinge, direction), (hinge, direction), (1.0, 0.0), law),))
+
+
+def round_about(machine: Machine, hinge: str, first: int, law: Law) -> Machine:
+    """Return the machine with a law in every way of tilting about two directions of a hinge.
+
+    `law`: of one of four springs on diameters 45 degrees apart, each with half of the stiffness.
+    """
+    for angle in 0.25 * np.pi * np.arange(4):
+        weights = (float(np.cos(angle)), float(np.sin(angle)))
+        machine = machine.plus(meshes=(Mesh((hinge, first), (hinge, first + 1), weights, law),))
+    return machine

@@ -20,6 +20,9 @@ from beamstiff.outputs import write_output
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+A = TypeVar("A")  # what is read of a report
+NO_GAP = 1e-6  # m; below this new rows have nothing to close
+
 
 class Diagnosis(Protocol):
     """What a diagnosing function returns."""
@@ -43,15 +46,11 @@ class Diagnose(Protocol):
         ...
 
 
+# a plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out; on
+# crowded machines a diagnosis
 Control = Callable[[Robot, Measurements, Sequence[str]], str | Mapping[str, Any] | Diagnosis]
-"""A plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out.
-
-On crowded machines a diagnosis out.
-"""
-
-
+# residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths
 Baseline = Callable[[Case, Sequence[Sequence[Truth]]], list[Array]]
-"""Residuals (N, 6), m and rad, that the fitted model leaves of the noise-free rows of each set of truths."""
 
 
 def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
@@ -62,17 +61,12 @@ def linear_baseline(case: Case, sets: Sequence[Sequence[Truth]]) -> list[Array]:
 
 @dataclass(frozen=True)
 class Examiner:
-    """Who is examined, and how.
-
-    `baseline`: fits the model without effects to noise-free rows; the residual it leaves is the gap.
-    `controls`: plain methods to compare with, by their name.
-    `reports`: folder for every report, as ``case-000012.json``.
-    """
+    """Who is examined, and how."""
 
     diagnose: Diagnose
-    baseline: Baseline = linear_baseline
-    controls: Mapping[str, Control] = field(default_factory=dict)
-    reports: Path | None = None
+    baseline: Baseline = linear_baseline  # fits noise-free rows; the residual it leaves is the gap
+    controls: Mapping[str, Control] = field(default_factory=dict)  # plain methods to compare with
+    reports: Path | None = None  # folder for every report, as ``case-000012.json``
 
 
 def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:
@@ -111,10 +105,9 @@ def examined(exam: Exam, drawn: Case, examiner: Examiner) -> tuple[Record, dict[
 
 
 def true_shrink(case: Case, before: Array, after: Array) -> float | None:
-    """Return the share of the gap on new rows that the verdict's effects close, clipped to [0, 1].
+    """Return ``1 - (after/before)^2`` of the RMS position errors on new rows, clipped to [0, 1].
 
-    ``1 - (after/before)^2`` of the root mean square position errors against the noise-free truth. None where
-    the truth holds outliers, which new rows do not have, and where the new rows show no gap at all.
+    None where the truth holds outliers, which new rows do not have, and where they show no gap at all.
     """
     if any(truth.effect == "outliers" for truth in case.truths):
         return None
@@ -125,18 +118,12 @@ def true_shrink(case: Case, before: Array, after: Array) -> float | None:
     return float(np.clip(1.0 - left[1] / left[0], 0.0, 1.0))
 
 
-NO_GAP = 1e-6  # m; below this new rows have nothing to close
-
-
 def unmeasured(robot: Robot, fresh: SimulatedCampaign) -> Measurements:
     """Return new rows as a plan: poses and loads, nothing measured."""
     nothing = np.full((len(fresh), 6), np.nan)
     absolute = fresh.kind == "absolute"
     read = {"position": nothing[:, :3]} if absolute else {"displacement": nothing}
     return table_of(robot, fresh, **read)
-
-
-A = TypeVar("A")  # what is read of a report
 
 
 @dataclass(frozen=True, eq=False)

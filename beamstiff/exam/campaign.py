@@ -1,7 +1,7 @@
 """What the exam draws: the effect that a machine really has, and the campaign in which it is measured."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -17,18 +17,12 @@ ROWS = ("q", "wrench", "pose", "step", "time", "temperature", "point", "load_poi
 
 @dataclass(frozen=True)
 class Truth:
-    """An effect as the simulated machine has it: the label that the diagnosis must find.
+    """An effect as the simulated machine has it: the label that the diagnosis must find."""
 
-    `effect`: name of the effect, as in the table of effects; or of one outside that table.
-    `component`: where it sits.
-    `form`: constitutive form, for instance ``"iwan"``.
-    `parameters`: the simulator's own parameters of that form, SI.
-    """
-
-    effect: str
-    component: str | None
-    form: str
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    effect: str  # name of the effect, as in the table of effects; or of one outside that table
+    component: str | None  # where it sits
+    form: str  # constitutive form, for instance ``"iwan"``
+    parameters: Mapping[str, float] = field(default_factory=dict)  # the simulator's own of that form, SI
 
     @property
     def label(self) -> str:
@@ -38,38 +32,23 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedCampaign:
-    """Which states are measured, in which order, and how well; N rows, A actuated variables.
+    """Which states are measured, in which order, and how well; N rows, A actuated variables."""
 
-    `q`: (N, A) array, rad or m; drive-side readings, in the order of ``robot.actuated``.
-    `wrench`: (N, 6) array, N and N m; as read, at `load_point`, base frame.
-    `pose`: (N,) array of int.
-    `step`: (N,) array of int; order within the pose; rows of equal pose and step are one state seen at
-        several points.
-    `time`: (N,) array, s.
-    `temperature`: (N,) array, degC.
-    `point`, `load_point`: (N,) array of str; nodes.
-    `sigma_position`, `sigma_rotation`: float, m and rad; true noise of a value in the table, per component; 0
-        for none.
-    `claimed_position`, `claimed_rotation`: float or None, m and rad; what the table says of its noise.
-    `shared_unloaded`: the rows of a pose are differenced with one unloaded reading of their point.
-    `rotations`: whether rotations are measured as well.
-    """
-
-    q: Array
-    wrench: Array
-    pose: Integers
-    step: Integers
-    time: Array
-    temperature: Array
-    point: Names
-    load_point: Names
+    q: Array  # (N, A): rad or m; drive-side readings, in the order of ``robot.actuated``
+    wrench: Array  # (N, 6): N and N m; as read, at `load_point`, base frame
+    pose: Integers  # (N,)
+    step: Integers  # (N,): order within the pose; rows of equal pose and step are one state
+    time: Array  # (N,): s
+    temperature: Array  # (N,): degC
+    point: Names  # (N,): node that is read
+    load_point: Names  # (N,): node that is loaded
     kind: Literal["displacement", "absolute"] = "displacement"
-    sigma_position: float = 0.0
-    sigma_rotation: float = 0.0
-    claimed_position: float | None = None
-    claimed_rotation: float | None = None
-    shared_unloaded: bool = False
-    rotations: bool = True
+    sigma_position: float = 0.0  # m: true noise of a value in the table, per component; 0 for none
+    sigma_rotation: float = 0.0  # rad
+    claimed_position: float | None = None  # m: what the table says of its noise
+    claimed_rotation: float | None = None  # rad
+    shared_unloaded: bool = False  # a pose's rows are differenced with one reading of their point
+    rotations: bool = True  # whether rotations are measured as well
 
     def __post_init__(self) -> None:
         rows = len(self.q)
@@ -86,3 +65,14 @@ class SimulatedCampaign:
     def at(self, rows: Any) -> Self:
         """Return the campaign of some of the rows, in any order, or as often as they are named."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
+
+
+def some(thing: Any, rows: Any) -> Any:
+    """Return some rows, in any order, of an array, or of all arrays in a tuple, mapping or dataclass."""
+    if isinstance(thing, np.ndarray):
+        return thing[rows]
+    if isinstance(thing, tuple):
+        return tuple(some(part, rows) for part in thing)
+    if isinstance(thing, Mapping):
+        return {name: some(part, rows) for name, part in thing.items()}
+    return type(thing)(*(some(getattr(thing, field.name), rows) for field in fields(thing)))

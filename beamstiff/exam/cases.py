@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.designs import (
-    Claim,
-    Data,
-    Design,
-    Wish,
     draw_campaign,
     draw_fresh,
+    draw_wish,
     largest_force,
     planned,
     simulated_alike,
@@ -22,7 +19,7 @@ from beamstiff.exam.designs import (
 from beamstiff.exam.forms import OUTSIDE, author_of, draw_truth, resized
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import KINDS, Kind, Label, sha256
-from beamstiff.exam.robots import ROBOTS, WEIGHTS, exam_robot, with_payload, with_stiff_drive
+from beamstiff.exam.robots import ROBOTS, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import draw_stiffness
 from beamstiff.exam.sizes import DIGITS, sized
 from beamstiff.measure.table import Measurements
@@ -34,10 +31,6 @@ from beamstiff.robot.writer import robot_to_yaml
 SHARES: Mapping[Kind, int] = {"null": 30, "single": 42, "pair": 9, "outside": 9, "removed": 10}
 PLAN_SHARES: Mapping[Kind, int] = {"null": 25, "single": 75}
 
-# how often absolute positions are measured: displacement hardly shows geometry and payload
-ABSOLUTE = {"geometry-error": 0.9, "payload-error": 0.9, "tool-offset": 0.4, "none": 0.25}
-ABSOLUTE_ELSE = 0.12
-CLAIMED: Mapping[Claim, float] = {"true": 0.6, "half": 0.15, "twice": 0.1, "absent": 0.15}
 STIFF_DRIVE = 0.08  # of the models hold one drive rigid, those with a joint compliance to find always
 TRIES = 60
 GRAVITY = 9.81
@@ -46,25 +39,16 @@ K = TypeVar("K", bound=str)
 
 @dataclass(frozen=True, eq=False)
 class Exam:
-    """What an exam draws its cases from; the same exam draws the same cases.
-
-    `shares`: how many of every block of cases (their sum) are of each kind.
-    `effects`: to draw from, in turn.
-    `robots`: names to draw from.
-    `lean`: share of lean campaigns.
-    `robot`: one robot instead of those by name.
-    `plan`: one campaign instead of drawn ones, of that robot.
-    `noise`: (float, float), m and rad; of the plan, where its table does not say.
-    """
+    """What an exam draws its cases from, in blocks with these shares; the same exam draws the same cases."""
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
-    effects: tuple[str, ...] = EFFECTS
-    robots: tuple[str, ...] = ROBOTS
-    lean: float = 0.2
-    robot: Robot | None = None
-    plan: Measurements | None = None
-    noise: tuple[float, float] = (3e-5, 5e-5)
+    effects: tuple[str, ...] = EFFECTS  # to draw from, in turn
+    robots: tuple[str, ...] = tuple(ROBOTS)  # names to draw from
+    lean: float = 0.2  # share of lean campaigns
+    robot: Robot | None = None  # one robot instead of those by name
+    plan: Measurements | None = None  # one campaign instead of drawn ones, of that robot
+    noise: tuple[float, float] = (3e-5, 5e-5)  # m and rad: of the plan, where its table does not say
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data; files by their SHA-256."""
@@ -74,36 +58,26 @@ class Exam:
             "effects": list(self.effects),
             "robots": list(self.robots) if self.robot is None else [self.robot.name],
             "lean": self.lean,
-            "robot": None if self.robot is None else sha256(robot_to_yaml(self.robot)),
-            "plan": None
-            if self.plan is None or self.robot is None
-            else sha256(measurements_to_csv(self.plan, self.robot)),
+            "robot": self.robot and sha256(robot_to_yaml(self.robot)),
+            "plan": self.plan and self.robot and sha256(measurements_to_csv(self.plan, self.robot)),
             "noise": list(self.noise),
         }
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A drawn case.
-
-    `robot`: the model that is diagnosed: its stiffness is nominal.
-    `machine`: the machine without its effects: its stiffness is true.
-    `campaign`, `fresh`: what is measured, and the new poses and loads that promises are tested on.
-    """
+    """A drawn case."""
 
     label: Label
-    robot: Robot
-    machine: Robot
+    robot: Robot  # the model that is diagnosed: its stiffness is nominal
+    machine: Robot  # the machine without its effects: its stiffness is true
     truths: tuple[Truth, ...]
-    campaign: SimulatedCampaign
-    fresh: SimulatedCampaign
+    campaign: SimulatedCampaign  # what is measured
+    fresh: SimulatedCampaign  # the new poses and loads that promises are tested on
 
 
 def kind_of(exam: Exam, case: int) -> tuple[Kind, int]:
-    """Return the kind of a case, and how many cases of that kind come before it.
-
-    Blocks of cases hold the kinds exactly in their shares, in an order drawn for the block.
-    """
+    """Return the kind of a case, in an order drawn for its block, and how many of that kind come before."""
     return dealt(exam.seed, {kind: exam.shares.get(kind, 0) for kind in KINDS}, case)
 
 
@@ -140,9 +114,10 @@ def draw_case(exam: Exam, case: int) -> Case:
     kind, before = kind_of(exam, case)
     effects = tuple(effect.name for effect in OUTSIDE) if kind == "outside" else exam.effects
     effect = "none" if kind == "null" else effects[before % len(effects)]
+    weights = np.array([ROBOTS.get(name, 1.0) for name in exam.robots])
     why = ""
     for _ in range(TRIES):
-        robot_name = str(rng.choice(exam.robots, p=_weights(exam.robots)))
+        robot_name = str(rng.choice(exam.robots, p=weights / weights.sum()))
         robot = exam.robot or exam_robot(robot_name, rng)
         if exam.robot is None and (effect == "joint-compliance" or rng.random() < STIFF_DRIVE):
             robot = with_stiff_drive(robot, rng)
@@ -180,7 +155,7 @@ def _drawn(
     exam: Exam, rng: np.random.Generator, robot: Robot, case: int, kind: Kind, truths: tuple[Truth, ...]
 ) -> Case:
     """Return a case of some effects, whose sizes are found here."""
-    wish = _draw_wish(exam, rng, truths)
+    wish = draw_wish(rng, truths, exam.lean)
     if exam.plan is not None:
         campaign = planned(rng, exam.plan, exam.noise)
         if not simulated_alike(robot, campaign.q).all():
@@ -214,20 +189,3 @@ def _drawn(
         author=max(map(author_of, truths), default=1),
     )
     return Case(label, robot, machine, truths, campaign, fresh)
-
-
-def _draw_wish(exam: Exam, rng: np.random.Generator, truths: tuple[Truth, ...]) -> Wish:
-    effects = [truth.effect for truth in truths] or ["none"]
-    absolute = max(ABSOLUTE.get(effect, ABSOLUTE_ELSE) for effect in effects)
-    data: Data = "absolute" if rng.random() < absolute else "displacement"
-    design: Design = "lean" if rng.random() < exam.lean else "rich"
-    readings: Literal[3, 6] = 6 if rng.random() < 0.5 else 3
-    claims = list(CLAIMED)
-    claimed = claims[int(rng.choice(len(claims), p=list(CLAIMED.values())))]
-    return Wish(design, data, readings, claimed)
-
-
-def _weights(robots: tuple[str, ...]) -> list[float]:
-    known = dict(zip(ROBOTS, WEIGHTS, strict=True))
-    weights = np.array([known.get(name, 1.0) for name in robots])
-    return list(weights / weights.sum())

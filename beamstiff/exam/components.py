@@ -5,11 +5,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from beamstiff.exam.machine import drives_of, joints_of, own_stiffness
-from beamstiff.exam.placing import Placed, place, skeleton_of
+from beamstiff.exam.placing import skeleton_of
 from beamstiff.robot.description import Robot
 
-WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
-LONG = 0.4  # m, likewise of a prismatic one
 LARGE = 6.6e6  # N m/rad, axis 2 of a robot with 2.7 m reach (KUKA KR240-2)
 SMALL = 6.0
 
@@ -21,12 +19,7 @@ def nowhere(robot: Robot) -> list[str | None]:
     return [None]
 
 
-def drives(robot: Robot) -> list[str | None]:
-    """Return the joints whose own direction is a spring."""
-    return list(drives_of(robot))
-
-
-def turning_drives(robot: Robot) -> list[str | None]:
+def turning_drives(robot: Robot) -> list[str]:
     """Return the revolute drives that are actuated variables."""
     turning = {v.name for v in robot.actuated if v.type == "revolute"}
     return [name for name in drives_of(robot) if name in turning]
@@ -42,17 +35,6 @@ def turns(robot: Robot, component: str | None) -> bool:
     return joints_of(robot, str(component))[0][1] == 3
 
 
-def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
-    """Return the middle and half the width of a variable's range, rad or m."""
-    found = next((v for v in robot.variables if v.name == variable), None)
-    if found is None:
-        return 0.0, float(WIDE)
-    if found.limits is None:
-        return found.guess, LONG if found.type == "prismatic" else float(WIDE)
-    low, high = found.limits
-    return 0.5 * (low + high), 0.5 * (high - low)
-
-
 def drive_of(robot: Robot, component: str) -> str | None:
     """Return the actuated variable that a component is, or that turns its frame (``f3.d``)."""
     driven = [variable.name for variable in robot.actuated]
@@ -64,15 +46,18 @@ def drive_of(robot: Robot, component: str) -> str | None:
 
 
 def slender(robot: Robot) -> float:
-    """Return by how much a robot's structure is softer than a large one's, from 1 for those to `SMALL`.
-
-    Structure grows with the drives, less than they do: by the square root of the main axis' stiffness.
-    """
+    """Return how much softer a structure is than a large robot's, to `SMALL`: by the root of its drives'."""
     turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
     return float(np.clip(np.sqrt(LARGE / max(turning)), 1.0, SMALL)) if turning else 1.0
 
 
-def in_the_middle(robot: Robot, **moved: float) -> Placed:
-    """Return the robot in the middle of its range, one pose, with some variables moved from there."""
-    q = np.array([[stroke(robot, v.name)[0] + moved.get(v.name, 0.0) for v in robot.actuated]])
-    return place(skeleton_of(robot), q)
+def main_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the stiffest turning drive, N m/rad."""
+    return LARGE / slender(robot) ** 2
+
+
+def wrist_stiffness(robot: Robot) -> float:
+    """Return the stiffness of the softest turning drive, N m/rad; a tenth of the main one's at least."""
+    turning = [stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name)]
+    main = main_stiffness(robot)
+    return max(min(turning, default=main), 0.05 * main)

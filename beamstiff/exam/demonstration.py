@@ -1,8 +1,4 @@
-"""The machine of `beamstiff demo`: a KR240-2 whose second link bends, simulated apart from the diagnosis.
-
-Rigid bodies and springs that the exam's simulator brings to rest on the deformed machine. Its effects share
-no equations with the library of the diagnosis, which does not read this file.
-"""
+"""The machine of `beamstiff demo`: a KR240-2 whose second link bends, as the exam simulates it."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -23,21 +19,8 @@ AXES = ("x", "-x", "y", "-y", "z", "-z")
 # N m/rad, up to 16 % from the robot file's
 DRIVES = {"J1": 3.2e6, "J2": 5.9e6, "J3": 4.3e6, "J4": 5.0e5, "J5": 7.1e5, "J6": 4.7e5}
 # a link that is bolted together, drawn by the exam: EI in N m^2, where the robot file has a rigid link
-FAULT = Truth(
-    "link-bending",
-    "link2",
-    "bolted",
-    {
-        "EI": 6.34e6,
-        "flat": 0.975,
-        "twist": 0.472,
-        "offset": 0.192,
-        "side": 1.96,
-        "end": 1.0,
-        "joint": 0.548,
-        "opens": 0.505,
-    },
-)
+BOLTED = {"EI": 6.34e6, "flat": 0.975, "twist": 0.472, "offset": 0.192, "side": 1.96, "end": 1.0}
+FAULT = Truth("link-bending", "link2", "bolted", {**BOLTED, "joint": 0.548, "opens": 0.505})
 
 
 def campaign(robot: Robot, poses: int, seed: int) -> Measurements:
@@ -67,10 +50,7 @@ def measured(
     kind: Literal["absolute", "displacement"] = "displacement",
     sigma: float = SIGMA,
 ) -> Measurements:
-    """Return what is read of the machine under loads (N, 6) at joint values (N, 6), with noise.
-
-    `robot`: its file, without the fault.
-    """
+    """Return what is read of a robot with the fault under loads (N, 6) at joint values (N, 6), with noise."""
     rows, real = len(q), robot.with_parameters({f"{name}.torsional": k for name, k in DRIVES.items()})
     tcp = np.full(rows, robot.tcp)
     states = SimulatedCampaign(

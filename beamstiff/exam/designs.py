@@ -1,5 +1,6 @@
 """Measurement campaigns drawn at random: poses, loads, their order in time, noise and its claim."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import SimulatedCampaign
+from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
@@ -21,6 +22,10 @@ Design = Literal["rich", "lean"]
 Data = Literal["displacement", "absolute"]
 Claim = Literal["true", "half", "twice", "absent"]
 
+# how often absolute positions are measured: displacement hardly shows geometry and payload
+ABSOLUTE = {"geometry-error": 0.9, "payload-error": 0.9, "tool-offset": 0.4, "none": 0.25}
+ABSOLUTE_ELSE = 0.12
+CLAIMED: dict[Claim, float] = {"true": 0.6, "half": 0.15, "twice": 0.1, "absent": 0.15}
 CLAIMS: dict[Claim, float] = {"true": 1.0, "half": 0.5, "twice": 2.0}
 DEFLECTION = 1.3e-3  # m; loads are chosen so that the tool deflects by about this in the middle of the poses
 LARGEST_FORCE = 6000.0  # N
@@ -49,12 +54,22 @@ class Wish:
     claimed: Claim
 
 
+def draw_wish(rng: np.random.Generator, truths: Sequence[Truth], lean: float) -> Wish:
+    """Return what sort of campaign is to show some effects; `lean`: how many are."""
+    effects = [truth.effect for truth in truths] or ["none"]
+    absolute = max(ABSOLUTE.get(effect, ABSOLUTE_ELSE) for effect in effects)
+    data: Data = "absolute" if rng.random() < absolute else "displacement"
+    design: Design = "lean" if rng.random() < lean else "rich"
+    readings: Literal[3, 6] = 6 if rng.random() < 0.5 else 3
+    claimed = list(CLAIMED)[int(rng.choice(len(CLAIMED), p=list(CLAIMED.values())))]
+    return Wish(design, data, readings, claimed)
+
+
 def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> SimulatedCampaign:
     """Return a campaign of the wished sort.
 
-    Rich: 12 to 24 poses with two or three load directions of three to eight states, repeats of the last state
-    of a pose, now and then a second reflector; absolute positions: 24 to 40 poses with the payload alone and
-    two loads. Lean: ten poses, one load each, nothing repeated. Noise 0.02 to 0.05 mm and 2e-5 to 1e-4 rad.
+    Rich: 12 to 24 poses in two or three directions of load, of absolute positions 24 to 40 with the payload
+    alone and two loads. Lean: ten poses, one load each. Noise 0.02 to 0.05 mm and 2e-5 to 1e-4 rad.
     """
     force = largest_force(robot, rng) * rng.uniform(0.6, 1.4)
     pattern: tuple[float, ...]
@@ -68,22 +83,23 @@ def draw_campaign(rng: np.random.Generator, robot: Robot, wish: Wish) -> Simulat
         pattern = PATTERNS[int(rng.choice(len(PATTERNS), p=PATTERN_WEIGHTS))]
         poses = min(int(rng.integers(12, 25)), max(12, MOST_ROWS // (directions * len(pattern))))
         repeats = int(rng.integers(2, 4))
-    loads = draw_loads(rng, poses, directions, force, cone=wish.design == "lean" and rng.random() < 0.4)
-    campaign = _campaign(rng, robot, reachable(rng, robot, poses), loads, pattern, repeats)
+    cone = wish.design == "lean" and rng.random() < 0.4
+    loads = draw_loads(rng, poses, directions, force, cone)
+    campaign = _campaign(rng, robot, loads, pattern, repeats)
     sigma = rng.uniform(2e-5, 5e-5), float(np.exp(rng.uniform(np.log(2e-5), np.log(1e-4))))
-    claim = CLAIMS.get(wish.claimed)
+    claimed = [CLAIMS[wish.claimed] * one if wish.claimed in CLAIMS else None for one in sigma]
     campaign = replace(
         campaign,
         kind=wish.data,
         sigma_position=sigma[0],
         sigma_rotation=sigma[1],
-        claimed_position=None if claim is None else claim * sigma[0],
-        claimed_rotation=None if claim is None or wish.readings == 3 else claim * sigma[1],
+        claimed_position=claimed[0],
+        claimed_rotation=claimed[1] if wish.readings == 6 else None,
         shared_unloaded=wish.data == "displacement" and rng.random() < 0.3,
         rotations=wish.readings == 6,
     )
     if wish == replace(wish, design="rich", data="displacement") and rng.random() < 0.15:
-        return _second_reflector(rng, robot, campaign)
+        return _twice_seen(rng, robot, campaign)
     return campaign
 
 
@@ -93,29 +109,24 @@ def draw_fresh(rng: np.random.Generator, robot: Robot, like: SimulatedCampaign) 
     absolute = like.kind == "absolute"
     poses = 20 if absolute else 10
     pattern = WEIGHT_AND_LOADS if absolute else BOTH_SIGNS
-    loads = draw_loads(rng, poses, 1, force, cone=False)
-    fresh = _campaign(rng, robot, reachable(rng, robot, poses), loads, pattern, 1)
+    fresh = _campaign(rng, robot, draw_loads(rng, poses, 1, force), pattern)
     return replace(fresh, kind=like.kind, rotations=like.rotations)
 
 
 def draw_crowded(
     rng: np.random.Generator, robot: Robot, data: Data, force: float, points: tuple[str, ...]
 ) -> tuple[SimulatedCampaign, SimulatedCampaign]:
-    """Return a campaign of a crowded machine, and 40 fresh poses without noise that are loaded alike.
+    """Return a campaign of a crowded machine, and fresh poses without noise, loaded and warmed up alike.
 
-    Absolute positions: 40 to 60 poses with the payload alone, two thirds of them under a load as well.
-    Displacements: 12 to 24 poses with a sequence of loads. Noise 0.01 to 0.03 mm, rightly claimed. The fresh
-    poses take as long and warm the machine up alike, from cold.
+    Absolute positions: 40 to 60 poses, two thirds of them under a load. Displacements: 12 to 24 poses.
     """
     sigma, absolute = rng.uniform(1e-5, 3e-5), data == "absolute"
     poses = int(rng.integers(40, 61) if absolute else rng.integers(12, 25))
     patterns: tuple[tuple[float, ...], ...] = ((0.0,), (0.0, 1.0), (0.0, 1.0)) if absolute else PATTERNS
     pattern = patterns[int(rng.integers(len(patterns)))]
-    both = []
-    for count in (poses, FRESH_POSES):
-        loads = draw_loads(rng, count, 1, force, cone=False)
-        both.append(_campaign(rng, robot, reachable(rng, robot, count), loads, pattern, 1))
-    campaign, fresh = both
+    campaign, fresh = (
+        _campaign(rng, robot, draw_loads(rng, count, 1, force), pattern) for count in (poses, FRESH_POSES)
+    )
     time = fresh.time * (campaign.time[-1] / fresh.time[-1])
     fresh = replace(fresh, time=time, temperature=np.interp(time, campaign.time, campaign.temperature))
     campaign, fresh = (replace(seen_at(one, points), kind=data, rotations=False) for one in (campaign, fresh))
@@ -123,10 +134,7 @@ def draw_crowded(
 
 
 def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, float]) -> SimulatedCampaign:
-    """Return the campaign that a user's table of tests lays out; its measured values are not looked at.
-
-    `sigma`: (float, float), m and rad; noise where the table does not say.
-    """
+    """Return the campaign of a user's table of tests; `sigma`: noise, m and rad, where it does not say."""
     rows = len(plan)
     position = plan.sigma_position or sigma[0]
     rotation = plan.sigma_rotation or sigma[1]
@@ -154,10 +162,7 @@ def planned(rng: np.random.Generator, plan: Measurements, sigma: tuple[float, fl
 
 
 def reachable(rng: np.random.Generator, robot: Robot, count: int) -> Array:
-    """Return poses within the limits whose loops close, (count, A), the tool above the floor where it can be.
-
-    The floor is the height of the base frame.
-    """
+    """Return poses (count, A) whose loops close, those first whose tool is above the base frame's height."""
     kinematics = compile_kinematics(robot)
     drawn = random_poses(kinematics, 4 * count, rng)
     drawn = drawn[simulated_alike(robot, drawn)]
@@ -199,7 +204,9 @@ def largest_force(robot: Robot, rng: np.random.Generator) -> float:
     return min(LARGEST_FORCE, DEFLECTION / float(np.median(softness)))
 
 
-def draw_loads(rng: np.random.Generator, poses: int, directions: int, force: float, cone: bool) -> Array:
+def draw_loads(
+    rng: np.random.Generator, poses: int, directions: int, force: float, cone: bool = False
+) -> Array:
     """Return the largest wrenches, (poses, directions, 6): forces all around, half of them off centre.
 
     With `cone` they lie within 20 deg of straight down, as weights on a rope pull.
@@ -215,10 +222,11 @@ def draw_loads(rng: np.random.Generator, poses: int, directions: int, force: flo
 
 
 def _campaign(
-    rng: np.random.Generator, robot: Robot, q: Array, loads: Array, pattern: tuple[float, ...], repeats: int
+    rng: np.random.Generator, robot: Robot, loads: Array, pattern: tuple[float, ...], repeats: int = 1
 ) -> SimulatedCampaign:
     """Return every direction's states pose after pose; the last state of a pose is read `repeats` times."""
     poses, directions = loads.shape[:2]
+    q = reachable(rng, robot, poses)
     states = loads[:, :, None, :] * np.array(pattern)[:, None]
     states = states.reshape(poses, directions * len(pattern), 6)
     states = np.concatenate([states, np.repeat(states[:, -1:], repeats - 1, axis=1)], axis=1)
@@ -248,9 +256,7 @@ def _warming(rng: np.random.Generator, time: Array) -> Array:
     return read
 
 
-def _second_reflector(
-    rng: np.random.Generator, robot: Robot, campaign: SimulatedCampaign
-) -> SimulatedCampaign:
+def _twice_seen(rng: np.random.Generator, robot: Robot, campaign: SimulatedCampaign) -> SimulatedCampaign:
     """Return the campaign with every state seen at a second node too, one that moves."""
     held = {node.name for node in robot.nodes if node.frame == "base"} | {*robot.fixed, robot.tcp}
     nodes = [node.name for node in robot.nodes if node.name not in held]

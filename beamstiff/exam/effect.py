@@ -1,34 +1,84 @@
-"""What an effect of the simulated machines is, and the forms that it takes."""
+"""What really happens in a campaign, and effects: the forms in which they change it."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.components import Places
-from beamstiff.exam.laws import Curved, Law, curved, winding
+from beamstiff.exam.laws import Curved, Law, Situation, curved, posed, winding
 from beamstiff.exam.machine import Machine, joints_of, own_stiffness
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 from beamstiff.exam.placing import Placed
-from beamstiff.exam.reality import Reality, axes_of, places_of
+from beamstiff.robot.description import Robot
+
+# from the campaign, the machine placed at its rows, and (N, 6): wrenches as read, or values as they are
+RowChange = Callable[[SimulatedCampaign, Placed, Array], Array]
+EncoderChange = Callable[[Array], Array]  # where the drives are, (P, A), from what their encoders read
+
+
+@dataclass(frozen=True, eq=False)
+class Reality:
+    """A machine and a campaign on it as they really are; places beside nodes in the frames of these."""
+
+    machine: Machine
+    geometry: Mapping[str, float] = field(default_factory=dict)  # rad or m: errors by name: ``f3.d``, ``q2``
+    loads: tuple[RowChange, ...] = ()
+    readings: tuple[RowChange, ...] = ()
+    encoders: tuple[EncoderChange, ...] = ()  # errors of encoders that change with the angle
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the load's node to where it acts
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: from the node read to the true reflector
+    marked: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m: the same where absolute positions are read
+
+    def with_machine(self, machine: Machine) -> Self:
+        """Return the same with another machine."""
+        return dataclasses.replace(self, machine=machine)
+
+    def with_errors(self, errors: Mapping[str, float]) -> Self:
+        """Return the same with errors added to the geometry."""
+        more = {name: self.geometry.get(name, 0.0) + error for name, error in errors.items()}
+        return dataclasses.replace(self, geometry={**self.geometry, **more})
+
+    def with_encoder(self, variable: str, error: Callable[[Array], Array]) -> Self:
+        """Return the same with one more error of an encoder, from what it reads (P,)."""
+        at = [v.name for v in self.machine.robot.actuated].index(variable)
+
+        def change(q: Array) -> Array:
+            moved = q.copy()
+            moved[:, at] += error(q[:, at])
+            return moved
+
+        return dataclasses.replace(self, encoders=(*self.encoders, change))
+
+
+def places_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
+    """Return where the node of every row is, (N, 3), m, on the placed machine."""
+    places = np.empty((len(nodes), 3))
+    for name in np.unique(nodes):
+        rows = nodes == name
+        places[rows] = placed.node(machine.node(str(name)))[rows]
+    return places
+
+
+def axes_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
+    """Return the axes of the frame of every row's node, (N, 3, 3), on the placed machine."""
+    frames = [machine.node(str(name)).frame for name in nodes]
+    return np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])
 
 
 @dataclass(frozen=True)
 class Form:
-    """A constitutive form of an effect.
-
-    `draw`: parameters, none of which is a joint's own stiffness: that is the machine's.
-    `impose`: a reality with the effect.
-    """
+    """A constitutive form of an effect."""
 
     effect: str
     name: str
-    draw: Callable[[DrawRequest], dict[str, float]]
-    impose: Callable[[Truth, Reality], Reality]
+    draw: Callable[[DrawRequest], dict[str, float]]  # parameters; a joint's own stiffness is the machine's
+    impose: Callable[[Truth, Reality], Reality]  # a reality with the effect
 
 
 def form(
@@ -38,13 +88,18 @@ def form(
     return Form(effect, name, lambda request: request.drawn(*draws, **by_name), impose)
 
 
+def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
+    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
+    machine = reality.machine
+    for name, own in joints_of(machine.robot, str(truth.component)):
+        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
+    return reality.with_machine(machine)
+
+
 def law(
     effect: str, name: str, of: Callable[[Parameters, float, str], Law], *draws: Draw, **by_name: Draw
 ) -> Form:
-    """Return a form that is a law in the component's own direction.
-
-    `of`: from the parameters, the joint's stiffness and the component.
-    """
+    """Return a form that is a law in a component's own direction, of parameters, stiffness and component."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
         return at_joints(truth, reality, lambda k: of(truth.parameters, k, str(truth.component)))
@@ -61,10 +116,39 @@ def curve(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> 
 
 
 def wind_up(effect: str, name: str, of: Spring, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that is a spring's strain and compliance at a force; `hard`, if any, of k at most."""
-    return law(
-        effect, name, lambda p, k, _: winding(partial(of, p, k), k * p.get("hard", 1.0)), *draws, **by_name
-    )
+    """Return a form that is a strain and compliance at a force, `hard`, or 1 + `gain`, of k at most."""
+
+    def law_of(p: Parameters, k: float, _: str) -> Law:
+        return winding(partial(of, p, k), k * p.get("hard", 1.0 + p.get("gain", 0.0)))
+
+    return law(effect, name, law_of, *draws, **by_name)
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A joint in its own direction: the robot, the component and its stiffness, SI."""
+
+    robot: Robot
+    component: str
+    k: float
+
+
+def in_pose(
+    effect: str,
+    name: str,
+    of: Callable[[Parameters, Drive, Array, Situation], Curved],
+    *draws: Draw,
+    **by_name: Draw,
+) -> Form:
+    """Return a form that is a drive's force and slope at a strain in a situation."""
+
+    def impose(truth: Truth, reality: Reality) -> Reality:
+        robot, component = reality.machine.robot, str(truth.component)
+        return at_joints(
+            truth, reality, lambda k: posed(partial(of, truth.parameters, Drive(robot, component, k)))
+        )
+
+    return form(effect, name, impose, *draws, **by_name)
 
 
 def built(
@@ -76,6 +160,19 @@ def built(
         return reality.with_machine(of(truth.parameters, reality.machine, str(truth.component)))
 
     return form(effect, name, impose, *draws, **by_name)
+
+
+def built_at_joints(
+    effect: str, name: str, of: Callable[..., Machine], *draws: Draw, **by_name: Draw
+) -> Form:
+    """Return the same, from parameters, machine, each joint of the component and its own direction."""
+
+    def change(p: Parameters, machine: Machine, component: str) -> Machine:
+        for joint, own in joints_of(machine.robot, component):
+            machine = of(p, machine, joint, own)
+        return machine
+
+    return built(effect, name, change, *draws, **by_name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,16 +214,6 @@ class Seen:
 Change = Callable[[Parameters, Seen, Array], Array]  # of values or wrenches (N, 6)
 
 
-def reading(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that changes the values read, (N, 6)."""
-    return _changing("readings", effect, name, change, *draws, **by_name)
-
-
-def load(effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
-    """Return a form that changes the wrenches, (N, 6), from what they are read as."""
-    return _changing("loads", effect, name, change, *draws, **by_name)
-
-
 def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, **by_name: Draw) -> Form:
     def impose(truth: Truth, reality: Reality) -> Reality:
         def changed(campaign: SimulatedCampaign, placed: Placed, values: Array) -> Array:
@@ -138,17 +225,17 @@ def _changing(what: str, effect: str, name: str, change: Change, *draws: Draw, *
     return form(effect, name, impose, *draws, **by_name)
 
 
+reading = partial(_changing, "readings")  # a form that changes the values read
+load = partial(_changing, "loads")  # a form that changes the wrenches, from what they are read as
+
+
 @dataclass(frozen=True)
 class Effect:
-    """An effect that a simulated machine can have.
-
-    `places`: components that the effect can sit at on a robot; none where it cannot.
-    `authors`: the forms of each author, the first one's first.
-    """
+    """An effect that a simulated machine can have."""
 
     name: str
-    places: Places
-    authors: tuple[tuple[Form, ...], ...]
+    places: Places  # components that the effect can sit at on a robot; none where it cannot
+    authors: tuple[tuple[Form, ...], ...]  # the forms of each author, the first one's first
 
     @property
     def forms(self) -> dict[str, Form]:
@@ -165,11 +252,3 @@ class Effect:
     def author_of(self, form: str) -> int:
         """Return who wrote a form: 1 for the first author."""
         return next(k for k, some in enumerate(self.authors, start=1) if form in [one.name for one in some])
-
-
-def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) -> Reality:
-    """Return the reality with a law, made from the joint's stiffness, in the component's own direction."""
-    machine = reality.machine
-    for name, own in joints_of(machine.robot, str(truth.component)):
-        machine = machine.with_law(name, own, law_of(own_stiffness(machine.robot, name, own)))
-    return reality.with_machine(machine)

@@ -19,21 +19,13 @@ from beamstiff.robot.reader import load_robot
 
 
 def examine_folder(
-    folder: Path,
-    examiner: Examiner,
-    *,
-    processes: int = 1,
-    scheduler: str | None = None,
+    folder: Path, examiner: Examiner, *, processes: int = 1, scheduler: str | None = None
 ) -> list[Record]:
     """Return the records of all labelled sets in a folder, in the order of their names.
 
-    ``labels.json`` gives, for each ``NAME.csv``, an object with `robot` (``ROBOT.yaml`` in the folder, or
-    ``ROBOT-payload.yaml`` where `kind` is ``pose``), `effect`, `component`, `gap_over_noise` and, for a pair,
-    `eff2` as ``[effect, component, ...]``. Effects outside the table of effects ought to be ``unknown``. The
-    gap of each of a pair by itself is not known: both count as clear where the pair's is.
-
-    Raises BeamstiffError when a file is missing or a label cannot be read, or a process or the scheduler
-    fails.
+    ``labels.json`` gives, for each ``NAME.csv``, `robot` (``ROBOT.yaml``, or ``ROBOT-payload.yaml`` where
+    `kind` is ``pose``), `effect`, `component`, `gap_over_noise` and, for a pair, `eff2` as ``[effect,
+    component, ...]``. The gap of each of a pair is not known: both count as clear where the pair's is.
     """
     labels = _labels(folder)
     names = sorted(labels)
@@ -93,10 +85,7 @@ def _kind(given: dict[str, Any]) -> Kind:
 
 
 def set_names(folder: Path) -> list[str]:
-    """Return the names of the labelled sets in a folder, in order.
-
-    Raises BeamstiffError when ``labels.json`` is missing or cannot be read.
-    """
+    """Return the names of the labelled sets in a folder, in order."""
     return sorted(_labels(folder))
 
 

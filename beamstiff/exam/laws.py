@@ -16,23 +16,12 @@ Curved = tuple[Array, Array]  # a value and its slope, (P,) each
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a law may depend on besides its strain; P states.
+    """What a law may depend on besides its strain; P states."""
 
-    `values`: mapping of str to (P,) array, rad or m; all joint variables.
-    `time`: (P,) array, s; since the start of the campaign.
-    `temperature`: (P,) array, degC.
-    `lasted`: (P,) array, s; since the state before.
-    """
-
-    values: Mapping[str, Array]
-    time: Array
-    temperature: Array
-    lasted: Array
-
-    def at(self, rows: Any) -> Situation:
-        """Return the situation of some of the states."""
-        values = {name: value[rows] for name, value in self.values.items()}
-        return Situation(values, self.time[rows], self.temperature[rows], self.lasted[rows])
+    values: Mapping[str, Array]  # (P,) each, rad or m; all joint variables
+    time: Array  # (P,): s; since the start of the campaign
+    temperature: Array  # (P,): degC
+    lasted: Array  # (P,): s; since the state before
 
     def value(self, name: str, default: float = 0.0) -> Array:
         """Return a variable, (P,); a default for what is no variable, as a joint that is fixed."""
@@ -41,17 +30,12 @@ class Situation:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Force against strain in one direction of a joint, or along a spring.
+    """Force against strain in one direction of a joint, or along a spring."""
 
-    `respond`: force, tangent stiffness, (P,) each, and the memory after, from the strain (P,), the situation
-        and the memory.
-    `start`: memory of the machine at rest in so many new poses.
-    `changes`: whether the answer depends on time or temperature.
-    """
-
+    # force and tangent stiffness, (P,) each, and the memory after, from the strain (P,) and the memory
     respond: Callable[[Array, Situation, Memory], tuple[Array, Array, Memory]]
-    start: Callable[[int], Memory] = lambda poses: ()
-    changes: bool = False
+    start: Callable[[int], Memory] = lambda poses: ()  # memory of the machine at rest in so many new poses
+    changes: bool = False  # whether the answer depends on time or temperature
 
     @property
     def remembers(self) -> bool:
@@ -117,11 +101,10 @@ def rubbing(
     run: Callable[[Array, Array], Curved],
     largest: Callable[[Array, Array], tuple[Any, Any]] | None = None,
 ) -> Law:
-    """Return a spring with friction beside it, whose state runs after the motion from -1 to 1.
+    """Return a spring with friction beside it, `arrived` in a state that runs with the motion from -1 to 1.
 
-    `friction`: its largest force. `arrived`: its state after the move to the pose.
     `run`: state and its slope by the way, (P,) each, after a way from a state along the motion.
-    `largest`: where it is not constant: the largest friction after a strain, and how friction grows with it.
+    `largest`: where not constant: the largest friction after a strain, and how friction grows with it.
     """
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
@@ -139,3 +122,9 @@ def fading(state: Array, way: Array, reach: float) -> Curved:
     """Return a friction's state and its slope after a way: it nears 1 exponentially (Dahl, exponent 1)."""
     left = (1.0 - state) * np.exp(-way / reach)
     return 1.0 - left, left / reach
+
+
+def ramp(x: Array, width: Array | float) -> Curved:
+    """Return a ramp that is 0 for x < 0 and x for x > 0, rounded over a width, and its slope."""
+    root = np.sqrt(x**2 + width**2)
+    return 0.5 * (x + root), 0.5 * (1.0 + x / root)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Integers
-from beamstiff.exam.machine import Machine, Profile, bodies_of
+from beamstiff.exam.machine import Machine, Profile
 from beamstiff.exam.placing import Placed
 
 SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometry may move them apart
@@ -18,67 +18,41 @@ SHIFTED = 0.1  # m, of two nodes of a joint: the most that errors of the geometr
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """What does not depend on the pose.
-
-    `body`: (N,) int array; body of every node; 0 is the ground.
-    `index`: of the nodes.
-    `bodies`: number of bodies, the ground included.
-    `members`: (E, 2) int array; bodies of hinges, then bars.
-    `rods`: (S, 2) int array.
-    `locked`: (B,) bool array; bodies that only rods hold: they do not turn.
-    `loads`: (L,) int array; bodies that carry masses and the weight of bars.
-    """
+    """What does not depend on the pose."""
 
     machine: Machine
-    body: Integers
-    index: dict[str, int]
-    bodies: int
-    members: Integers
-    rods: Integers
-    locked: Array
-    loads: Integers
+    body: Integers  # (N,): body of every node; 0 is the ground
+    index: dict[str, int]  # of the nodes
+    bodies: int  # number of bodies, the ground included
+    members: Integers  # (E, 2): bodies of hinges, then bars
+    rods: Integers  # (S, 2)
+    locked: Array  # (B,): bodies that only rods hold: they do not turn
+    loads: Integers  # (L,): bodies that carry masses and the weight of bars
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The machine before it deforms, P poses, base frame, SI.
+    """The machine before it deforms, P poses, base frame, SI."""
 
-    `arms`: (P, N, 3) array; nodes from the reference point of their body.
-    `nodes`: (P, N, 3) array.
-    `axes`: (P, E, 3, 3) array; axes of hinges and bars as columns.
-    `rest`: (P, E, 3) array; from the first end of a member to the second.
-    `first`, `second`: (P, E, 3) array; arms of the ends.
-    `stiffness`: (P, E, 6, 6) array; of hinges and bars; rows of rigid directions are zero.
-    `bending`: (P, bars, 6, 6) array; matrix H of the bars, which follow the hinges: bending shortens them by
-        ``e.H.e/2``.
-    `rod`, `rod_first`, `rod_second`: (P, S, 3) array.
-    `load_arm`, `load`: (P, L, 3) array; weights.
-    `load_moment`: (P, L, 3) array.
-    """
-
-    arms: Array
-    nodes: Array
-    axes: Array
-    rest: Array
-    first: Array
-    second: Array
-    stiffness: Array
-    bending: Array
-    rod: Array
-    rod_first: Array
+    arms: Array  # (P, N, 3): nodes from the reference point of their body
+    nodes: Array  # (P, N, 3)
+    axes: Array  # (P, E, 3, 3): axes of hinges and bars as columns
+    rest: Array  # (P, E, 3): from the first end of a member to the second
+    first: Array  # (P, E, 3): arms of the first ends
+    second: Array  # (P, E, 3)
+    stiffness: Array  # (P, E, 6, 6): of hinges and bars; rows of rigid directions are zero
+    bending: Array  # (P, bars, 6, 6): H of the bars, which follow the hinges: they shorten by ``e.H.e/2``
+    rod: Array  # (P, S, 3)
+    rod_first: Array  # (P, S, 3): arms
     rod_second: Array
-    load_arm: Array
-    load: Array
-    load_moment: Array
-
-    def at(self, poses: Any) -> Layout:
-        """Return the layout at some of the poses, in any order."""
-        return Layout(*(getattr(self, f.name)[poses] for f in fields(self)))
+    load_arm: Array  # (P, L, 3): of weights
+    load: Array  # (P, L, 3)
+    load_moment: Array  # (P, L, 3)
 
 
 def topology_of(machine: Machine) -> Topology:
     """Return the bodies and members of a machine."""
-    body_of = bodies_of(machine)
+    body_of = machine.bodies()
     index = {node.name: at for at, node in enumerate(machine.nodes)}
 
     body = np.array([body_of[node.name] for node in machine.nodes], dtype=np.int64)
@@ -110,7 +84,9 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
     bending = np.zeros((poses, len(bars), 6, 6))
     for at, hinge in enumerate(hinges):
         axes[:, at] = placed.rotations[hinge.frame] @ hinge.axes
-        k = hinge.stiffness if hinge.stiffness.ndim == 2 else np.diag(_finite(hinge.stiffness))
+        k = hinge.stiffness
+        if k.ndim == 1:
+            k = np.diag(np.where(np.isfinite(k), k, 0.0))
         lawless = np.array([float(direction not in hinge.laws) for direction in range(6)])
         stiffness[:, at] = k * lawless[:, None] * lawless
     for at, bar in enumerate(bars, start=len(hinges)):
@@ -131,11 +107,7 @@ def lay_out(topology: Topology, placed: Placed) -> Layout:
 
 
 def tip_stiffness(profile: Profile, length: Array) -> Array:
-    """Return the stiffness (P, 6, 6) of beams' second ends with the first ones held.
-
-    The inverse of the flexibility ``L sum of X^T c X`` over the stations, X the section forces under a unit
-    wrench at the tip.
-    """
+    """Return the stiffness (P, 6, 6) of beams' free ends: inverse of ``L sum of X^T c X`` over stations."""
     X = np.zeros((len(length), len(profile.stations), 6, 6))
     X[..., range(6), range(6)] = 1.0
     lever = length[:, None] * (1.0 - profile.stations)
@@ -149,10 +121,6 @@ def _ends(parts: Sequence[Any], of_node: Mapping[str, int]) -> Integers:
     """Return what both nodes of every part are, (parts, 2)."""
     found = [[of_node[name] for name in part.nodes] for part in parts]
     return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def _finite(stiffness: Array) -> Array:
-    return np.where(np.isfinite(stiffness), stiffness, 0.0)
 
 
 def _rejoin(machine: Machine, index: dict[str, int], nodes: Array) -> None:

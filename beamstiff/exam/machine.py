@@ -6,8 +6,9 @@ linear spring of the model may follow any law.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.laws import Law, Situation
+from beamstiff.exam.placing import Placed, place, skeleton_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import JOINT_DIRECTIONS, Mass, Node
 from beamstiff.robot.sections import section_properties
@@ -23,94 +25,70 @@ TURN = 3  # direction about the joint's axis
 ALONG = 0
 GAUSS = np.polynomial.legendre.leggauss(6)
 Weight = float | Callable[[Situation], Array]
+WIDE = np.deg2rad(60.0)  # stroke to either side where a variable has no limits
+LONG = 0.4  # m, likewise of a prismatic one
 
 
 @dataclass(frozen=True, eq=False)
 class Hinge:
-    """Springs in six directions between two nodes at one place.
-
-    `frame`: frame that `axes` are given in.
-    `axes`: (3, 3) array; its axes as columns, the joint's own first.
-    `stiffness`: (6,) or (6, 6) array; in the joint's axes; infinity is rigid, 0 free. A full matrix has no
-        rigid directions.
-    `laws`: directions that follow a law in place of their stiffness.
-    """
+    """Springs in six directions between two nodes at one place."""
 
     name: str
     nodes: tuple[str, str]
-    frame: str
-    axes: Array
-    stiffness: Array
-    laws: Mapping[int, Law] = field(default_factory=dict)
+    frame: str  # frame that `axes` are given in
+    axes: Array  # (3, 3): its axes as columns, the joint's own first
+    stiffness: Array  # (6,): infinity is rigid, 0 free; or (6, 6), without rigid directions; in these axes
+    laws: Mapping[int, Law] = field(default_factory=dict)  # in place of their stiffness, by direction
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A beam's compliance along its length.
+    """A beam's compliance along its length, from the first end (0) to the second (1)."""
 
-    `stations`: (G,) array; places along the beam, from 0 to 1.
-    `compliance`: (G, 6) array; of a piece of unit length there against stretch, shear (2), twist and bending
-        (2), times the share of the length that the station stands for.
-    """
-
-    stations: Array
+    stations: Array  # (G,): places along the beam, from 0 to 1
+    # (G, 6): of unit length against stretch, shear (2), twist and bending (2), times the share of the length
     compliance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """A beam between two nodes.
-
-    `up`: (3,) array or None; direction in the frame of the first node; local y lies in the plane of the axis
-        and it.
-    `weight`: float, kg/m.
-    """
+    """A beam between two nodes."""
 
     name: str
     nodes: tuple[str, str]
     profile: Profile
-    up: Array | None
-    weight: float = 0.0
+    up: Array | None  # (3,): in the frame of the first node; local y lies in the plane of the axis and it
+    weight: float = 0.0  # kg/m
 
 
 @dataclass(frozen=True, eq=False)
 class Rod:
-    """A spring along the line between two nodes; its rest length follows the drives.
-
-    `stiffness`: float, N/m; infinity is rigid.
-    `law`: in place of the stiffness.
-    """
+    """A spring along the line between two nodes; its rest length follows the drives."""
 
     name: str
     nodes: tuple[str, str]
-    stiffness: float
-    law: Law | None = None
+    stiffness: float  # N/m; infinity is rigid
+    law: Law | None = None  # in place of the stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class Cross:
-    """Stiffness that links two directions of hinges.
+    """Stiffness that links two directions of hinges."""
 
-    `first`, `second`: tuple of (str, int); hinge and direction.
-    `added`: (2, 2) array; added to the stiffness of the two.
-    """
-
-    first: tuple[str, int]
+    first: tuple[str, int]  # hinge and direction
     second: tuple[str, int]
-    added: Array
+    added: Array  # (2, 2): added to the stiffness of the two
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A spring between two directions of hinges, as gears or a belt make one; it may follow any law.
 
-    `first`, `second`: tuple of (str, int); hinge and direction.
-    `weights`: (float or callable, float or callable); the spring's strain is the sum of the two strains, each
-        times its weight: a number, or (P,) numbers from the situation where a lever arm changes with the
-        pose.
+    Its strain is the sum of the two strains, each times its weight: a number, or (P,) numbers from the
+    situation where a lever arm changes with the pose.
     """
 
-    first: tuple[str, int]
+    first: tuple[str, int]  # hinge and direction
     second: tuple[str, int]
     weights: tuple[Weight, Weight]
     law: Law
@@ -118,15 +96,11 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Hose:
-    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there.
-
-    `per_metre`: float, kg/m.
-    `low`: float, m; height of the node, against gravity from the base frame's origin, at which nothing hangs.
-    """
+    """A hose that a node lifts off the ground: the higher the node, the more of it hangs there."""
 
     node: str
-    per_metre: float
-    low: float
+    per_metre: float  # kg/m
+    low: float  # m; height of the node, against gravity from the base frame's origin, at which nothing hangs
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +138,13 @@ class Machine:
         hinge = self.hinge(name)
         return self.with_hinge(dataclasses.replace(hinge, laws={**hinge.laws, direction: law}))
 
+    def with_stiffness(self, name: str, directions: int | slice, stiffness: Array | float) -> Self:
+        """Return the machine with another stiffness in some directions of a hinge."""
+        hinge = self.hinge(name)
+        k = hinge.stiffness.copy()
+        k[directions] = stiffness
+        return self.with_hinge(dataclasses.replace(hinge, stiffness=k))
+
     def with_profile(self, name: str, change: Callable[[Profile], Profile]) -> Self:
         """Return the machine with the profile of the bar of that name changed."""
         bars = (
@@ -180,6 +161,51 @@ class Machine:
         """Return the machine without the rigid or the bar of that name."""
         rigids = tuple(rigid for rigid in self.rigids if rigid[0] != name)
         return dataclasses.replace(self, rigids=rigids, bars=tuple(b for b in self.bars if b.name != name))
+
+    def free_name(self, wanted: str) -> str:
+        """Return a node's name that the machine does not have yet."""
+        taken = {node.name for node in self.nodes} | {hinge.name for hinge in self.hinges}
+        return next(name for name in (f"{wanted}{i or ''}" for i in count()) if name not in taken)
+
+    def with_node(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
+        """Return the machine with a new node at a place (3,) in a frame, rigidly on others, and its name."""
+        name = self.free_name(wanted)
+        node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
+        ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
+        return self.plus(nodes=(node,), rigids=ties), name
+
+    def with_node_at(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
+        """Return the same of a place in the base frame, where the machine is in the middle of its range."""
+        placed = in_the_middle(self.robot)
+        local = placed.rotations[frame][0].T @ (at - placed.origins[frame][0])
+        return self.with_node(wanted, frame, local, *hosts)
+
+    def seen_from(self, node: str, way: Array) -> Array:
+        """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
+        return np.asarray(in_the_middle(self.robot).rotations[self.node(node).frame][0].T @ way)
+
+    def ends(self, nodes: tuple[str, str]) -> tuple[Array, Array]:
+        """Return where a link's nodes are in the middle of the range, (3,) each, base frame."""
+        placed = in_the_middle(self.robot)
+        a, b = (placed.node(self.node(name))[0] for name in nodes)
+        return a, b
+
+    def bodies(self) -> dict[str, int]:
+        """Return the body of every node: those that rigids join are one, those that are fixed are body 0."""
+        names = [node.name for node in self.nodes]
+        above = {name: name for name in names}
+
+        def root(name: str) -> str:
+            while above[name] != name:
+                name = above[name]
+            return name
+
+        for a, b in [nodes for _, nodes in self.rigids] + [(self.fixed[0], f) for f in self.fixed[1:]]:
+            above[root(a)] = root(b)
+        number = {root(self.fixed[0]): 0}
+        for name in names:
+            number.setdefault(root(name), len(number))
+        return {name: number[root(name)] for name in names}
 
     @property
     def ties(self) -> list[tuple[str, str]]:
@@ -218,10 +244,9 @@ def machine_of(robot: Robot) -> Machine:
 
 
 def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
-    """Return the profile of a beam whose cross-section changes its size along the length.
+    """Return the profile of a beam whose cross-section changes its linear size, from 0 to 1 along it.
 
     `rigidity`: (6,) array; EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
-    `size`: linear size of the cross-section at stations (G,) from 0 to 1.
     `bending`: power of the size that bending and twist grow with; stretch and shear grow with half of it.
     """
     stations = 0.5 * (GAUSS[0] + 1.0)
@@ -237,25 +262,6 @@ def axes_from(axis: Array) -> Array:
     y = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
     y = y / np.linalg.norm(y)
     return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-
-def bodies_of(machine: Machine) -> dict[str, int]:
-    """Return the body of every node: nodes that rigids join are one body, those that are fixed are body 0."""
-    names = [node.name for node in machine.nodes]
-    above = {name: name for name in names}
-
-    def root(name: str) -> str:
-        while above[name] != name:
-            name = above[name]
-        return name
-
-    for a, b in [nodes for _, nodes in machine.rigids] + [(machine.fixed[0], f) for f in machine.fixed[1:]]:
-        above[root(a)] = root(b)
-    ground = root(machine.fixed[0])
-    number = {ground: 0}
-    for name in names:
-        number.setdefault(root(name), len(number))
-    return {name: number[root(name)] for name in names}
 
 
 def joints_of(robot: Robot, component: str) -> tuple[tuple[str, int], ...]:
@@ -278,11 +284,29 @@ def own_stiffness(robot: Robot, joint: str, direction: int) -> float:
     return float(getattr(found.stiffness, JOINT_DIRECTIONS[direction]))
 
 
+def components_of(robot: Robot) -> list[str]:
+    """Return all joints, by their variables where they have one."""
+    return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
+
+
 def drives_of(robot: Robot) -> list[str]:
     """Return the components whose own direction is an elastic drive: neither rigid nor free."""
-    names: Iterable[str] = dict.fromkeys(j.variable or j.name for j in robot.joints)
-    return [
-        name
-        for name in names
-        if all(0.0 < own_stiffness(robot, *joint) < math.inf for joint in joints_of(robot, name))
-    ]
+    every = ((name, joints_of(robot, name)) for name in components_of(robot))
+    return [name for name, joints in every if all(0.0 < own_stiffness(robot, *j) < math.inf for j in joints)]
+
+
+def stroke(robot: Robot, variable: str | None) -> tuple[float, float]:
+    """Return the middle and half the width of a variable's range, rad or m."""
+    found = next((v for v in robot.variables if v.name == variable), None)
+    if found is None:
+        return 0.0, float(WIDE)
+    if found.limits is None:
+        return found.guess, LONG if found.type == "prismatic" else float(WIDE)
+    low, high = found.limits
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def in_the_middle(robot: Robot, **moved: float) -> Placed:
+    """Return the robot in the middle of its range, one pose, with some variables moved from there."""
+    q = np.array([[stroke(robot, v.name)[0] + moved.get(v.name, 0.0) for v in robot.actuated]])
+    return place(skeleton_of(robot), q)

@@ -30,6 +30,12 @@ def vector(parameters: Parameters, names: Sequence[str] = "xyz") -> Array:
     return np.array([parameters[name] for name in names])
 
 
+def unit_vector(rng: np.random.Generator) -> Array:
+    """Return a vector (3,) of length 1 in a direction drawn evenly."""
+    v = rng.standard_normal(3)
+    return np.asarray(v / np.linalg.norm(v))
+
+
 @dataclass(frozen=True)
 class DrawRequest:
     """What is to be drawn: the parameters of a form at a component, of a size in [0, 1]."""
@@ -54,8 +60,7 @@ class DrawRequest:
 
     def direction(self, length: float = 1.0, names: Sequence[str] = "xyz") -> dict[str, float]:
         """Return a vector of that length in a direction drawn evenly, by the names of its components."""
-        v = self.rng.standard_normal(3)
-        return named(length * (v / np.linalg.norm(v)), names)
+        return named(length * unit_vector(self.rng), names)
 
     def drawn(self, *draws: Draw, **by_name: Draw) -> dict[str, float]:
         """Return parameters, drawn in this order."""

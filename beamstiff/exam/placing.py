@@ -32,40 +32,26 @@ Place = tuple[Numbers, Numbers]  # rotation (P, 3, 3) and origin (P, 3)
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A machine at P poses before it deforms.
+    """A machine at P poses before it deforms."""
 
-    `values`: mapping of str to (P,) array, rad or m; all joint variables.
-    `rotations`: mapping of str to (P, 3, 3) array; axes of every frame in the base frame.
-    `origins`: mapping of str to (P, 3) array, m.
-    """
-
-    values: Mapping[str, Array]
-    rotations: Mapping[str, Array]
-    origins: Mapping[str, Array]
+    values: Mapping[str, Array]  # (P,) each, rad or m; all joint variables
+    rotations: Mapping[str, Array]  # (P, 3, 3) each; axes of every frame in the base frame
+    origins: Mapping[str, Array]  # (P, 3) each, m
 
     def node(self, node: Node) -> Array:
         """Return the position of a node, (P, 3), m."""
         at: Array = self.origins[node.frame] + self.rotations[node.frame] @ np.array(node.at)
         return at
 
-    def at(self, poses: Any) -> Placed:
-        """Return the machine at some of the poses, in any order."""
-        parts = (self.values, self.rotations, self.origins)
-        return Placed(*({name: part[poses] for name, part in some.items()} for some in parts))
-
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """The frames of a robot as expressions, with the errors that the true machine has.
-
-    `frames`: tuple of (name, parent, {parameter: Expression}); parents first; parameters that are zero are
-        left out.
-    `equals`: coupled variables.
-    """
+    """The frames of a robot as expressions, with the errors that the true machine has."""
 
     robot: Robot
+    # name, parent and parameters but those that are zero; parents first
     frames: tuple[tuple[str, str, Mapping[str, Expression]], ...]
-    equals: Mapping[str, Expression]
+    equals: Mapping[str, Expression]  # coupled variables
 
 
 def skeleton_of(robot: Robot, errors: Mapping[str, float] | None = None) -> Skeleton:

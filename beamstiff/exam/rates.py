@@ -11,10 +11,7 @@ NINETY_FIVE = 1.959963984540054  # two-sided 95 % point of the normal distributi
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the exam: its value, a 95 % interval, and how many cases it rests on.
-
-    `value`, `low`, `high`: none where there is no case, or no interval.
-    """
+    """A figure of the exam: its value, a 95 % interval, none where there is none, and its number of cases."""
 
     value: float | None
     low: float | None
@@ -69,11 +66,7 @@ def median(values: Iterable[float]) -> Figure:
     if not n:
         return Figure(None, None, None, 0)
     half = NINETY_FIVE * sqrt(n) / 2
-    low, high = int(np.floor(n / 2 - half)), int(np.ceil(n / 2 + half))
-    inside = low >= 0 and high < n
-    return Figure(
-        float(np.median(found)),
-        float(found[low]) if inside else None,
-        float(found[high]) if inside else None,
-        n,
-    )
+    at = int(np.floor(n / 2 - half)), int(np.ceil(n / 2 + half))
+    inside = at[0] >= 0 and at[1] < n
+    low, high = (float(found[k]) if inside else None for k in at)
+    return Figure(float(np.median(found)), low, high, n)

@@ -28,29 +28,21 @@ class Label:
 
     `kind`: "null", "single", "pair", "outside" or "removed"; ``outside``: the effect is in nobody's library;
         ``removed``: its class is withheld from the library.
-    `truths`: ``effect:component`` of every effect at work; empty for a null.
-    `sizes`: of each truth, in the simulator's own parametrisation, from 0 (smallest) to 1 (largest
-        realistic).
-    `withheld`: effects that the library has to do without.
-    `robot`, `design`, `data`, `claimed`: what was drawn: the robot's name; ``rich``, ``lean`` or ``plan``;
-        ``displacement`` or ``absolute``; the claim of the noise: ``true``, ``half``, ``twice`` or ``absent``.
-    `readings`: 3 or 6 components.
-    `forms`: constitutive form of each truth.
     `author`: who wrote the forms, the last of them: 1 is who writes the diagnosis and has not read the
         others'.
     """
 
     case: int
     kind: Kind
-    truths: tuple[str, ...]
-    sizes: tuple[float, ...]
-    withheld: tuple[str, ...]
-    robot: str
-    design: str
-    data: str
-    claimed: str
-    readings: int
-    forms: tuple[str, ...] = ()
+    truths: tuple[str, ...]  # ``effect:component`` of every effect at work; empty for a null
+    sizes: tuple[float, ...]  # of each truth, from 0 (smallest) to 1 (largest realistic)
+    withheld: tuple[str, ...]  # effects that the library has to do without
+    robot: str  # its name
+    design: str  # ``rich``, ``lean`` or ``plan``
+    data: str  # ``displacement`` or ``absolute``
+    claimed: str  # of the noise: ``true``, ``half``, ``twice`` or ``absent``
+    readings: int  # 3 or 6 components
+    forms: tuple[str, ...] = ()  # constitutive form of each truth
     author: int = 1
 
     def digest(self) -> str:
@@ -60,22 +52,14 @@ class Label:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said, taken from its JSON.
+    """What a diagnosis said, taken from its JSON."""
 
-    `verdict`: ``effect:component``; ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
-    `probability`: of the verdict.
-    `also`: further effects named.
-    `indistinguishable`: what these data cannot distinguish from the verdict.
-    `probabilities`: of all candidates, those below 1e-6 left out.
-    `promised`: the shrink said of the verdict; None where no effect is named.
-    """
-
-    verdict: str
-    probability: float
-    also: tuple[str, ...] = ()
-    indistinguishable: tuple[str, ...] = ()
-    probabilities: Mapping[str, float] | None = None
-    promised: float | None = None
+    verdict: str  # ``effect:component``, ``none:null``, ``unknown:null``, ``failed:null`` where it broke off
+    probability: float  # of the verdict
+    also: tuple[str, ...] = ()  # further effects named
+    indistinguishable: tuple[str, ...] = ()  # what these data cannot distinguish from the verdict
+    probabilities: Mapping[str, float] | None = None  # of all candidates, those below 1e-6 left out
+    promised: float | None = None  # the shrink said of the verdict; None where no effect is named
 
 
 @dataclass(frozen=True)
@@ -84,26 +68,20 @@ class Record:
 
     `gap`: gap over noise: RMS over the measured values of the noise-free residual that the fitted baseline
         leaves, each divided by the true standard deviation of its noise; NaN where the baseline failed.
-    `gaps`: the same of each truth by itself.
     `shrink`: share of the gap on new poses and new loads, noise-free, that the verdict's effect closes, as
         ``1 - (after/before)^2`` of the position errors, clipped to [0, 1]; None where no effect is named.
-    `controls`: what the plain controls name, ``effect:component``.
-    `label_sha256`, `report_sha256`: seals of the label, before the diagnosis, and of its report, before the
-        label was opened.
-    `seconds`: time that the diagnosis took.
-    `error`: why it broke off.
     """
 
     label: Label
     answer: Answer
     gap: Gap
-    gaps: tuple[Gap, ...]
+    gaps: tuple[Gap, ...]  # the same of each truth by itself
     shrink: float | None
-    controls: Mapping[str, str]
-    label_sha256: str
-    report_sha256: str
-    seconds: float
-    error: str | None = None
+    controls: Mapping[str, str]  # what the plain controls name, ``effect:component``
+    label_sha256: str  # seal of the label, before the diagnosis
+    report_sha256: str  # seal of its report, before the label was opened
+    seconds: float  # time that the diagnosis took
+    error: str | None = None  # why it broke off
 
     @property
     def truth(self) -> str:

@@ -13,8 +13,7 @@ from beamstiff.robot.parts import Mass
 from beamstiff.robot.reader import load_robot
 
 RANDOM_ARM = "random-arm"
-ROBOTS = ("kr240-2", "kr500", RANDOM_ARM, "ir663")
-WEIGHTS = (0.35, 0.15, 0.25, 0.25)
+ROBOTS = {"kr240-2": 0.35, "kr500": 0.15, RANDOM_ARM: 0.25, "ir663": 0.25}  # and how often each is drawn
 
 # N m/rad, axis 2 of an arm with 1 m reach; the KR240-2 (2.7 m) has 6.6e6 (its paper, table 2), which fixes it
 MAIN_AXIS = 3e5
@@ -29,9 +28,8 @@ def exam_robot(name: str, rng: np.random.Generator) -> Robot:
 def random_arm(rng: np.random.Generator) -> Robot:
     """Return a six-axis arm with rigid links, its proportions and drive stiffness drawn.
 
-    Reach from 0.9 to 3 m; offsets at the shoulder, the elbow, and in half of the cases at the wrist, which
-    then has no common centre. Drive stiffness grows with the reach as it does from small arms to large
-    ones, and each axis' own is scattered by a factor of two.
+    Reach from 0.9 to 3 m, with which stiffness grows, each axis' own scattered by two; half without a wrist's
+    common centre.
 
     >>> arm = random_arm(np.random.default_rng(3))
     >>> arm.name, len(arm.joints), arm.identify[0]
@@ -56,33 +54,27 @@ def random_arm(rng: np.random.Generator) -> Robot:
     ends = [(0.0, 0.0, height), (shoulder, 0.0, 0.0), (upper, 0.0, 0.0), (elbow, fore, 0.0)]
     ends += [(wrist, 0.0, 0.0), (0.0, flange, 0.0)]
     nodes: list[dict[str, Any]] = [{"name": "n0"}]
-    links, joints = [], []
     main = MAIN_AXIS * reach**3.3 * rng.uniform(0.6, 1.6)
     share = np.array([1.5, 1.0, 1.6, 12.0, 12.0, 14.0]) * np.exp(rng.uniform(-0.7, 0.7, 6))
-    for at, end in enumerate(ends, start=1):
+    joints = []
+    for at, (end, less) in enumerate(zip(ends, share, strict=True), start=1):
         parent = "base" if at == 1 else f"f{at - 1}"
         nodes += [{"name": f"n{at}a", "frame": parent, "at": end}, {"name": f"n{at}b", "frame": f"f{at}"}]
-        links.append({"name": f"link{at - 1}", "nodes": ["n0" if at == 1 else f"n{at - 1}b", f"n{at}a"]})
-        joints.append(
-            {
-                "name": f"J{at}",
-                "nodes": [f"n{at}a", f"n{at}b"],
-                "frame": f"f{at}",
-                "axis": "z",
-                "variable": f"q{at}",
-                "stiffness": {"torsional": float(main / share[at - 1])},
-            }
-        )
+        joint = {"name": f"J{at}", "nodes": [f"n{at}a", f"n{at}b"], "frame": f"f{at}", "axis": "z"}
+        joints.append({**joint, "variable": f"q{at}", "stiffness": {"torsional": float(main / less)}})
+    starts = ["n0", *(f"n{at}b" for at in range(1, 6))]
+    variables = [
+        {"name": f"q{at}", "type": "revolute", "limits": [f"{limit} deg" for limit in limits]}
+        for at, limits in enumerate(_LIMITS, start=1)
+    ]
+    rigids = [{"name": f"link{at}", "nodes": [start, f"n{at + 1}a"]} for at, start in enumerate(starts)]
     return Robot.model_validate(
         {
             "name": RANDOM_ARM,
-            "variables": [
-                {"name": f"q{at}", "type": "revolute", "limits": [f"{limit} deg" for limit in limits]}
-                for at, limits in enumerate(_LIMITS, start=1)
-            ],
+            "variables": variables,
             "frames": frames,
             "nodes": nodes,
-            "rigids": links,
+            "rigids": rigids,
             "joints": joints,
             "fixed": ["n0"],
             "tcp": "n6b",

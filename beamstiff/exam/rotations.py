@@ -4,11 +4,13 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 
+PAIRS = ((2, 1), (0, 2), (1, 0))  # row and column of the components of a skew matrix
+
 
 def cross_matrix(v: Array) -> Array:
     """Return the matrices (..., 3, 3) that take the cross product with vectors (..., 3) from the left."""
     result = np.zeros((*v.shape, 3))
-    for at, (j, k) in enumerate(((2, 1), (0, 2), (1, 0))):
+    for at, (j, k) in enumerate(PAIRS):
         result[..., j, k], result[..., k, j] = v[..., at], -v[..., at]
     return result
 
@@ -18,6 +20,12 @@ def cross(v: Array, w: Array) -> Array:
     result = np.empty(np.broadcast_shapes(v.shape, w.shape))
     for at, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         result[..., at] = v[..., j] * w[..., k] - v[..., k] * w[..., j]
+    return result
+
+
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Return the products (..., 3) of matrices (..., 3, 3) with vectors (..., 3)."""
+    result: Array = (matrices @ vectors[..., None])[..., 0]
     return result
 
 
@@ -41,14 +49,7 @@ def turned_by(rotation: Array) -> Array:
     >>> turned_by(turn(np.array([0.1, -0.2, 0.3])))
     array([ 0.1, -0.2,  0.3])
     """
-    skew = 0.5 * np.stack(
-        [
-            rotation[..., 2, 1] - rotation[..., 1, 2],
-            rotation[..., 0, 2] - rotation[..., 2, 0],
-            rotation[..., 1, 0] - rotation[..., 0, 1],
-        ],
-        axis=-1,
-    )
+    skew = 0.5 * np.stack([rotation[..., j, k] - rotation[..., k, j] for j, k in PAIRS], axis=-1)
     sine = np.linalg.norm(skew, axis=-1)
     angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1.0))
     factor = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
@@ -63,11 +64,7 @@ def turned_by(rotation: Array) -> Array:
 
 
 def vector_rate(vector: Array) -> Array:
-    """Return the matrices that turn the spin of a rotation into the rate of its rotation vector.
-
-    ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``: exact to the fourth order, for the small relative rotations of
-    springs.
-    """
+    """Return what turns spin into the rate of a rotation vector: ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``."""
     s = cross_matrix(vector)
     square = np.sum(vector**2, axis=-1)[..., None, None]
     result: Array = np.eye(3) - 0.5 * s + (1.0 / 12.0 + square / 720.0) * (s @ s)

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
@@ -33,20 +33,16 @@ class Void:
 
 
 R = TypeVar("R", Record, CrowdedRecord)
+Write = Callable[[dict[str, Any]], None]
 
 
 @dataclass(frozen=True)
 class Procedure(Generic[R]):
-    """How the cases of a sort of exam are drawn, examined and read again.
+    """How the cases of a sort of exam are drawn, examined and read again."""
 
-    `draw`: A case, with its ``label``, from the exam and a number.
-    `examined`: record and report, from the exam, the case and the examiner.
-    `record_from`: the record, from its plain data.
-    """
-
-    draw: Callable[[Any, int], Any]
-    examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]
-    record_from: Callable[[Mapping[str, Any]], R]
+    draw: Callable[[Any, int], Any]  # a case, with its ``label``, from the exam and a number
+    examined: Callable[[Any, Any, Examiner], tuple[R, dict[str, Any]]]  # record and report of a case
+    record_from: Callable[[Mapping[str, Any]], R]  # the record, from its plain data
 
 
 SINGLE = Procedure(draw_case, examined, record_from)
@@ -71,67 +67,44 @@ def run_cases(
 ) -> list[R]:
     """Return the records of cases 0 to `count` - 1, in their order.
 
-    With `results`, a file of JSON lines: first the exam's settings, then for every case its seal (SHA-256
-    of the label) before it is given out, and its record once it is opened. Cases whose record is there
-    already are not examined again; a line that an interruption cut short is taken off.
+    `results`, a file of JSON lines, gets the exam's settings, every case's seal (SHA-256 of the label) before
+    it is given out, and its record once it is opened; records that are there are not asked for again, and a
+    line that was cut short goes. `examiner`: pickled for several processes or a scheduler of dask.
+    `progress`: called after every case.
 
-    `exam`: the one that the procedure is for.
-    `examiner`: with several processes or a scheduler it is pickled: its functions are those of modules.
-    `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. All files are written here.
-    `results`: path, optional.
-    `progress`: called after every case, those of the file included.
-
-    Raises BeamstiffError when `results` is another exam's or cannot be written, or a number is not positive,
-    or a process or the scheduler fails.
+    Raises BeamstiffError when `results` is another exam's or cannot be written, or processes fail.
     """
     if count < 1 or processes < 1:
         raise BeamstiffError(
             f"exam: found {count} cases and {processes} processes, expected 1 or more of each"
         )
-    with _resumed(results, exam.settings()) as (done, write):
-        found: dict[int, R | Void] = {case: item for case, item in done.items() if case < count}
+    with _resumed(results, exam.settings()) as (kept, write):
+        found: dict[int, R | Void] = {case: item for case, item in kept.items() if case < count}
         for item in found.values():
             progress(item)
+
+        def sealed(done: Any) -> list[Any]:
+            """Write a case's seal before anybody is given the case."""
+            if isinstance(done, Void | tuple):
+                return []
+            write({"sealed": done.label.case, "label_sha256": done.label.digest()})
+            return [done]
+
         missing = (case for case in range(count) if case not in found)
-        for item in _examined(procedure, exam, missing, examiner, processes, scheduler, write):
-            if isinstance(item, Void):
-                write({"void": item.case, "why": item.why})
-                found[item.case] = item
-            else:
-                write({"record": item.to_dict()})
-                found[item.label.case] = item
-            progress(item)
+        step = partial(_step, procedure, exam, examiner)
+        for _, done in parallel_map(step, missing, processes=processes, scheduler=scheduler, then=sealed):
+            if isinstance(done, Void):
+                write({"void": done.case, "why": done.why})
+                found[done.case] = done
+                progress(done)
+            elif isinstance(done, tuple):
+                record, report = done
+                if report is not None:
+                    keep_report(examiner, record.label.case, report)
+                write({"record": record.to_dict()})
+                found[record.label.case] = record
+                progress(record)
     return [item for _, item in sorted(found.items()) if not isinstance(item, Void)]
-
-
-Write = Callable[[dict[str, Any]], None]
-
-
-def _examined(
-    procedure: Procedure[R],
-    exam: Exam | CrowdedExam,
-    cases: Iterable[Any],
-    examiner: Examiner,
-    processes: int,
-    scheduler: str | None,
-    write: Write,
-) -> Iterator[R | Void]:
-    def sealed(done: Any) -> list[Any]:
-        """Write a case's seal before anybody is given the case."""
-        if isinstance(done, Void | tuple):
-            return []
-        write({"sealed": done.label.case, "label_sha256": done.label.digest()})
-        return [done]
-
-    step = partial(_step, procedure, exam, examiner)
-    for _, done in parallel_map(step, cases, processes=processes, scheduler=scheduler, then=sealed):
-        if isinstance(done, Void):
-            yield done
-        elif isinstance(done, tuple):
-            record, report = done
-            if report is not None:
-                keep_report(examiner, record.label.case, report)
-            yield record
 
 
 def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner, task: Any) -> Any:
@@ -147,10 +120,7 @@ def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner,
 
 
 def check_results(path: Path) -> None:
-    """Refuse a file that is there and holds no results of an exam.
-
-    Raises BeamstiffError naming the line that is none.
-    """
+    """Refuse, by the line that is none, a file that is there and holds no results of an exam."""
     if path.exists() and not is_device(path) and path.stat().st_size:
         _whole_lines(path)
 
@@ -159,8 +129,7 @@ def check_results(path: Path) -> None:
 def _resumed(results: Path | None, settings: dict[str, Any]) -> Iterator[tuple[dict[int, Any], Write]]:
     """Give what a file of results holds already, and a function that appends a line and sees it to the disk.
 
-    The file is held meanwhile; nothing of it is changed before all of it is known to be this exam's. Its
-    first line is there as soon as the file is. A last line that a kill cut short goes.
+    The file is held meanwhile, and changed only once all of it is known to be this exam's.
     """
     if results is None:
         yield {}, lambda _: None

@@ -6,6 +6,7 @@ effect, as a name given on an effect outside the library.
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,17 +73,8 @@ def is_covered(record: Record) -> bool:
 
 
 def is_flagged(record: Record) -> bool:
-    """Tell whether the answer to an effect whose class was withheld warns of it.
-
-    The verdict is ``unknown``, or it comes with declared equivalents: a set, not a single name. ``none`` is
-    no warning.
-    """
+    """Tell whether the answer to a withheld effect warns: ``unknown``, or a name with equivalents."""
     return is_unknown(record) or (is_named(record.answer.verdict) and len(record.verdict_set) > 1)
-
-
-def is_truly_flagged(record: Record) -> bool:
-    """Tell the same, strictly: ``unknown``, or the withheld effect is in the set by name."""
-    return is_unknown(record) or effect_of(record.label.truths[0]) in map(effect_of, record.verdict_set)
 
 
 def is_nameless(record: Record) -> bool:
@@ -91,11 +83,7 @@ def is_nameless(record: Record) -> bool:
 
 
 def is_right(record: Record) -> bool:
-    """Tell whether the verdict is right, as calibration asks.
-
-    It is the effect and component of a single, ``none`` of a null, ``unknown`` of an effect outside the
-    library. Below 0.3 of the noise ``none`` is right of anything.
-    """
+    """Tell whether the verdict is right, for calibration: the truth; below 0.3 of the noise ``none``, too."""
     if record.gap < HARDLY and effect_of(record.answer.verdict) == NONE:
         return True
     return record.answer.verdict == record.truth
@@ -133,7 +121,13 @@ false_seconds = _rate(lambda record: len(record.named) > 1)
 # of effects outside the library, and of those withheld from it; gap at least the noise
 not_named = _rate(is_nameless, _clear("outside"))
 flagged = _rate(is_flagged, _clear("removed"))
-truly_flagged = _rate(is_truly_flagged, _clear("removed"))
+# strictly: ``unknown``, or the withheld effect is in the set by name
+truly_flagged = _rate(
+    lambda record: (
+        is_unknown(record) or effect_of(record.label.truths[0]) in map(effect_of, record.verdict_set)
+    ),
+    _clear("removed"),
+)
 # of clear pairs: both named, each with its component; no effect named that is not at work: none is not false
 both = _rate(lambda record: set(record.label.truths) <= set(record.named), clear_pairs)
 nothing_false = _rate(
@@ -152,8 +146,7 @@ def set_size(records: Records) -> Figure:
 def shrink_difference(records: Records) -> Figure:
     """Return the median of |promised - true shrink| over named singles whose gap is 1.5 of the noise or more.
 
-    The true shrink is that on new poses and new loads without noise. Cases of which one of the two is missing
-    (a verdict that names nothing, outliers, which new rows do not have) are left out.
+    Cases of which one of the two is missing are left out.
     """
     return median(
         abs(record.answer.promised - record.shrink)
@@ -182,10 +175,9 @@ def worst_first(records: Records) -> list[tuple[str, list[Record]]]:
 
 
 def confusion(records: Records) -> dict[str, Counter[str]]:
-    """Return how often each effect (rows, the truth) got each verdict, components left aside.
+    """Return how often each effect (rows, the truth) got each verdict; clear cases, and all nulls.
 
-    Nulls stand under ``none``, effects outside the library under ``outside``, withheld ones under
-    ``removed``; all but the nulls with a gap of at least the noise. Pairs are left out.
+    Effects outside the library stand under ``outside``, withheld ones under ``removed``; no pairs.
     """
     rows: dict[str, Counter[str]] = {}
     for record in records:
@@ -206,10 +198,7 @@ def control_exact(records: Records, name: str) -> Figure:
 
 
 def shuffled(records: Records, seed: int = 0, times: int = 200) -> Figure:
-    """Return the share of exact verdicts once the labels are dealt anew at random, over `times` deals.
-
-    The interval holds 95 % of the deals.
-    """
+    """Return the share of exact verdicts with the labels dealt anew `times` times, and 95 % of the deals."""
     truths = np.array([record.truth for record in records])
     verdicts = np.array([record.named[0] if len(record.named) == 1 else "" for record in records])
     if not truths.size:
@@ -226,3 +215,66 @@ def chance(records: Records) -> float | None:
     truths = Counter(record.truth for record in records)
     verdicts = Counter(record.named[0] for record in records if len(record.named) == 1)
     return sum(count * verdicts[key] for key, count in truths.items()) / n**2 if n else None
+
+
+BINS = 10
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Verdicts of about the same probability, from `low` to below `high`; the last bin holds 1 too."""
+
+    low: float
+    high: float
+    said: float  # their mean probability
+    right: Figure  # the share of them that is right
+
+
+def judged(records: Sequence[Record]) -> list[Record]:
+    """Return the cases whose probabilities are judged: all but pairs, which have two right answers."""
+    return [r for r in records if r.label.kind != "pair" and effect_of(r.answer.verdict) != FAILED]
+
+
+def reliability(records: Sequence[Record], bins: int = BINS) -> list[Bin]:
+    """Return how many verdicts are right, in filled bins of equal width by their probability."""
+    cases = judged(records)
+    said = np.array([record.answer.probability for record in cases])
+    at = np.clip((said * bins).astype(int), 0, bins - 1)
+    return [
+        Bin(
+            low=k / bins,
+            high=(k + 1) / bins,
+            said=float(said[at == k].mean()),
+            right=rate(is_right(record) for record, b in zip(cases, at, strict=True) if b == k),
+        )
+        for k in range(bins)
+        if (at == k).any()
+    ]
+
+
+def calibration_error(records: Sequence[Record], bins: int = BINS) -> Figure:
+    """Return the expected calibration error: mean over verdicts of |share right - mean probability| by bin.
+
+    Naeini, Cooper, Hauskrecht (2015), "Obtaining well calibrated probabilities using Bayesian binning".
+    """
+    filled = reliability(records, bins)
+    count = sum(item.right.count for item in filled)
+    if not count:
+        return Figure(None, None, None, 0)
+    error = sum(item.right.count * abs((item.right.value or 0.0) - item.said) for item in filled) / count
+    return Figure(error, None, None, count)
+
+
+def brier(records: Sequence[Record]) -> Figure:
+    """Return the Brier score, the mean over cases of ``sum_k (p_k - y_k)^2`` over all candidates: 0 to 2.
+
+    y is 1 at what is right, as `is_right` has it. Probabilities that the records leave out count as 0.
+    """
+    return mean(map(_brier, judged(records)))
+
+
+def _brier(record: Record) -> float:
+    truth = record.answer.verdict if is_right(record) else record.truth
+    probabilities = dict(record.answer.probabilities or {})
+    right = probabilities.pop(truth, 0.0)
+    return (1.0 - right) ** 2 + sum(p * p for p in probabilities.values())

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.campaign import ROWS, Array, Integers, SimulatedCampaign, Truth
-from beamstiff.exam.equilibrium import Load, Solved, at_rest, equilibrium, rows_of, some
+from beamstiff.exam.campaign import ROWS, Array, Integers, SimulatedCampaign, Truth, some
+from beamstiff.exam.effect import Reality, axes_of
+from beamstiff.exam.equilibrium import Load, Problem, Solved, equilibrium, rows_of
 from beamstiff.exam.forms import imposed
-from beamstiff.exam.laws import Memory, Situation
+from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
 from beamstiff.exam.machine import drives_of, joints_of, machine_of
 from beamstiff.exam.placing import Placed, place, skeleton_of
-from beamstiff.exam.reality import Reality, axes_of
-from beamstiff.exam.rotations import turned_by
+from beamstiff.exam.rotations import apply, turned_by
 from beamstiff.exam.strain import State
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
@@ -31,14 +31,9 @@ ROOM = 20.0  # degC where it gives no temperature
 def simulate(
     robot: Robot, truths: Sequence[Truth], campaign: SimulatedCampaign, rng: np.random.Generator
 ) -> Measurements:
-    """Return what a campaign would read on a machine that has the given effects.
+    """Return what a campaign reads on a robot of true stiffness that has some effects, imposed in order.
 
-    `robot`: the machine without the effects, with its true stiffness.
-    `truths`: effects, imposed in this order.
-    `rng`: for the noise of the readings.
-
-    Raises BeamstiffError when an effect does not fit the robot, a loop does not close or a state does not
-    come to rest.
+    Raises BeamstiffError when an effect does not fit, a loop does not close or a state does not come to rest.
     """
     values = readings(reality_of(robot, truths), campaign) + _noise(campaign, rng)
     if not campaign.rotations:
@@ -72,10 +67,7 @@ def reality_of(robot: Robot, truths: Sequence[Truth]) -> Reality:
 
 
 def draw_stiffness(rng: np.random.Generator, robot: Robot) -> dict[str, float]:
-    """Return the true stiffness of what would be identified: a quarter around the nominal one, lognormal.
-
-    By parameter name, for `Robot.with_parameters`; of all elastic drives where the robot names no parameters.
-    """
+    """Return the true stiffness by name of what is identified, of all drives where nothing is: lognormal."""
     names = robot.identify or tuple(
         f"{joint}.{JOINT_DIRECTIONS[own]}"
         for name in drives_of(robot)
@@ -139,9 +131,8 @@ def solve(
 ) -> Solution:
     """Return the equilibrium of the machine in every row of a campaign.
 
-    `near`: of a machine of the same parts and geometry in the same campaign, to start from.
-    `start`: of another machine in the same campaign: it is started from where its bodies are as many.
-    `once`: one step from there: the change to first order.
+    `near`: to start from; of a machine of the same parts and geometry in the same campaign.
+    `start`: the same of any machine; taken where its bodies are as many. `once`: one step: to first order.
     """
     topology = topology_of(reality.machine)
     q, row, row_of = np.unique(campaign.q, axis=0, return_index=True, return_inverse=True)
@@ -152,58 +143,44 @@ def solve(
             q = change(q)
         placed = place(skeleton_of(reality.machine.robot, errors), q, reality.geometry)
     else:
-        placed = near.placed.at(row)
-    layout = lay_out(topology, placed).at(row_of)
-    placed = placed.at(row_of)
+        placed = some(near.placed, row)
+    layout, placed = some(lay_out(topology, placed), row_of), some(placed, row_of)
     load = _load(reality, topology, campaign, placed, layout)
     first, state_of, state_pose, turn_of = _states(campaign)
-    rows = rows_of(topology)
-    laws = [law for _, law in rows.laws]
     situation = _situation(campaign, placed, first, turn_of)
+    states = Problem(topology, rows_of(topology), some(layout, first), some(load, first), situation)
+    laws = [law for _, law in states.rows.laws]
 
     start = start or near
     if start is not None and start.topology.bodies != topology.bodies:
         start = None
     own = any(law.changes for law in laws) and not campaign.shared_unloaded
+    here = np.arange(len(first))
     poses, first_state = np.unique(state_pose, return_index=True)
-    rest_of = np.arange(len(first)) if own else np.searchsorted(poses, state_pose)
-    rest_states = np.arange(len(first)) if own else first_state
-    rest_rows = first[rest_states]
-    rest_situation = situation.at(rest_states)
-    nothing = some(load, rest_rows)
-    nothing = Load(nothing.body, nothing.arm, np.zeros_like(nothing.wrench))
-    memory: tuple[Memory, ...] = tuple(law.start(len(rest_rows)) for law in laws)
-    still = at_rest(topology, rows, len(rest_rows))
-    begin = still if start is None else _from(start.unloaded, rest_rows, still)
+    rest_of = here if own else np.searchsorted(poses, state_pose)
+    rest_states = here if own else first_state
+    unloaded = states.at(rest_states)
+    nothing = replace(unloaded.load, wrench=np.zeros_like(unloaded.load.wrench))
+    memory = tuple(law.start(len(rest_states)) for law in laws)
+    unloaded = replace(unloaded, load=nothing, memory=memory)
+    still = unloaded.at_rest()
+    begin = still if start is None else _from(start.unloaded, first[rest_states], still)
     remembers = any(law.remembers for law in laws)
-    rest = Solved(begin, memory, np.zeros(len(rest_rows)))
+    rest = Solved(begin, memory, np.zeros(len(rest_states)))
     if remembers or campaign.kind == "displacement":
-        rest = equilibrium(topology, layout.at(rest_rows), nothing, rest_situation, begin, memory, once=once)
+        rest = equilibrium(unloaded, begin, once=once)
 
-    state = some(rest.state, rest_of)
-    unbalanced = rest.unbalanced[rest_of]
-    after = tuple(tuple(part[rest_of] for part in old) for old in rest.memory)
+    state, after, unbalanced = (some(part, rest_of) for part in (rest.state, rest.memory, rest.unbalanced))
     begin = state if start is None else _from(start.loaded, first, state)
     loaded = State(*(np.copy(part) for part in (begin.moved, begin.turned, begin.hold)))
-    here = np.arange(len(first))
     for turn in range(int(turn_of.max()) + 1) if remembers else (-1,):
         now = here if turn < 0 else here[turn_of == turn]
-        # the state before in the same pose; before the first one the unloaded machine
-        before = (
-            now
-            if turn <= 0
-            else here[turn_of == turn - 1][np.searchsorted(state_pose[turn_of == turn - 1], state_pose[now])]
-        )
-        memory = tuple(tuple(part[before] for part in old) for old in after)
-        found = equilibrium(
-            topology,
-            layout.at(first[now]),
-            some(load, first[now]),
-            situation.at(now),
-            some(loaded, before if start is None else now),
-            memory,
-            once=once,
-        )
+        before = now  # the state before in the same pose; before the first one the unloaded machine
+        if turn > 0:
+            last = here[turn_of == turn - 1]
+            before = last[np.searchsorted(state_pose[last], state_pose[now])]
+        problem = replace(states.at(now), memory=some(after, before))
+        found = equilibrium(problem, some(loaded, before if start is None else now), once=once)
         for name in ("moved", "turned", "hold"):
             getattr(loaded, name)[now] = getattr(found.state, name)
         for old, new in zip(after, found.memory, strict=True):
@@ -224,8 +201,7 @@ def _from(state: State, rows: Integers, other: State) -> State:
 
 
 def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
-    shift = ((state.turned[rows, body] - np.eye(3)) @ arm[..., None])[..., 0]
-    return state.moved[rows, body] + shift
+    return state.moved[rows, body] + apply(state.turned[rows, body] - np.eye(3), arm)
 
 
 def _load(
@@ -247,10 +223,7 @@ def _load(
 
 
 def _states(campaign: SimulatedCampaign) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return each state's first row, each row's state, each state's pose and its turn within the pose.
-
-    States are in the order of pose, then step.
-    """
+    """Return states' first rows, rows' states, states' poses and turns in these; by pose, then step."""
     keys = np.stack([campaign.pose, campaign.step], axis=1)
     states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     pose = states[:, 0]

@@ -1,9 +1,8 @@
 """How large effects are: drawn by the gap that they are to leave, within what is realistic.
 
-An effect's size runs from 0 to 1 over its realistic range. What gap it leaves depends on the machine, the
-campaign and the noise, so that sizes drawn evenly would leave most effects either invisible or glaring. The
-gap over noise is drawn instead, and the size found that leaves about it; where no realistic size does, the
-nearest one stands. The gap is what the best fit without effects leaves of noise-free rows, over the noise.
+An effect's size runs from 0 to 1 over its realistic range. Drawn evenly, most effects would be invisible or
+glaring: the gap over noise is drawn instead, and the size found that leaves about it, or the nearest one. The
+gap is what the best fit without effects leaves of noise-free rows, over the noise.
 """
 
 import math
@@ -14,10 +13,10 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.forms import draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.parameters import between
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.record import Kind
 from beamstiff.exam.simulate import read, simulate, solve
 from beamstiff.robot.description import Robot
@@ -39,20 +38,13 @@ DIGITS = 3  # of a size: more could differ between machines, and the seal with t
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A model that is fitted to what a machine with effects reads in a campaign, without noise.
+    """A model that is fitted to what a machine with effects reads in a campaign, without noise."""
 
-    `machine`: without effects, its stiffness true.
-    `campaign`: without noise.
-    `still`: (N, 6) array, m and rad; what is read without effects; NaN where nothing is.
-    `basis`: (N, 6, t) array; derivatives of that by the logarithms of the compliances fitted.
-    `weight`: (6,) array; one over the noise.
-    """
-
-    machine: Robot
-    campaign: SimulatedCampaign
-    still: Array
-    basis: Array
-    weight: Array
+    machine: Robot  # without effects, its stiffness true
+    campaign: SimulatedCampaign  # without noise
+    still: Array  # (N, 6): m and rad; what is read without effects; NaN where nothing is
+    basis: Array  # (N, 6, t): derivatives of that by the logarithms of the compliances fitted
+    weight: Array  # (6,): one over the noise
 
     def residual(self, truths: Sequence[Truth]) -> Array:
         """Return what the fit leaves of the gap that some effects make, (N, 6), m and rad."""
@@ -64,10 +56,9 @@ class Fit:
 
 
 def linear_fit(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Fit:
-    """Return the linear least-squares fit of the compliances that a robot lists to identify.
+    """Return the linear least-squares fit, weighted by the true noise, of the compliances to identify.
 
-    The rows' derivatives by the compliances are differences of the simulator's own answers without effects,
-    at the true stiffness; values are weighted by the true noise. It shares nothing with the diagnosis.
+    Derivatives are differences of the simulator's own answers without effects, at the true stiffness.
     """
     exact = without_noise(campaign)
     reality = Reality(machine_of(machine))
@@ -132,14 +123,10 @@ def sized(
     truths: Sequence[Truth],
     kind: Kind,
 ) -> tuple[Sized, ...]:
-    """Return the effects in sizes that leave about the gaps that are drawn for them.
+    """Return the effects, given in any size, in sizes that leave about the gaps that are drawn for them.
 
     Where an effect as it was drawn leaves far less at any size (a wrist's short link), another of its forms
-    or another component is drawn, a few times.
-
-    `robot`, `machine`: the model, and the machine without effects.
-    `truths`: as drawn, of any size.
-    `kind`: of the case.
+    or another component is drawn, a few times. `robot`, `machine`: the model, the machine without effects.
     """
     if not truths:
         return ()
@@ -189,9 +176,8 @@ def some_poses(campaign: SimulatedCampaign, most: int) -> SimulatedCampaign:
 def size_for(gap_of: Callable[[float], float], wanted: float) -> tuple[float, float]:
     """Return the size in [0, 1] whose gap is nearest by ratio to the wanted one, and its gap.
 
-    The gap's logarithm mostly grows about evenly with the size: false position between the sizes that
-    bracket it, `USUAL` growth beyond them. Where the largest size leaves less than the middle one (a drive
-    that sticks altogether) sizes between are tried.
+    False position on the gap's logarithm between the sizes that bracket it, `USUAL` growth beyond them; where
+    the largest size leaves less than the middle one (a drive that sticks), sizes between are tried.
 
     >>> size, gap = size_for(lambda s: 0.1 * 100.0**s, 1.0)
     >>> round(size, 1), 0.85 < gap < 1.17

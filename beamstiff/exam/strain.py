@@ -8,72 +8,48 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.exam.campaign import Array
+from beamstiff.exam.campaign import Array, Integers
 from beamstiff.exam.layout import Layout, Topology
-from beamstiff.exam.rotations import cross_matrix, turned_by, vector_rate
+from beamstiff.exam.rotations import apply, cross_matrix, turned_by, vector_rate
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The deformed machine; P states, B bodies with the ground.
+    """The deformed machine; P states, B bodies with the ground."""
 
-    `moved`: (P, B, 3) array, m; displacement of the bodies' reference points.
-    `turned`: (P, B, 3, 3) array; rotation of the bodies.
-    `hold`: (P, C) array, N and N m; forces that keep rigid directions closed.
-    """
+    moved: Array  # (P, B, 3): m; displacement of the bodies' reference points
+    turned: Array  # (P, B, 3, 3): rotation of the bodies
+    hold: Array  # (P, C): N and N m; forces that keep rigid directions closed
 
-    moved: Array
-    turned: Array
-    hold: Array
-
-    def point(self, body: object, arm: Array) -> Array:
+    def point(self, body: Integers, arm: Array) -> Array:
         """Return the displacement of points of bodies."""
-        turned = self.turned[:, body]  # type: ignore[index]
-        shift = ((turned - np.eye(3)) @ arm[..., None])[..., 0]
-        return self.moved[:, body] + shift  # type: ignore[index]
+        return self.moved[:, body] + apply(self.turned[:, body] - np.eye(3), arm)
 
 
 @dataclass(frozen=True, eq=False)
 class Strain:
-    """Strains of all members, M = 6 E + S rows.
+    """Strains of all members, M = 6 E + S rows; rates by displacement and spin of both bodies."""
 
-    `rows`: (P, M) array.
-    `rates`: (P, E, 6, 12) array; of the members' strains, by displacement and spin of the first body, then of
-        the second.
-    `plain`: (P, E, 6, 12) array; the same before bending shortens bars.
-    `axes`, `rate`, `second`, `from_first`: arrays; current axes, inverse Jacobian of the rotation vector, and
-        arms, for the geometric part.
-    `bent`: (P, E, 6) array; strains before bending shortens.
-    `rod_rates`: (P, S, 12) array; of the rods' change of length.
-    `along`, `length`: (P, S, 3), (P, S) arrays; of the rods.
-    """
-
-    rows: Array
-    rates: Array
-    plain: Array
-    axes: Array
-    rate: Array
-    second: Array
+    rows: Array  # (P, M)
+    rates: Array  # (P, E, 6, 12): of the members' strains
+    plain: Array  # (P, E, 6, 12): the same before bending shortens bars
+    axes: Array  # current axes
+    rate: Array  # inverse Jacobian of the rotation vector
+    second: Array  # arms
     from_first: Array
-    bent: Array
-    rod_rates: Array
-    along: Array
-    length: Array
+    bent: Array  # (P, E, 6): strains before bending shortens
+    rod_rates: Array  # (P, S, 12): of the rods' change of length
+    along: Array  # (P, S, 3): of the rods
+    length: Array  # (P, S)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """Slopes of the members' forces by their strains.
+    """Slopes of the members' forces by their strains."""
 
-    `members`: (P, E, 6, 6) array.
-    `rods`: (P, S) array.
-    `between`: list of (int, int, (P,) array or float); row of the force, row of the strain, and slope, where
-        these are of different members.
-    """
-
-    members: Array
-    rods: Array
-    between: list[tuple[int, int, Array | float]]
+    members: Array  # (P, E, 6, 6)
+    rods: Array  # (P, S)
+    between: list[tuple[int, int, Array | float]]  # slopes of a row's force by another member's row
 
     def add(self, row: int, other: int, slope: Array | float) -> None:
         """Add to the slope of one row's force by another row's strain."""
@@ -102,12 +78,12 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
     poses, members = layout.axes.shape[:2]
     turn_a, turn_b = state.turned[:, a], state.turned[:, b]
     apart = state.point(b, layout.second) - state.point(a, layout.first)
-    second = (turn_b @ layout.second[..., None])[..., 0]
+    second = apply(turn_b, layout.second)
     between = layout.rest + apart
-    from_first = (turn_a @ layout.first[..., None])[..., 0] + between
+    from_first = apply(turn_a, layout.first) + between
     axes = turn_a @ layout.axes
     across = np.swapaxes(axes, -1, -2)
-    back = (np.swapaxes(turn_a - np.eye(3), -1, -2) @ layout.rest[..., None])[..., 0]
+    back = apply(np.swapaxes(turn_a - np.eye(3), -1, -2), layout.rest)
     place = (across @ apart[..., None] + np.swapaxes(layout.axes, -1, -2) @ back[..., None])[..., 0]
     angle = turned_by(across @ turn_b @ layout.axes)
     rate = vector_rate(angle)
@@ -145,8 +121,7 @@ def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, A
     rod_rates = np.zeros((poses, len(c), 12))
     for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
         rod_rates[..., at : at + 3] = sign * along
-        lever = (state.turned[:, bodies] @ arm[..., None])[..., 0]
-        rod_rates[..., at + 3 : at + 6] = sign * np.cross(lever, along)
+        rod_rates[..., at + 3 : at + 6] = sign * np.cross(apply(state.turned[:, bodies], arm), along)
     return longer, rod_rates, along, length
 
 
@@ -184,14 +159,9 @@ def add_stiffness(
     state: State,
     strain: Strain,
     force: Array,
-    tangent: Tangent | None = None,
+    tangent: Tangent,
 ) -> None:
-    """Add how the bodies' forces change with their motion, in the first 6 B rows and columns of a system.
-
-    `system`: (P, n, n) array; changed in place.
-    `force`: (P, M) array; of every row of the strains; these turn with the bodies.
-    `tangent`: without it the forces stay as large as they are: the geometric part.
-    """
+    """Add to a system (P, n, n) how bodies' forces change with their motion, of members' forces (P, M)."""
     poses, members = layout.axes.shape[:2]
     s = force[:, : 6 * members].reshape(poses, members, 6)
     bars = layout.bending.shape[1]
@@ -204,10 +174,7 @@ def add_stiffness(
     M = 0.5 * cross_matrix((strain.axes @ np.swapaxes(strain.rate, -1, -2) @ s[..., 3:, None])[..., 0])
     S_b, S_c = cross_matrix(strain.second), cross_matrix(strain.from_first)
     back = F @ S_b
-    if tangent is None:
-        block = np.zeros((poses, members, 12, 12))
-    else:
-        block = np.swapaxes(strain.rates, -1, -2) @ (tangent.members @ strain.rates)
+    block = np.swapaxes(strain.rates, -1, -2) @ (tangent.members @ strain.rates)
     block[..., 6:9, 3:6] -= F
     block[..., 9:12, 3:6] -= S_b @ F + M
     block[..., 9:12, 9:12] += back - M
@@ -223,11 +190,10 @@ def add_stiffness(
         _add(system, i, j, block[:, at])
     if len(topology.rods):
         _add_rods(system, topology, layout, state, strain, force[:, 6 * members :], tangent)
-    if tangent is not None:
-        n = 6 * topology.bodies
-        for row, other, its_slope in tangent.between:
-            its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
-            system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
+    n = 6 * topology.bodies
+    for row, other, its_slope in tangent.between:
+        its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
+        system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
 
 
 def _add_rods(
@@ -237,14 +203,14 @@ def _add_rods(
     state: State,
     strain: Strain,
     pull: Array,
-    tangent: Tangent | None,
+    tangent: Tangent,
 ) -> None:
     c, d = topology.rods.T
     across = np.eye(3) - strain.along[..., :, None] * strain.along[..., None, :]
     K = (pull / strain.length)[..., None, None] * across
     N = cross_matrix(pull[..., None] * strain.along)
-    A = cross_matrix((state.turned[:, c] @ layout.rod_first[..., None])[..., 0])
-    B = cross_matrix((state.turned[:, d] @ layout.rod_second[..., None])[..., 0])
+    A = cross_matrix(apply(state.turned[:, c], layout.rod_first))
+    B = cross_matrix(apply(state.turned[:, d], layout.rod_second))
     rod = np.zeros((len(pull), len(c), 12, 12))
     ends = ((slice(0, 3), slice(3, 6), A, -1.0), (slice(6, 9), slice(9, 12), B, 1.0))
     for u, r, arm, sign in ends:
@@ -255,9 +221,8 @@ def _add_rods(
             rod[..., r, v] = both * arm @ K
             rod[..., r, t] = -both * arm @ K @ other
         rod[..., r, r] += sign * N @ arm
-    if tangent is not None:
-        rates = strain.rod_rates
-        rod += (tangent.rods[..., None] * rates)[..., :, None] * rates[..., None, :]
+    rates = strain.rod_rates
+    rod += (tangent.rods[..., None] * rates)[..., :, None] * rates[..., None, :]
     for at, (i, j) in enumerate(topology.rods):
         _add(system, i, j, rod[:, at])
 

@@ -7,27 +7,21 @@ from typing import Literal
 from beamstiff.exam import score
 from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import brier, calibration_error, reliability
+from beamstiff.exam.score import brier, calibration_error, reliability
 
 Records = Sequence[Record]
 
 
 @dataclass(frozen=True)
 class Row:
-    """A figure of the table.
-
-    `figure`: what was reached.
-    `required`, `aim`: none where nothing is asked.
-    `better`: which way is good.
-    `share`: whether it is a share, shown as such.
-    """
+    """A figure of the table; none is required, or aimed at, where nothing is asked."""
 
     name: str
-    figure: Figure
+    figure: Figure  # what was reached
     required: float | None = None
     aim: float | None = None
-    better: Literal["high", "low"] = "high"
-    share: bool = True
+    better: Literal["high", "low"] = "high"  # which way is good
+    share: bool = True  # whether it is a share, shown as such
 
     @property
     def met(self) -> Literal["aim", "required", "missed"] | None:
@@ -47,11 +41,7 @@ COVERED_NAMES = "the same, of verdicts that name an effect"
 
 
 def headline(records: Records, lean: bool = False) -> list[Row]:
-    """Return the figures that the exam asks for, over the given cases.
-
-    Of lean designs nothing is asked but few false alarms, and that the verdict set holds the truth where an
-    effect is named: only the others are shown.
-    """
+    """Return the figures that the exam asks for; of `lean` designs no false alarms, and true sets, alone."""
     rows = _headline(records)
     if not lean:
         return rows

@@ -14,7 +14,7 @@ from beamstiff.exam.crowded.score import by_data, figures, is_main_exact, names_
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import calibration_error, reliability
+from beamstiff.exam.score import calibration_error, reliability
 from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
 from beamstiff.report.tables import Table, counted, table

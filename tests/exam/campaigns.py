@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
+from beamstiff.exam.effect import Reality
 from beamstiff.exam.forms import draw_truth, imposed
 from beamstiff.exam.machine import machine_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import readings
 from beamstiff.robot.description import Robot

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from beamstiff.exam.names import NONE, UNKNOWN
-from beamstiff.exam.reliability import brier, calibration_error, reliability
+from beamstiff.exam.score import brier, calibration_error, reliability
 from tests.exam.answered import answered
 
 

@@ -13,8 +13,8 @@ from beamstiff.exam.blind import Examiner, examined
 from beamstiff.exam.cases import Exam, draw_case, kind_of
 from beamstiff.exam.labelled import examine_folder
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import brier, calibration_error
 from beamstiff.exam.run import SINGLE, Void, read_results, run_exam
+from beamstiff.exam.score import brier, calibration_error
 from beamstiff.exam.table import headline
 from tests.exam.standins import Oracle, always_none, anything, broken, draw_once
 

@@ -1,4 +1,5 @@
 import json
+from functools import partial
 from math import nan
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from scipy.stats import binomtest
 from beamstiff.exam import score
 from beamstiff.exam.names import EFFECTS, FAMILIES, NONE, UNKNOWN, family, normal
 from beamstiff.exam.rates import mean, median, rate
-from beamstiff.exam.record import answer_of, record_from
+from beamstiff.exam.record import Record, answer_of, record_from
 from tests.exam.answered import answered
 
 
@@ -46,113 +47,114 @@ def test_every_effect_of_the_format_has_one_family(shared_path) -> None:
 
 def test_the_two_of_a_pair_may_stand_in_either_order() -> None:
     assert normal("joint-coupling:q6+q5") == normal("joint-coupling:q5+q6")
-    assert score.is_exact(answered("joint-coupling:q5+q6", "joint-coupling:q6+q5"))
 
 
 # --- what a case is
 
-
-def test_exact_asks_for_effect_and_component_and_nothing_else() -> None:
-    assert score.is_exact(answered("backlash:q3", "backlash:q3"))
-    assert not score.is_exact(answered("backlash:q3", "backlash:q2"))
-    assert not score.is_exact(answered("backlash:q3", "hardening:q3"))
-    assert not score.is_exact(answered("backlash:q3", "backlash:q3", also=["link-bending:link2"]))
-    assert not score.is_exact(answered("backlash:q3", UNKNOWN))
-    assert score.is_exact(answered("base-compliance", "base-compliance:null"))
+B, H = "backlash:q3", "hardening:q3"
 
 
-def test_family_and_place_are_judged_apart() -> None:
-    right_family = answered("backlash:q3", "hardening:q2")
-    assert score.is_family(right_family)
-    assert not score.is_place(right_family)
-    right_place = answered("backlash:q3", "bearing-tilt:q3")
-    assert not score.is_family(right_place)
-    assert score.is_place(right_place)
-    for verdict in (NONE, UNKNOWN, "failed"):  # these have no place, not even `null`
-        assert not score.is_place(answered("base-compliance", verdict))
-        assert not score.is_family(answered("base-compliance", verdict))
+@pytest.mark.parametrize(
+    ("truth", "verdict", "exact", "family_", "place"),
+    [
+        (B, B, True, True, True),
+        (B, "backlash:q2", False, True, False),
+        (B, H, False, True, True),
+        (B, "hardening:q2", False, True, False),
+        (B, "bearing-tilt:q3", False, False, True),
+        (B, UNKNOWN, False, False, False),
+        ("base-compliance", "base-compliance:null", True, True, True),
+        ("joint-coupling:q5+q6", "joint-coupling:q6+q5", True, True, True),
+        # these have no place, not even `null`
+        *(("base-compliance", verdict, False, False, False) for verdict in (NONE, UNKNOWN, "failed")),
+    ],
+)
+def test_a_verdict_is_judged_by_cause_family_and_place(
+    truth: str, verdict: str, exact: bool, family_: bool, place: bool
+) -> None:
+    record = answered(truth, verdict)
+    found = score.is_exact(record), score.is_family(record), score.is_place(record)
+    assert found == (exact, family_, place)
 
 
-def test_the_set_is_the_verdict_and_its_declared_equivalents() -> None:
-    records = [
-        answered("backlash:q3", "backlash:q3"),
-        answered("backlash:q3", "hardening:q3", set=["backlash:q3", "hysteresis:q3"]),
-        answered("backlash:q3", "hardening:q3"),
-        answered("backlash:q3", UNKNOWN),
-    ]
-    assert score.coverage(records).value == 2 / 4
-    assert score.coverage_of_names(records).value == 2 / 3
-    assert score.set_size(records).value == pytest.approx((1 + 3 + 1) / 3)
-    assert score.unknowns(records).value == 1 / 4
+def test_exact_asks_for_nothing_else() -> None:
+    assert not score.is_exact(answered(B, B, also=["link-bending:link2"]))
 
 
-def test_a_null_is_answered_by_none_only() -> None:
-    records = [
-        answered("none", NONE),
-        answered("none", NONE),
-        answered("none", UNKNOWN),
-        answered("none", "backlash:q3"),
-        answered("none", "failed"),
-        answered("backlash:q3", "backlash:q3"),  # no null: not asked
-    ]
-    alarms = score.false_alarms(records)
-    assert (alarms.value, alarms.count) == (3 / 5, 5)
+# --- figures: cases, and each figure's value and count
+
+OUTSIDE, REMOVED = {"kind": "outside"}, {"kind": "removed", "withheld": ("backlash",)}
+RIPPLE, PAIR = "stiffness-ripple:q2", f"{B} link-bending:link2"
+FIGURES: dict[str, tuple[list[Record], dict[score.Score, tuple[float, int]]]] = {
+    "the set is the verdict and its declared equivalents": (
+        [
+            answered(B, B),
+            answered(B, H, set=[B, "hysteresis:q3"]),
+            answered(B, H),
+            answered(B, UNKNOWN),
+        ],
+        {
+            score.coverage: (2 / 4, 4),
+            score.coverage_of_names: (2 / 3, 3),
+            score.set_size: (5 / 3, 3),
+            score.unknowns: (1 / 4, 4),
+        },
+    ),
+    "a null is answered by none only, and no other case is asked": (
+        [*(answered("none", said) for said in (NONE, NONE, UNKNOWN, B, "failed")), answered(B, B)],
+        {score.false_alarms: (3 / 5, 5)},
+    ),
+    "an effect outside the library gets no name; too small ones do not count": (
+        [
+            *(answered(RIPPLE, said, **OUTSIDE) for said in (UNKNOWN, NONE, "actuator-lever:q2", "failed")),
+            answered(RIPPLE, "actuator-lever:q2", gap=0.5, **OUTSIDE),
+        ],
+        {score.not_named: (2 / 4, 4)},
+    ),
+    "a removed class is flagged by unknown or a set, strictly by its name": (
+        [
+            answered(B, H, set=[B], **REMOVED),
+            answered(B, H, set=["hysteresis:q3"], **REMOVED),
+            *(answered(B, said, **REMOVED) for said in (UNKNOWN, H, NONE, "failed")),
+        ],
+        {score.flagged: (3 / 6, 6), score.truly_flagged: (2 / 6, 6)},
+    ),
+    "pairs are compared without order, and only where each effect can be seen": (
+        [
+            answered(PAIR, "link-bending:link2", also=[B]),  # both
+            answered(PAIR, B),  # one, nothing false
+            answered(PAIR, B, also=[H]),  # one of them false
+            answered(PAIR, UNKNOWN),  # nothing false
+            answered(PAIR, "failed"),
+            answered(PAIR, "hardening:q1", gaps=(3.0, 0.2)),  # too small to count
+            answered(PAIR, "hardening:q1", gaps=(3.0, nan)),  # no baseline: not known to be large
+        ],
+        {score.both: (1 / 5, 5), score.nothing_false: (3 / 5, 5)},
+    ),
+    "promises are compared from one and a half sigma on": (
+        [
+            answered(B, B, gap=2.0, promised=0.9, shrink=0.8),
+            answered(B, H, gap=2.0, promised=0.5, shrink=0.1),  # a wrong name counts
+            answered(B, B, gap=1.5, promised=0.6, shrink=0.8),
+            answered(B, B, gap=1.4, promised=0.0, shrink=1.0),
+            answered(B, UNKNOWN, gap=2.0),  # promises nothing
+        ],
+        {score.shrink_difference: (0.2, 3)},
+    ),
+    "a control is judged where it was asked": (
+        [*(answered(B, controls={"bic": said}) for said in (B, H)), answered(B)],
+        {partial(score.control_exact, name="bic"): (0.5, 2)},
+    ),
+}
 
 
-def test_an_effect_outside_the_library_must_get_no_name() -> None:
-    outside = {"kind": "outside"}
-    records = [
-        answered("stiffness-ripple:q2", UNKNOWN, **outside),
-        answered("stiffness-ripple:q2", NONE, **outside),
-        answered("stiffness-ripple:q2", "actuator-lever:q2", **outside),
-        answered("stiffness-ripple:q2", "failed", **outside),
-        answered("stiffness-ripple:q2", "actuator-lever:q2", gap=0.5, **outside),  # too small to count
-    ]
-    figure = score.not_named(records)
-    assert (figure.value, figure.count) == (2 / 4, 4)
-
-
-def test_a_removed_class_is_flagged_by_unknown_or_a_set_and_strictly_by_its_name() -> None:
-    removed = {"kind": "removed", "withheld": ("backlash",)}
-    records = [
-        answered("backlash:q3", UNKNOWN, **removed),
-        answered("backlash:q3", "hardening:q3", set=["backlash:q3"], **removed),
-        answered("backlash:q3", "hardening:q3", set=["hysteresis:q3"], **removed),
-        answered("backlash:q3", "hardening:q3", **removed),
-        answered("backlash:q3", NONE, **removed),
-        answered("backlash:q3", "failed", **removed),
-    ]
-    assert score.flagged(records).value == 3 / 6
-    assert score.truly_flagged(records).value == 2 / 6
-
-
-def test_pairs_are_compared_without_order_and_only_where_each_effect_can_be_seen() -> None:
-    truth = "backlash:q3 link-bending:link2"
-    records = [
-        answered(truth, "link-bending:link2", also=["backlash:q3"]),  # both
-        answered(truth, "backlash:q3"),  # one, nothing false
-        answered(truth, "backlash:q3", also=["hardening:q3"]),  # one of them false
-        answered(truth, UNKNOWN),  # nothing false
-        answered(truth, "failed"),
-        answered(truth, "hardening:q1", gaps=(3.0, 0.2)),  # too small to count
-        answered(truth, "hardening:q1", gaps=(3.0, nan)),  # no baseline: not known to be large
-    ]
-    assert len(score.clear_pairs(records)) == 5
-    assert score.both(records).value == 1 / 5
-    assert score.nothing_false(records).value == 3 / 5
-
-
-def test_promises_are_compared_from_one_and_a_half_sigma_on() -> None:
-    records = [
-        answered("backlash:q3", "backlash:q3", gap=2.0, promised=0.9, shrink=0.8),
-        answered("backlash:q3", "hardening:q3", gap=2.0, promised=0.5, shrink=0.1),  # a wrong name counts
-        answered("backlash:q3", "backlash:q3", gap=1.5, promised=0.6, shrink=0.8),
-        answered("backlash:q3", "backlash:q3", gap=1.4, promised=0.0, shrink=1.0),
-        answered("backlash:q3", UNKNOWN, gap=2.0),  # promises nothing
-    ]
-    figure = score.shrink_difference(records)
-    assert figure.value == pytest.approx(0.2)
-    assert figure.count == 3
+@pytest.mark.parametrize(("records", "figures"), FIGURES.values(), ids=FIGURES)
+def test_each_figure_counts_as_its_docstring_says(
+    records: list[Record], figures: dict[score.Score, tuple[float, int]]
+) -> None:
+    for figure, (value, count) in figures.items():
+        found = figure(records)
+        assert (found.value, found.count) == (pytest.approx(value), count)
 
 
 def test_the_worst_class_stands_first() -> None:
@@ -210,15 +212,6 @@ def test_a_guess_among_twenty_is_right_once_in_twenty() -> None:
     assert score.right_family(records).value == pytest.approx((10**2 + 5**2 + 5**2) / 20**2, abs=0.03)
     assert score.right_place(records).value == pytest.approx(1 / 5, abs=0.03)
     assert score.chance(records) == pytest.approx(1 / 20, abs=0.002)
-
-
-def test_a_control_is_judged_where_it_was_asked() -> None:
-    records = [
-        answered("backlash:q3", controls={"bic": "backlash:q3"}),
-        answered("backlash:q3", controls={"bic": "hardening:q3"}),
-        answered("backlash:q3"),
-    ]
-    assert (score.control_exact(records, "bic").value, score.control_exact(records, "bic").count) == (0.5, 2)
 
 
 # --- records

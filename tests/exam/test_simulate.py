@@ -11,15 +11,15 @@ from scipy.optimize import brentq
 import beamstiff.exam
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.equilibrium import Load, at_rest, equilibrium, rows_of
+from beamstiff.exam.effect import Reality
+from beamstiff.exam.equilibrium import Load, Problem, equilibrium, rows_of
 from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import lay_out, topology_of
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.exam.simulate import draw_stiffness, simulate, solve
-from beamstiff.exam.strain import State, add_stiffness, resisting, strain_of
+from beamstiff.exam.strain import State, Tangent, add_stiffness, resisting, strain_of
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.description import Robot
@@ -38,7 +38,7 @@ ALLOWED = {
     "beamstiff.measure.table",
 }
 SIMULATOR = [
-    "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium", "reality",
+    "campaign", "rotations", "placing", "machine", "laws", "layout", "strain", "equilibrium",
     "components", "draws", "parameters", "effect", "added_parts", "simulate", "sizes", "record", "names",
 ]  # fmt: skip
 
@@ -188,7 +188,8 @@ def test_tangent_is_the_derivative_of_the_forces(name: str) -> None:
         return resisting(topology, strain_of(topology, layout, there), force)
 
     tangent = np.zeros((2, 6 * bodies, 6 * bodies))
-    add_stiffness(tangent, topology, layout, state, strain_of(topology, layout, state), force)
+    constant = Tangent(np.zeros_like(layout.stiffness), np.zeros((2, len(topology.rods))), [])
+    add_stiffness(tangent, topology, layout, state, strain_of(topology, layout, state), force, constant)
     for column in rng.choice(6 * bodies, 12, replace=False):
         step = np.zeros((2, bodies, 6))
         step.reshape(2, -1)[:, column] = 1e-6
@@ -329,9 +330,8 @@ def test_equilibrium_does_not_depend_on_where_the_search_starts() -> None:
     wrench = np.tile([800.0, 300, -1e3, 50, 0, 20], (3, 1))
     load = Load(body, layout.arms[:, topology.index[robot.tcp]], wrench)
     situation = Situation({}, np.zeros(3), np.zeros(3), np.zeros(3))
-    start = at_rest(topology, rows_of(topology), 3)
+    problem = Problem(topology, rows_of(topology), layout, load, situation)
+    start = problem.at_rest()
     shaken = dataclasses.replace(start, moved=start.moved + 1e-3 * (np.arange(topology.bodies) > 0)[:, None])
-    found = [
-        equilibrium(topology, layout, load, situation, s, ()).state.moved[:, 1:] for s in (start, shaken)
-    ]
+    found = [equilibrium(problem, state).state.moved[:, 1:] for state in (start, shaken)]
     np.testing.assert_allclose(found[0], found[1], atol=1e-11)

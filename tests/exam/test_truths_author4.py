@@ -2,13 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
+from beamstiff import load_robot
 from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.designs import Wish, draw_campaign
+from beamstiff.exam.effect import Drive
 from beamstiff.exam.forms import author4, components, draw_truth, resized
 from beamstiff.exam.forms.author4.drives import (
     driven_back,
@@ -25,7 +27,7 @@ from beamstiff.exam.forms.author4.geometry import cardan, dragged
 from beamstiff.exam.forms.author4.measurement import BALLS, by_marks, hall
 from beamstiff.exam.forms.author4.outside import bedding_in, drum
 from beamstiff.exam.forms.author4.structure import bracket, lifting, rubber, short_foot, windowed
-from beamstiff.exam.laws import Law, Situation
+from beamstiff.exam.laws import Curved, Law, Situation, curved, posed, winding
 from beamstiff.exam.simulate import readings, reality_of
 from tests.exam.campaigns import loaded_robot
 
@@ -78,16 +80,19 @@ def along(law: Law, strains: Array) -> Array:
     return np.array(found)
 
 
+def wound(wind_up: Callable[..., Curved], **p: float) -> Law:
+    return winding(partial(wind_up, p, K), K * (1.0 + p.get("gain", 0.0)))
+
+
+SPLIT = {"sign": -1.0, "preload": 6e-5, "gap": 2e-4, "soft": 0.05}
+MESH = {"half_width": 1e-4, "runout": 0.4, "phase": 0.3, "grease": 0.03}
 SPRINGS: dict[str, tuple[Law, bool]] = {  # odd or not
-    "soft zone": (soft_zone(K, 2e-4, 5e-5), True),
-    "engaging teeth": (engaging(K, 0.8, 2e-4, 0.0), True),
-    "engaging teeth, skew": (engaging(K, 0.8, 2e-4, 0.4), False),
+    "soft zone": (wound(soft_zone, lost=2e-4, knee=5e-5), True),
+    "engaging teeth": (wound(engaging, gain=0.8, scale=2e-4, skew=0.0), True),
+    "engaging teeth, skew": (wound(engaging, gain=0.8, scale=2e-4, skew=0.4), False),
     "spline": (spline(K, 1.3, 1e-4), True),
-    "scissor gear": (scissor(K, -1.0, 6e-5, 2e-4, 0.05), False),
-    "eccentric mesh": (
-        eccentric_mesh({"half_width": 1e-4, "runout": 0.4, "phase": 0.3, "grease": 0.03}, K, "q"),
-        True,
-    ),
+    "scissor gear": (curved(partial(scissor, SPLIT, K)), False),
+    "eccentric mesh": (posed(partial(eccentric_mesh, MESH, Drive(load_robot("kr240-2"), "q", K))), True),
     "lifting rim": (lifting(K, 1e-4, 0.4), True),
     "short foot": (short_foot(K, 6e-5), False),
     "rubber": (rubber(K, 6e-5, 0.4), True),

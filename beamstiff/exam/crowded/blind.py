@@ -93,7 +93,7 @@ def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
 def true_closing(truth: Array, kind: str, shifts: Shifts) -> float:
     """Return ``1 - (after/before)^2`` of the RMS errors against true positions (N, 3), clipped to [-1, 1].
 
-    Absolute positions are first laid over the true ones as a rigid body, as the measuring frame is not known.
+    Absolute positions are first laid over the true ones, as the measuring frame is not known.
     """
     squares = []
     for predicted in shifts:

@@ -13,12 +13,12 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.cases import GRAVITY, dealt
 from beamstiff.exam.crowded.record import CrowdedLabel, Kind, TrueCause
 from beamstiff.exam.designs import Data, draw_crowded, largest_force
+from beamstiff.exam.effect import places_of
 from beamstiff.exam.forms import OUTSIDE, author_of, came_to_rest, draw_truth, resized
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS, LATER
-from beamstiff.exam.parameters import between
+from beamstiff.exam.parameters import between, unit_vector
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import places_of
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
 from beamstiff.exam.simulate import draw_stiffness, read, reality_of, simulate, solve
@@ -53,18 +53,14 @@ INDEPENDENT = 1e-6  # singular value of unit columns below which a direction is 
 
 @dataclass(frozen=True)
 class CrowdedExam:
-    """What the exam draws its cases from; the same exam draws the same cases.
-
-    `robots`: with the share of each. `absolute`: share of the campaigns. `count`: fewest effects, and most.
-    `authors`: whose forms the effects have; all by default.
-    """
+    """What the exam draws its cases from; the same exam draws the same cases."""
 
     seed: int
     shares: Mapping[Kind, int] = field(default_factory=lambda: dict(SHARES))
-    robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))
-    absolute: float = ABSOLUTE
-    count: tuple[int, int] = (FEWEST, MOST)
-    authors: tuple[int, ...] = ()
+    robots: Mapping[str, float] = field(default_factory=lambda: dict(ROBOTS))  # with the share of each
+    absolute: float = ABSOLUTE  # share of the campaigns
+    count: tuple[int, int] = (FEWEST, MOST)  # fewest effects, and most
+    authors: tuple[int, ...] = ()  # whose forms the effects have; all by default
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data."""
@@ -73,27 +69,18 @@ class CrowdedExam:
 
 @dataclass(frozen=True, eq=False)
 class CrowdedCase:
-    """A drawn case.
-
-    `robot`: the model that is diagnosed.
-    `machine`: the same with its true stiffness and reflectors.
-    `geometry`, `truths`: by what the geometry is off, and the effects, as the label orders them.
-    `campaign`, `fresh`: what is measured, and the new poses.
-    `frame`: (6,) array, rad and m; rotation vector and origin of the base in the measuring frame.
-    `gap`: (3N,) array, m; what the best geometry and compliances leave of the noise-free rows.
-    `parts`: (3N, c) array, m; what leaving each effect out changes of it.
-    """
+    """A drawn case."""
 
     label: CrowdedLabel
-    robot: Robot
-    machine: Robot
-    geometry: tuple[Truth, ...]
-    truths: tuple[Truth, ...]
-    campaign: SimulatedCampaign
-    fresh: SimulatedCampaign
-    frame: Array
-    gap: Array
-    parts: Array
+    robot: Robot  # the model that is diagnosed
+    machine: Robot  # the same with its true stiffness and reflectors
+    geometry: tuple[Truth, ...]  # by what it is off
+    truths: tuple[Truth, ...]  # the effects, as the label orders them
+    campaign: SimulatedCampaign  # what is measured
+    fresh: SimulatedCampaign  # the new poses
+    frame: Array  # (6,): rad and m; rotation vector and origin of the base in the measuring frame
+    gap: Array  # (3N,): m; what the best geometry and compliances leave of the noise-free rows
+    parts: Array  # (3N, c): m; what leaving each effect out changes of it
 
     def measured(self, rng: np.random.Generator) -> Measurements:
         """Return the table of the campaign, in its measuring frame."""
@@ -207,11 +194,7 @@ def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -
 
 
 def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
-    """Return other names that mean the same.
-
-    A balancer's torque follows the angle, and so does what it winds its drive up by, which is all that
-    absolute positions show of it. What stands on the ground is the base.
-    """
+    """Return other names that mean the same: torques by the angle; what stands on the ground is the base."""
     if truth.effect in BY_ANGLE:
         return tuple(f"{name}:{truth.component}" for name in BY_ANGLE if name != truth.effect)
     if truth.effect != "base-compliance":
@@ -223,8 +206,8 @@ def _same_by_another_name(robot: Robot, truth: Truth) -> tuple[str, ...]:
 def _with_reflectors(rng: np.random.Generator, robot: Robot, names: Sequence[str]) -> tuple[Robot, Robot]:
     """Return the robot with reflectors on stalks at the TCP where they are guessed, and where they are."""
     tcp = next(node for node in robot.nodes if node.name == robot.tcp)
-    true = [np.array(tcp.at) + rng.uniform(*STALKS) * _direction(rng) for _ in names]
-    guess = [at + between(rng.random(), *GUESSED) * _direction(rng) for at in true]
+    true = [np.array(tcp.at) + rng.uniform(*STALKS) * unit_vector(rng) for _ in names]
+    guess = [at + between(rng.random(), *GUESSED) * unit_vector(rng) for at in true]
 
     def with_nodes(places: Sequence[Array]) -> Robot:
         pairs = zip(names, places, strict=True)
@@ -257,8 +240,7 @@ def _open_parameters(robot: Robot) -> dict[str, str]:
 def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Array:
     """Return an orthonormal basis (3N, k) of what is fitted in any case, in the positions.
 
-    Compliances to identify; of absolute positions zeros, frame parameters (those of Hayati as well), base
-    frame and reflector: the derivatives of the unloaded machine, by central differences.
+    Compliances; of absolute positions also zeros, frame parameters with Hayati's, base frame and reflector.
     """
     columns = [*np.moveaxis(linear_fit(robot, machine, campaign).basis[:, :3], -1, 0)]
     if campaign.kind == "absolute":
@@ -301,10 +283,7 @@ def _draw_effects(
     outside: bool,
     exam: CrowdedExam,
 ) -> list[Truth]:
-    """Return effects, as many as the exam asks for, each at a place of its own, the largest first.
-
-    `rows` tells what a machine with some effects reads, without what is fitted in any case.
-    """
+    """Return effects, each at a place of its own, the largest first, from what a machine with some reads."""
     still = rows(())
 
     def contribution(truth: Truth) -> float:
@@ -353,8 +332,3 @@ def _beyond(values: Array, basis: Array) -> Array:
 def _rms(values: Array) -> float:
     """Return the RMS norm of positions (3N,)."""
     return float(np.sqrt(3.0 * np.mean(np.square(values)))) if values.size else 0.0
-
-
-def _direction(rng: np.random.Generator) -> Array:
-    v = rng.standard_normal(3)
-    return np.asarray(v / np.linalg.norm(v))

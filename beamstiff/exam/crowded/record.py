@@ -11,31 +11,20 @@ Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
 OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
 LEAST = 0.1  # share of the gap from which a cause has to be found
-SIMILAR = 0.8  # of the largest share, from which either may come first
 
 
 @dataclass(frozen=True)
 class TrueCause:
-    """An effect at work, by what it does to the rows.
+    """An effect at work, by what it does to the rows; causes are in the order in which most is closed."""
 
-    `key`: ``effect:component``.
-    `form`: constitutive form.
-    `author`: who wrote the form.
-    `accept`: names that mean the same in these data.
-    `outside`: whether no library has it.
-    `contribution_mm`: RMS of what leaving it out changes in the positions, after a refit of all that is open.
-    `closes`: share of the gap that it closes after those before it, in the order in which most is closed.
-    `hidden`: so small that it is neither asked for nor false.
-    """
-
-    key: str
-    form: str
-    author: int
-    accept: tuple[str, ...]
-    outside: bool
-    contribution_mm: float
-    closes: float
-    hidden: bool
+    key: str  # ``effect:component``
+    form: str  # constitutive form
+    author: int  # who wrote the form
+    accept: tuple[str, ...]  # names that mean the same in these data
+    outside: bool  # whether no library has it
+    contribution_mm: float  # RMS of what leaving it out changes in the positions, after a refit
+    closes: float  # share of the gap that it closes after those before it
+    hidden: bool  # so small that it is neither asked for nor false
 
 
 @dataclass(frozen=True)
@@ -44,22 +33,18 @@ class CrowdedLabel:
 
     `kind`: "crowded", "outside", "geometry" or "clean"; ``outside``: the largest effect is in nobody's
         library; ``geometry``: nothing is off but the geometry.
-    `robot`, `data`: the robot's name; ``absolute`` or ``displacement``.
-    `causes`: in the order of what they close.
-    `noise_mm`, `gap_mm`, `remainder_mm`: RMS of the position noise' norm; of what the best geometry and
-        compliances leave without noise; and of that which all effects of the library together cannot take.
     """
 
     case: int
     kind: Kind
-    robot: str
-    data: str
+    robot: str  # its name
+    data: str  # ``absolute`` or ``displacement``
     poses: int
     rows: int
-    causes: tuple[TrueCause, ...]
-    noise_mm: float
-    gap_mm: float
-    remainder_mm: float
+    causes: tuple[TrueCause, ...]  # in the order of what they close
+    noise_mm: float  # RMS of the position noise' norm
+    gap_mm: float  # RMS of what the best geometry and compliances leave without noise
+    remainder_mm: float  # RMS of that which all effects of the library together cannot take
 
     def digest(self) -> str:
         """Return the SHA-256 of the label, which seals it."""
@@ -94,44 +79,28 @@ class CrowdedLabel:
 
 @dataclass(frozen=True)
 class Reply:
-    """What somebody said of a case, and how that did on fresh poses.
+    """What somebody said of a case, and how that did on fresh poses."""
 
-    `verdict`: ``effect:component``, ``none:null``, ``unknown:null``, or ``failed:null`` where it broke off.
-    `named`: the causes in order.
-    `alike`: what cannot be told from the first cause, or from the verdict.
-    `promised`: share of the gap that all causes are said to close.
-    `said_mm`: the remainder as said, RMS, noise included.
-    `least_mm`, `left_mm`: the remainder as it is, noise included: what the named causes that are real leave
-        after a refit, with hidden causes taken up besides and without.
-    `closing`: share of the gap that the causes close on fresh poses, without noise; None where none is named.
-    `error`: why it broke off, or why it could not predict the fresh poses.
-    """
-
-    verdict: str
-    named: tuple[str, ...] = ()
-    alike: tuple[str, ...] = ()
-    promised: float = 0.0
-    said_mm: float | None = None
-    least_mm: float | None = None
-    left_mm: float | None = None
-    closing: float | None = None
+    verdict: str  # ``effect:component``, ``none:null``, ``unknown:null``, ``failed:null`` where it broke off
+    named: tuple[str, ...] = ()  # the causes in order
+    alike: tuple[str, ...] = ()  # what cannot be told from the first cause, or from the verdict
+    promised: float = 0.0  # share of the gap that all causes are said to close
+    said_mm: float | None = None  # the remainder as said, RMS, noise included
+    least_mm: float | None = None  # the same as below with hidden causes taken up besides
+    left_mm: float | None = None  # what the named causes that are real leave after a refit, noise included
+    closing: float | None = None  # share of the gap closed on fresh poses, without noise; None: none named
     seconds: float = 0.0
-    error: str | None = None
+    error: str | None = None  # why it broke off, or why it could not predict the fresh poses
 
 
 @dataclass(frozen=True)
 class CrowdedRecord:
-    """A case, answered and opened.
-
-    `replies`: of the diagnosis that is examined (`EXAMINED`) and of each control.
-    `label_sha256`, `report_sha256`: seals of the label, before the diagnosis, and of the reports, before the
-        label was opened.
-    """
+    """A case, answered and opened."""
 
     label: CrowdedLabel
-    replies: Mapping[str, Reply]
-    label_sha256: str
-    report_sha256: str
+    replies: Mapping[str, Reply]  # of the diagnosis that is examined (`EXAMINED`) and of each control
+    label_sha256: str  # seal of the label, before the diagnosis
+    report_sha256: str  # seal of the reports, before the label was opened
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for one line of JSON."""

@@ -8,15 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from beamstiff.exam.crowded.record import (
-    EXAMINED,
-    OF_GEOMETRY,
-    SIMILAR,
-    CrowdedLabel,
-    CrowdedRecord,
-    Kind,
-    Reply,
-)
+from beamstiff.exam.crowded.record import EXAMINED, OF_GEOMETRY, CrowdedLabel, CrowdedRecord, Kind, Reply
 from beamstiff.exam.names import FAILED, NONE, UNKNOWN, effect_of
 from beamstiff.exam.rates import Figure, mean, median, rate
 from beamstiff.exam.table import Row, row_dict
@@ -24,6 +16,7 @@ from beamstiff.exam.table import Row, row_dict
 Pairs = Sequence[tuple[CrowdedLabel, Reply]]
 Score = Callable[[Pairs], Figure]
 MAIN = 0.5  # share of the gap from which the largest cause is asked by name
+SIMILAR = 0.8  # of the largest share, from which either may come first
 WITHIN = 0.2  # of the true remainder, in which the said one has to lie
 NINETY = 0.9
 
@@ -50,11 +43,7 @@ def is_main_exact(label: CrowdedLabel, reply: Reply) -> bool:
 
 
 def remainder_off(reply: Reply) -> float:
-    """Return by which share the said remainder is off; 1 where none was said.
-
-    The true one is what the named causes that are real leave, noise included; hidden causes may be part of it
-    or not.
-    """
+    """Return by which share the said remainder is off, hidden causes part of it or not; 1: none was said."""
     if reply.said_mm is None or reply.least_mm is None or reply.left_mm is None:
         return 1.0
     true = float(np.clip(reply.said_mm, reply.least_mm, reply.left_mm))
@@ -79,10 +68,7 @@ def _of_kind(kind: Kind) -> Callable[[CrowdedLabel], bool]:
 
 
 def nothing_named(pairs: Pairs, kind: Literal["clean", "geometry"]) -> Figure:
-    """Return the share of clean, or geometry-only, cases where neither cause nor ``unknown`` is said.
-
-    Where the geometry is off, its own names are no alarm.
-    """
+    """Return the share of cases where neither cause nor ``unknown`` is said, but the geometry that is off."""
     mine = OF_GEOMETRY if kind == "geometry" else ()
     quiet = _rate(
         lambda _, reply: (
@@ -94,10 +80,7 @@ def nothing_named(pairs: Pairs, kind: Literal["clean", "geometry"]) -> Figure:
 
 
 def named_real(pairs: Pairs) -> Figure:
-    """Return the share of the causes named, in all cases, that are at work, hidden ones included.
-
-    Geometry is real where it is off: everywhere but in displacements and on clean machines.
-    """
+    """Return the share of the causes named that are at work; hidden ones and geometry that is off are."""
     return rate(label.is_real(key) for label, reply in pairs for key in reply.named)
 
 

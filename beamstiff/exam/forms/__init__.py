@@ -11,14 +11,13 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
-from beamstiff.exam.effect import Effect
+from beamstiff.exam.effect import Effect, Reality
 from beamstiff.exam.forms import author1, author2, author3, author4
 from beamstiff.exam.forms.author1 import tool
 from beamstiff.exam.forms.author4 import geometry
 from beamstiff.exam.names import EFFECTS as NAMED
 from beamstiff.exam.names import LATER
 from beamstiff.exam.parameters import DrawRequest
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 AUTHORS = (author1, author2, author3, author4)
@@ -45,12 +44,9 @@ def draw_truth(
     form: str | None = None,
     authors: Sequence[int] = (),
 ) -> Truth:
-    """Return an effect drawn at random: its component, form and parameters.
+    """Return an effect drawn at random: its component, form (of these authors) and parameters.
 
-    `robot`: as the model has it.
     `size`: from 0, hardly to be seen, to 1, the largest realistic one; drawn evenly by default.
-    `component`, `form`: given instead of drawn.
-    `authors`: of the forms that are drawn; all by default.
 
     Raises BeamstiffError when the effect is unknown, or cannot sit on this robot or at this component.
     """

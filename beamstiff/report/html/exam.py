@@ -8,7 +8,7 @@ from beamstiff.exam import score
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure as Rate
 from beamstiff.exam.record import Record
-from beamstiff.exam.reliability import calibration_error, reliability
+from beamstiff.exam.score import calibration_error, reliability
 from beamstiff.exam.table import Row, by_design, controls, effect_figures, headline
 from beamstiff.report import exam as told
 from beamstiff.report.html.charts import SHARE, confusion_figure, error_bars, named_rows

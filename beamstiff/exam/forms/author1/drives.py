@@ -1,6 +1,5 @@
 """Drives: play, hardening, compliance, friction, and torque on one axis that turns another."""
 
-import dataclasses
 import math
 from itertools import pairwise
 
@@ -10,11 +9,10 @@ from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
 from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import built, curve, form, law, wind_up
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, winding
-from beamstiff.exam.machine import Cross, Machine, joints_of, own_stiffness
+from beamstiff.exam.effect import Reality, built, curve, form, law, wind_up
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, rubbing, winding
+from beamstiff.exam.machine import Cross, Machine, components_of, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 
 HALF = (3e-5, 5e-4)  # rad: half the lost motion; m / 10 for slides
@@ -47,22 +45,13 @@ def _play(p: Parameters, k: float, stages: list[tuple[float, float]]) -> Law:
     return winding(wind_up, k)
 
 
-def _smooth(p: Parameters, k: float, variable: str) -> Law:
-    return _play(p, k, [(1.0, 1.0)])
-
-
-def _stages(p: Parameters, k: float, variable: str) -> Law:
-    return _play(p, k, [(p["share"], 0.5), (1.0 - p["share"], 2.5)])
-
-
 def flanks(e: Array, k: float, half: Array | float, left: float, rounded: Array | float) -> Curved:
     """Return the force, and its slope, of two flanks at +-half about the middle of a play."""
     s, ds = left * k * e, np.full_like(e, left * k)
     for side in (1.0, -1.0):
-        z = side * e - half
-        root = np.sqrt(z**2 + rounded**2)
-        s = s + side * (1.0 - left) * k * 0.5 * (z + root)
-        ds = ds + (1.0 - left) * k * 0.5 * (1.0 + z / root)
+        carried, slope = ramp(side * e - half, rounded)
+        s = s + side * (1.0 - left) * k * carried
+        ds = ds + (1.0 - left) * k * slope
     return s, ds
 
 
@@ -78,10 +67,10 @@ def _sharp(p: Parameters, k: float, variable: str) -> Law:
     return curved(curve)
 
 
-def rigid_joints(robot: Robot) -> list[str | None]:
+def rigid_joints(robot: Robot) -> list[str]:
     """Return the joints that are rigid in their own direction."""
-    names = dict.fromkeys(joint.variable or joint.name for joint in robot.joints)
-    return [n for n in names if all(own_stiffness(robot, *j) == math.inf for j in joints_of(robot, n))]
+    every = ((name, joints_of(robot, name)) for name in components_of(robot))
+    return [name for name, joints in every if all(own_stiffness(robot, *j) == math.inf for j in joints)]
 
 
 def draw_compliance(request: DrawRequest) -> dict[str, float]:
@@ -100,10 +89,7 @@ def _compliance(truth: Truth, reality: Reality) -> Reality:
         return k * e * (1.0 + p["more"] * share), slope
 
     for name, own in joints_of(machine.robot, str(truth.component)):
-        hinge = machine.hinge(name)
-        k = hinge.stiffness.copy()
-        k[own] = p["stiffness"]
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=k))
+        machine = machine.with_stiffness(name, own, p["stiffness"])
         if truth.form == "helped":
             machine = machine.with_law(name, own, curved(helped))
     return reality.with_machine(machine)
@@ -166,8 +152,7 @@ def _iwan(p: Parameters, stiffness: float, variable: str) -> Law:
 def _bouc_wen(p: Parameters, k: float, variable: str) -> Law:
     """Return Bouc and Wen's friction with exponent 1, integrated in closed form along each step.
 
-    ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``: linear while unloading, exponential while loading.
-    `arrived`: friction left over from the move to the pose.
+    ``dz = (1 - (1 + sign(de z))/2 |z|) de / e_slip``; `arrived`: left over from the move to the pose.
     """
     friction = k * p["friction"]
     slip = friction * (1.0 - p["sliding"]) / (k * p["sliding"])
@@ -182,10 +167,10 @@ def _bouc_wen(p: Parameters, k: float, variable: str) -> Law:
     return rubbing(k, friction, p["arrived"], run)
 
 
-def coupled_drives(robot: Robot) -> list[str | None]:
+def coupled_drives(robot: Robot) -> list[str]:
     """Return neighbouring drives, and the outer two of the last three (a wrist)."""
     order = [v.name for v in robot.variables]
-    names = sorted((str(n) for n in turning_drives(robot)), key=order.index)
+    names = sorted(turning_drives(robot), key=order.index)
     pairs = list(pairwise(names))
     if len(names) >= 6:
         pairs.append((names[-3], names[-1]))
@@ -216,8 +201,9 @@ def _by_gear(p: Parameters, machine: Machine, pair: str) -> Machine:
 _SHARE = signed(sized(*SHARE))
 FORMS = (
     law("backlash", "sharp", _sharp, draw_backlash, rest=evenly(-0.8, 0.8)),
-    law("backlash", "smooth", _smooth, draw_backlash),
-    law("backlash", "stages", _stages, draw_backlash, share=evenly(0.4, 0.8)),
+    law("backlash", "smooth", lambda p, k, _: _play(p, k, [(1.0, 1.0)]), draw_backlash),
+    law("backlash", "stages", lambda p, k, _: _play(p, k, [(p["share"], 0.5), (1.0 - p["share"], 2.5)]),
+        draw_backlash, share=evenly(0.4, 0.8)),
     form("joint-compliance", "plain", _compliance, draw_compliance),
     form("joint-compliance", "helped", _compliance,
          draw_compliance, **{"from": by_ratio(1e-4, 1e-3), "more": evenly(0.2, 0.8)}),

@@ -6,13 +6,12 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke, turning_drives
+from beamstiff.exam.components import turning_drives
 from beamstiff.exam.draws import PHASE, SIGN, always, evenly, sized, whole
-from beamstiff.exam.effect import Change, Seen, built, form, reading
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.effect import Change, Reality, Seen, built, form, reading
+from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 
@@ -29,8 +28,7 @@ AMPLITUDE = (2e-5, 2e-3)  # rad
 def geometry_places(robot: Robot) -> list[str | None]:
     """Return the encoders, and of every frame its constant lengths and the angle between its axes.
 
-    Excluded are those that absolute positions cannot distinguish from another of them, from a turned
-    measuring frame or from an offset of the tool: with any of these names a diagnosis would be right.
+    Not those that positions cannot tell from one another, a turned measuring frame or an offset tool.
     """
     found = [variable.name for variable in robot.actuated]
     for name, _, parameters in skeleton_of(robot).frames:

@@ -1,18 +1,16 @@
 """Rods whose lever arm about the axis changes with the joint angle, and spring balancers across an axis."""
 
-import dataclasses
 from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import axis_in_the_middle, lever, stretch, with_balancer, with_rod
+from beamstiff.exam.added_parts import axis_in_the_middle, lever, with_balancer, with_rod
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turning_drives
-from beamstiff.exam.effect import at_joints, built, form
-from beamstiff.exam.laws import Situation, varying
-from beamstiff.exam.machine import Machine, joints_of, machine_of
+from beamstiff.exam.components import stiffness_of, turning_drives
+from beamstiff.exam.effect import Drive, Reality, built, form, in_pose
+from beamstiff.exam.laws import Curved, Situation
+from beamstiff.exam.machine import in_the_middle, joints_of, machine_of, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turned_by
 from beamstiff.robot.description import Robot
 
@@ -26,17 +24,14 @@ PULL = (1e3, 3e4)  # N in the middle of the range
 LEVEL = 0.5  # cosine to the vertical of the axes that weight turns
 
 
-def rod_drives(robot: Robot) -> list[str | None]:
+def rod_drives(robot: Robot) -> list[str]:
     """Return the turning drives whose range a rod can serve, by gears perhaps; all where there is none."""
     found = turning_drives(robot)
     return [name for name in found if stroke(robot, name)[1] <= GEARED] or found
 
 
 def draw_lever(request: DrawRequest) -> dict[str, float]:
-    """Return the crank's shape; the stiffness is that of the drive at mid-range.
-
-    The crank's angle to the frame is `start` at mid-range; `gear` is its turn over the joint's.
-    """
+    """Return the crank: `start`, its angle to the frame at mid-range; `gear`, its turn over the joint's."""
     middle, half = stroke(request.robot, request.component)
     swing = request.sized(*SWING)
     crank, frame = request.uniform(0.2, 0.35), request.uniform(0.8, 1.3)
@@ -60,26 +55,23 @@ def draw_lever(request: DrawRequest) -> dict[str, float]:
     return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}
 
 
-def _lever(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
-    joint_stiffness = stiffness_of(reality.machine.robot, variable)
+def _rod(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with a rod on the joint itself in place of its drive, or behind gears."""
+    p, machine, variable = truth.parameters, reality.machine, str(truth.component)
+    if p["gear"] != 1.0:
+        return _GEARED.impose(truth, reality)
+    k, arm = stiffness_of(machine.robot, variable), float(lever(p["crank"], p["frame"], p["start"])[0])
+    for name, own in joints_of(machine.robot, variable):
+        machine = machine.with_stiffness(name, own, 0.0)
+        machine = with_rod(machine, name, (p["crank"], p["frame"]), p["way"] * p["start"], k / arm**2, None)
+    return reality.with_machine(machine)
+
+
+def _geared(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     arm = float(lever(p["crank"], p["frame"], p["start"])[0])
-    machine = reality.machine
-    if truth.form == "rod" and p["gear"] == 1.0:
-        arms, angle = (p["crank"], p["frame"]), p["way"] * p["start"]
-        for name, own in joints_of(machine.robot, variable):
-            hinge = machine.hinge(name)
-            free = hinge.stiffness.copy()
-            free[own] = 0.0
-            machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=free))
-            machine = with_rod(machine, name, arms, angle, joint_stiffness / arm**2, None)
-        return reality.with_machine(machine)
-
-    def stiffness(situation: Situation) -> Array:
-        angle = angle_of(p, variable, situation)
-        return np.asarray(joint_stiffness * (lever(p["crank"], p["frame"], angle)[0] / arm) ** 2)
-
-    return at_joints(truth, reality, lambda _: varying(stiffness))
+    now = lever(p["crank"], p["frame"], angle_of(p, drive.component, situation))[0]
+    k = stiffness_of(drive.robot, drive.component) * (now / arm) ** 2
+    return k * e, k
 
 
 def angle_of(p: Parameters, variable: str, situation: Situation) -> Array:
@@ -88,27 +80,23 @@ def angle_of(p: Parameters, variable: str, situation: Situation) -> Array:
     return np.asarray(np.clip(angle, 0.5 * CLEAR, np.pi - 0.5 * CLEAR))
 
 
-def balanced_axes(robot: Robot) -> list[str | None]:
+def balanced_axes(robot: Robot) -> list[str]:
     """Return the level axes among the first three that are driven."""
     g = np.array(robot.gravity)
     if not g.any():
         return []
     machine = machine_of(robot)
     main = [variable.name for variable in robot.actuated][:3]
-    found: list[str | None] = []
+    found = []
     for name in turning_drives(robot):
-        axis, _ = axis_in_the_middle(machine, joints_of(robot, str(name))[0][0])
+        axis, _ = axis_in_the_middle(machine, joints_of(robot, name)[0][0])
         if name in main and abs(axis @ g) < LEVEL * np.linalg.norm(g):
             found.append(name)
     return found
 
 
 def draw_balancer(request: DrawRequest) -> dict[str, float]:
-    """Return the spring: its pull N at mid-range, its stiffness over the drive's, and where it sits.
-
-    The stiffness is that against small strains, in which the rod's seals or the coils' ends stick; over the
-    stroke the pull grows far less.
-    """
+    """Return the spring: pull N at mid-range, stiffness (at small strains) over the drive's, and place."""
     middle, _ = stroke(request.robot, request.component)
     crank, frame = request.uniform(0.2, 0.4), request.uniform(0.8, 1.4)
     pull = request.sized(*PULL) * request.uniform(0.6, 1.5)
@@ -135,25 +123,21 @@ def _way(robot: Robot, variable: str) -> float:
     return float(np.sign(spin @ (here.rotations[hinge.frame][0] @ hinge.axes[:, 0])))
 
 
-def _balancer(gas: bool, p: Parameters, machine: Machine, variable: str) -> Machine:
-    def pull(situation: Situation) -> Array:
-        longer = stretch(p, variable, situation)
-        if gas:  # polytropic, squeezed where the rod is drawn out
-            squeezed = 1.0 - np.minimum(longer / (1.3 * p["pull"] / p["growth"]), 0.7)
-            return np.asarray(p["pull"] * squeezed**-1.3)
-        return p["pull"] + p["growth"] * longer
-
-    def rate(situation: Situation, strong: float) -> Array:
-        if gas:
-            return strong * pull(situation) / p["pull"]
-        return np.full(len(situation.time), strong)
-
-    return with_balancer(p, machine, variable, rate, pull)
+def _coil(p: Parameters, strong: float, longer: Array) -> Curved:
+    return np.full_like(longer, strong), p["pull"] + p["growth"] * longer
 
 
+def _gas(p: Parameters, strong: float, longer: Array) -> Curved:
+    """Return a gas spring: polytropic, squeezed where the rod is drawn out."""
+    squeezed = 1.0 - np.minimum(longer / (1.3 * p["pull"] / p["growth"]), 0.7)
+    pull = p["pull"] * squeezed**-1.3
+    return strong * pull / p["pull"], pull
+
+
+_GEARED = in_pose("actuator-lever", "geared", _geared, draw_lever)
 FORMS = (
-    form("actuator-lever", "rod", _lever, draw_lever),
-    form("actuator-lever", "geared", _lever, draw_lever),
-    built("gravity-compensator", "coil", partial(_balancer, False), draw_balancer),
-    built("gravity-compensator", "gas", partial(_balancer, True), draw_balancer),
+    form("actuator-lever", "rod", _rod, draw_lever),
+    _GEARED,
+    built("gravity-compensator", "coil", partial(with_balancer, _coil), draw_balancer),
+    built("gravity-compensator", "gas", partial(with_balancer, _gas), draw_balancer),
 )

@@ -110,11 +110,7 @@ def _draw_drift(request: DrawRequest) -> dict[str, float]:
 
 
 def _drift(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return readings that drift.
-
-    All drift counts from the start of the campaign, but where the rows of a pose share one unloaded reading,
-    from that reading. `lag`: share of the campaign's time; `turn`: rad per metre of drift.
-    """
+    """Return readings that drift; `lag`: share of the campaign's time; `turn`: rad per metre of drift."""
     along = vector(p)
     share = since_rest(seen.campaign, _course(form, seen.campaign, p["lag"]))
     ways = np.broadcast_to(along, (len(values), 3))
@@ -161,10 +157,7 @@ def part_of(campaign: SimulatedCampaign) -> Array:
 
 
 def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
-    """Return the share (N,) of a drift less that at the unloaded reading, where a pose's rows share one.
-
-    That reading is taken with the pose's first row.
-    """
+    """Return a drift (N,) less that at the pose's first row, where its rows share that unloaded reading."""
     if not (campaign.shared_unloaded and campaign.kind == "displacement"):
         return share
     order = np.lexsort((campaign.step, campaign.pose))

@@ -8,12 +8,11 @@ import numpy as np
 
 from beamstiff.exam.added_parts import on_pedestal, tied_to_ground
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import drives, nowhere, turns
+from beamstiff.exam.components import nowhere, turns
 from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenly, sized
-from beamstiff.exam.effect import built, law
-from beamstiff.exam.forms.author1.structure import bearings
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, posed, varying, winding
-from beamstiff.exam.machine import Machine, axes_from, joints_of
+from beamstiff.exam.effect import Drive, built, built_at_joints, in_pose, law
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, varying, winding
+from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
 
 FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
@@ -29,13 +28,11 @@ def _waves(low: float, high: float, per_metre: float) -> Draw:
     return draw
 
 
-def _ripple(steep: bool, p: Parameters, k: float, variable: str) -> Law:
-    def stiffness(situation: Situation) -> Array:
-        wave = np.sin(p["waves"] * situation.value(variable) + p["phase"])
-        wave = np.tanh(3.0 * wave) if steep else wave
-        return np.asarray(k * np.exp(p["depth"] * wave))
-
-    return varying(stiffness)
+def _ripple(steep: bool, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    wave = np.sin(p["waves"] * situation.value(drive.component) + p["phase"])
+    wave = np.tanh(3.0 * wave) if steep else wave
+    k = drive.k * np.exp(p["depth"] * wave)
+    return k * e, k
 
 
 def _warm_up(lagged: bool, p: Parameters, k: float, variable: str) -> Law:
@@ -49,23 +46,16 @@ def _warm_up(lagged: bool, p: Parameters, k: float, variable: str) -> Law:
     return varying(stiffness, changes=True)
 
 
-def _toothed(p: Parameters, k: float, variable: str) -> Law:
+def _toothed(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     """Return a gear whose error of transmission runs on as it winds up: torque waves over the strain."""
-
-    def curve(strain: Array, situation: Situation) -> Curved:
-        before = p["teeth"] * situation.value(variable) + p["phase"]
-        wave = p["depth"] / p["teeth"] * (np.sin(before + p["teeth"] * strain) - np.sin(before))
-        slope = p["depth"] * np.cos(before + p["teeth"] * strain)
-        return k * (strain + wave), k * (1.0 + slope)
-
-    return posed(curve)
+    before = p["teeth"] * situation.value(drive.component) + p["phase"]
+    wave = p["depth"] / p["teeth"] * (np.sin(before + p["teeth"] * e) - np.sin(before))
+    slope = p["depth"] * np.cos(before + p["teeth"] * e)
+    return drive.k * (e + wave), drive.k * (1.0 + slope)
 
 
 def _creeping(p: Parameters, k: float, variable: str) -> Law:
-    """Return a spring in series with a spring and damper side by side (Kelvin and Voigt).
-
-    `creep`: slow compliance over the prompt one.
-    """
+    """Return a spring in series with Kelvin and Voigt's; `creep`: slow compliance over the prompt one."""
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
         crept = memory[0]
@@ -92,48 +82,45 @@ def _bolt(p: Parameters, machine: Machine, _: str) -> Machine:
     return machine.with_hinge(dataclasses.replace(machine.hinges[-1], axes=axes, laws=laws))
 
 
-def _play(p: Parameters, machine: Machine, component: str) -> Machine:
+def _play(p: Parameters, machine: Machine, joint: str, _: int) -> Machine:
     def wind_up(moment: Array) -> Curved:
         x = moment / p["crossing"]
         root = np.sqrt(1.0 + x**2)
         return p["tilt"] * moment + p["half"] * x / root, p["tilt"] + p["half"] / (p["crossing"] * root**3)
 
     law = winding(wind_up, 1.0 / p["tilt"])
-    for name, _ in joints_of(machine.robot, component):
-        machine = machine.with_law(name, 4, law).with_law(name, 5, law)
-    return machine
+    return machine.with_law(joint, 4, law).with_law(joint, 5, law)
 
 
 def _stop(p: Parameters, machine: Machine, _: str) -> Machine:
     """Something at the tool that stops it one way."""
 
     def curve(e: Array) -> Curved:
-        z = p["way"] * e - p["gap"]
-        root = np.sqrt(z**2 + BLUNT**2)
+        met, slope = ramp(p["way"] * e - p["gap"], BLUNT)
         rest = 0.5 * (math.hypot(p["gap"], BLUNT) - p["gap"])
-        return p["way"] * p["stiffness"] * (0.5 * (z + root) - rest), p["stiffness"] * 0.5 * (1.0 + z / root)
+        return p["way"] * p["stiffness"] * (met - rest), p["stiffness"] * slope
 
     return tied_to_ground(machine, "stop", vector(p), np.zeros(6), {0: curved(curve)})
 
 
 PLACES = {
-    **dict.fromkeys(("stiffness-ripple", "warm-up", "transmission-error", "creep"), drives),
-    "loose-bolt": nowhere, "bearing-play": bearings, "tool-contact": nowhere,
+    **dict.fromkeys(("stiffness-ripple", "warm-up", "transmission-error", "creep"), drives_of),
+    "loose-bolt": nowhere, "bearing-play": components_of, "tool-contact": nowhere,
 }  # fmt: skip
 _RIPPLE: dict[str, Draw] = {"depth": sized(0.08, 0.75), "waves": _waves(5.0, 12.0, 6.0), "phase": PHASE}
 _WARMING: dict[str, Draw] = {"softer": sized(0.1, 3.0), "lag": evenly(600.0, 3000.0)}
 FORMS = (
-    law("stiffness-ripple", "sine", partial(_ripple, False), **_RIPPLE),
-    law("stiffness-ripple", "steep", partial(_ripple, True), **_RIPPLE),
+    in_pose("stiffness-ripple", "sine", partial(_ripple, False), **_RIPPLE),
+    in_pose("stiffness-ripple", "steep", partial(_ripple, True), **_RIPPLE),
     law("warm-up", "lagged", partial(_warm_up, True), **_WARMING),
     law("warm-up", "slow", partial(_warm_up, False), **_WARMING),
-    law("transmission-error", "toothed", _toothed,
-        teeth=_waves(300.0, 1500.0, 10.0), depth=sized(0.1, 0.9), phase=PHASE),
+    in_pose("transmission-error", "toothed", _toothed,
+            teeth=_waves(300.0, 1500.0, 10.0), depth=sized(0.1, 0.9), phase=PHASE),
     law("creep", "kelvin-voigt", _creeping, creep=sized(0.08, 1.5), time=evenly(60.0, 400.0)),
     built("loose-bolt", "gaping", _bolt,
           tilt=sized(1.5e-8, 6e-7), firm=always(FIRM), angle=PHASE, blunt=evenly(30.0, 300.0)),
-    built("bearing-play", "tilting", _play,
-          half=sized(3e-5, 5e-4), crossing=by_ratio(20.0, 200.0), tilt=always(TILT)),
+    built_at_joints("bearing-play", "tilting", _play,
+                    half=sized(3e-5, 5e-4), crossing=by_ratio(20.0, 200.0), tilt=always(TILT)),
     built("tool-contact", "one-sided", _stop,
           direction(), stiffness=sized(2e5, 2e7), gap=evenly(0.0, 2e-4), way=SIGN),
 )  # fmt: skip

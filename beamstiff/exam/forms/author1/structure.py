@@ -7,17 +7,17 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import about_x, across_link, ends_of, node_at, on_pedestal, seen_from_foot
+from beamstiff.exam.added_parts import about_x, across_link, on_pedestal, seen_from_foot
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import evenly, sized, softer
-from beamstiff.exam.effect import built
+from beamstiff.exam.effect import built, built_at_joints
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.machine import (
     Bar,
     Machine,
     Profile,
-    bodies_of,
+    in_the_middle,
     joints_of,
     machine_of,
     own_stiffness,
@@ -36,10 +36,7 @@ STIFF = 1e12  # N/m or N m/rad: a full matrix knows no rigid directions
 
 
 def links(robot: Robot) -> list[str | None]:
-    """Return the beams, and the rigids that have a length and carry load.
-
-    Not those that stand on the ground: they are the base by another name.
-    """
+    """Return the beams and rigids with a length that carry load; those on the ground are the base."""
     machine, placed = machine_of(robot), in_the_middle(robot)
     ground = {"base"}
     for name, parent, parameters in skeleton_of(robot).frames:  # parents first
@@ -59,7 +56,7 @@ def links(robot: Robot) -> list[str | None]:
 def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     """Return whether load passes a rigid: it parts its body, and what it parts holds the tool or a loop."""
     rest = machine.without(name)
-    body = bodies_of(rest)
+    body = rest.bodies()
     if body[nodes[0]] == body[nodes[1]]:
         return False
     ties = rest.ties
@@ -102,9 +99,8 @@ def _link(
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    placed, a, b = ends_of(machine, nodes)
-    up = np.eye(3)[np.argmin(np.abs(b - a))]
-    return np.asarray(placed.rotations[machine.node(nodes[0]).frame][0].T @ up)
+    a, b = machine.ends(nodes)
+    return machine.seen_from(nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
 
 
 def _softer(profile: Profile, p: Parameters) -> Profile:
@@ -126,20 +122,13 @@ def _hinged(p: Parameters, rigidity: Array) -> Profile:
 
 def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    placed, a, b = ends_of(machine, nodes)
+    a, b = machine.ends(nodes)
     corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
-    node = node_at(machine, placed, machine.node(nodes[0]).frame, corner, "elbow")
+    machine, elbow = machine.with_node_at("elbow", machine.node(nodes[0]).frame, corner)
     up, rigidity = up_of(machine, nodes), rigidity_of(p)
-    halves = (
-        Bar(f"{name} before", (nodes[0], node.name), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up),
-        Bar(f"{name} behind", (node.name, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up),
-    )
-    return machine.plus(nodes=(node,), bars=halves)
-
-
-def bearings(robot: Robot) -> list[str | None]:
-    """Return all joints."""
-    return list(dict.fromkeys(joint.variable or joint.name for joint in robot.joints))
+    before = Bar(f"{name} before", (nodes[0], elbow), tapered(rigidity, lambda x: 1.1 - 0.2 * x), up)
+    behind = Bar(f"{name} behind", (elbow, nodes[1]), tapered(rigidity, lambda x: 0.9 - 0.2 * x), up)
+    return machine.plus(bars=(before, behind))
 
 
 def draw_bearing(request: DrawRequest) -> dict[str, float]:
@@ -169,33 +158,30 @@ def draw_bearing(request: DrawRequest) -> dict[str, float]:
     return found
 
 
-def _bearing(p: Parameters, machine: Machine, component: str) -> Machine:
+def _bearing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     added = np.array([p["axial"], p["radial"], p["radial"], 0.0, p["tilt"], p["tilt"] * p["other"]])
-    for name, own in joints_of(machine.robot, component):
-        hinge = machine.hinge(name)
-        k = hinge.stiffness.copy()
-        others = [d for d in range(6) if d != own and k.ndim == 1 and k[d] > 0.0 and added[d] > 0.0]
-        k[others] = 1.0 / (added[others] + 1.0 / k[others])
-        laws = dict(hinge.laws)
-        if "strain" in p:
-            laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
-        if p.get("offset", 0.0):
-            k = _moved(k, p["offset"])
-        axes = hinge.axes @ about_x(p["turned"])
-        machine = machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
-    return machine
+    hinge = machine.hinge(joint)
+    k = hinge.stiffness.copy()
+    others = [d for d in range(6) if d != own and k.ndim == 1 and k[d] > 0.0 and added[d] > 0.0]
+    k[others] = 1.0 / (added[others] + 1.0 / k[others])
+    laws = dict(hinge.laws)
+    if "strain" in p:
+        laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
+    if p.get("offset", 0.0):
+        k = _moved(k, p["offset"])
+    axes = hinge.axes @ about_x(p["turned"])
+    return machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
 
 
 def with_tilting(
-    curve: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, component: str
+    curve: Callable[[Parameters, float, Array], Curved], p: Parameters, machine: Machine, joint: str, own: int
 ) -> Machine:
-    """Return the machine with soft bearings whose tilting follows a curve of stiffness and strain."""
-    machine = _bearing(p, machine, component)
-    for name, own in joints_of(machine.robot, component):
-        for d in (4, 5):
-            k = float(machine.hinge(name).stiffness[d])
-            if d != own and 0.0 < k < math.inf:
-                machine = machine.with_law(name, d, curved(partial(curve, p, k)))
+    """Return the machine with a soft bearing whose tilting follows a curve of stiffness and strain."""
+    machine = _bearing(p, machine, joint, own)
+    for d in (4, 5):
+        k = float(machine.hinge(joint).stiffness[d])
+        if d != own and 0.0 < k < math.inf:
+            machine = machine.with_law(joint, d, curved(partial(curve, p, k)))
     return machine
 
 
@@ -238,7 +224,7 @@ FORMS = (
     built("link-bending", "tapered", partial(_link, _tapered), draw_link),
     built("link-bending", "hinged", partial(_link, _hinged), draw_link),
     built("link-bending", "elbow", partial(_link, None), draw_link),
-    *(built("bearing-tilt", name, _bearing, draw_bearing)
+    *(built_at_joints("bearing-tilt", name, _bearing, draw_bearing)
       for name in ("anisotropic", "off-centre", "contact")),
     built("base-compliance", "block", _block,
           tilt=TILT, about_y=evenly(0.4, 1.2), about_z=evenly(0.1, 0.6), shift=evenly(0.1, 0.5),

@@ -4,15 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from beamstiff.exam.added_parts import behind_flange, free_name
+from beamstiff.exam.added_parts import UP, behind_flange
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.draws import always, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, form, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, reading
 from beamstiff.exam.machine import Bar, Hinge, Machine, tapered
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Node
 
 TURN = (3e-7, 1.2e-5)  # rad/(N m)
 AWAY = (5e-4, 0.3)  # m
@@ -21,20 +19,19 @@ CALIBRATED = 0.02
 SLIP = (5e-5, 1e-2)  # m
 
 
-def _node(machine: Machine, behind: float) -> Node:
-    """Return a new node behind the TCP, whose frame's z is the tool's own axis."""
+def _behind(machine: Machine, behind: float, *hosts: str) -> tuple[Machine, str]:
+    """Return the machine with a new node behind the TCP, whose frame's z is the tool's own axis."""
     tcp = machine.node(machine.tcp)
-    at = (tcp.at[0], tcp.at[1], tcp.at[2] - behind)
-    return Node(name=free_name(machine, "tool"), frame=tcp.frame, at=at)
+    return machine.with_node("tool", tcp.frame, np.array(tcp.at) - behind * UP, *hosts)
 
 
 def _cantilever(p: Parameters, machine: Machine, _: str) -> Machine:
     machine, flange = behind_flange(machine)
     length = 2.0 * p["behind"]  # two thirds behind the middle of a beam make a lever of half its length
-    root, EI = _node(machine, length), length / p["tilt"]
-    rigidity = EI * np.array([1 / 0.03**2, np.inf, np.inf, 1 / p["about"], 1.0, 1.0])
-    bar = Bar("tool", (root.name, machine.tcp), tapered(rigidity, lambda x: 1.15 - 0.3 * x), None)
-    return machine.plus(nodes=(root,), rigids=(("tool root", (flange, root.name)),), bars=(bar,))
+    machine, root = _behind(machine, length, flange)
+    rigidity = length / p["tilt"] * np.array([1 / 0.03**2, np.inf, np.inf, 1 / p["about"], 1.0, 1.0])
+    bar = Bar("tool", (root, machine.tcp), tapered(rigidity, lambda x: 1.15 - 0.3 * x), None)
+    return machine.plus(bars=(bar,))
 
 
 def about_tool(p: Parameters) -> Array:
@@ -51,13 +48,10 @@ def _series(p: Parameters, machine: Machine, _: str) -> Machine:
     machine, previous = behind_flange(machine)
     frame = machine.node(machine.tcp).frame
     for share, behind in ((p["share"], p["behind"]), (1.0 - p["share"], 0.4 * p["behind"])):
-        first = _node(machine, behind)
-        machine = machine.plus(nodes=(first,))
-        second, k = _node(machine, behind), sprung_about(share * about_tool(p))
-        hinge = Hinge(first.name, (first.name, second.name), frame, np.eye(3), k)
-        tie = (f"to {first.name}", (previous, first.name))
-        machine = machine.plus(nodes=(second,), rigids=(tie,), hinges=(hinge,))
-        previous = second.name
+        machine, first = _behind(machine, behind, previous)
+        machine, previous = _behind(machine, behind)
+        k = sprung_about(share * about_tool(p))
+        machine = machine.plus(hinges=(Hinge(first, (first, previous), frame, np.eye(3), k),))
     return machine.plus(rigids=(("to the tip", (previous, machine.tcp)),))
 
 

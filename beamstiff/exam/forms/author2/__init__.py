@@ -2,6 +2,5 @@
 
 from beamstiff.exam.forms.author2 import drives, measurement, outside, structure
 
-MODULES = (drives, measurement, structure, outside)
-FORMS = tuple(form for module in MODULES for form in module.FORMS)
+FORMS = tuple(form for module in (drives, measurement, structure, outside) for form in module.FORMS)
 PLACES = outside.PLACES

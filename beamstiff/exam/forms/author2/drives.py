@@ -1,18 +1,18 @@
 """Further forms of drives, their levers and balancers: play, hardening, friction, linkages, coils, a disc."""
 
+from functools import partial
+
 import numpy as np
 
-from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, stretch, turned, with_balancer
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke
+from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, turned, with_balancer
+from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, rubbing, varying, winding
-from beamstiff.exam.machine import Cross, Machine, Mesh
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, rubbing, varying, winding
+from beamstiff.exam.machine import Cross, Machine, Mesh, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 SLIDERS = 5
 REACH = np.deg2rad([12.0, 45.0])  # half the turn that a four-bar linkage serves; gears beyond it
@@ -24,20 +24,14 @@ BLUNT = 0.02  # m over which a second coil engages
 
 
 def hertzian(torque: Array, scale: float) -> Curved:
-    """Return the give of contacts after Hertz under a preload, odd in the torque, and its slope.
-
-    Approach grows with the load's power 2/3; it is counted from the preload `scale`, and has slope 1 there.
-    """
+    """Return the give of preloaded contacts after Hertz (power 2/3), and its slope, 1 at no torque."""
     more = 1.0 + np.abs(torque) / scale
     return 1.5 * scale * np.sign(torque) * (np.cbrt(more**2) - 1.0), 1.0 / np.cbrt(more)
 
 
-def slackening(e: Array, k: float, loose: float, at: float) -> Curved:
-    """Return the force of a preloaded pair of springs and its slope, (P,) each.
-
-    Past the strain `at` one of the pair hangs slack, and the share `loose` of the stiffness k is left. The
-    corner is rounded.
-    """
+def slackening(p: Parameters, k: float, e: Array) -> Curved:
+    """Return the force of preloaded springs, and its slope: past `from` the share `loose` of k is left."""
+    at, loose = p["from"], p["loose"]
     x4 = (e / at) ** 4
     held, slope = e / (1.0 + x4) ** 0.25, (1.0 + x4) ** -1.25
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
@@ -56,10 +50,9 @@ def _planets(p: Parameters, k: float, e: Array) -> Curved:
     each = (1.0 - left) * k / 3.0
     for flank in h * (1.0 - p["spread"] * np.array([1.0, 0.4, 0.0])):
         for side in (1.0, -1.0):
-            z = side * e - flank
-            root = np.sqrt(z**2 + (0.02 * h) ** 2)
-            force = force + side * each * 0.5 * (z + root)
-            slope = slope + each * 0.5 * (1.0 + z / root)
+            carried, its = ramp(side * e - flank, 0.02 * h)
+            force = force + side * each * carried
+            slope = slope + each * its
     return force, slope
 
 
@@ -89,10 +82,6 @@ def _contacts(p: Parameters, _: float, variable: str) -> Law:
     return winding(wind_up, k)
 
 
-def _preloaded(p: Parameters, _: float, variable: str) -> Law:
-    return curved(lambda e: slackening(e, p["stiffness"], p["loose"], p["from"]))
-
-
 def _dahl(p: Parameters, k: float, variable: str) -> Law:
     """Return Dahl's friction with exponent 2, integrated in closed form along each step.
 
@@ -110,10 +99,9 @@ def _dahl(p: Parameters, k: float, variable: str) -> Law:
 
 
 def _maxwell_slip(p: Parameters, stiffness: float, variable: str) -> Law:
-    """Return a few sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
+    """Return sliders beside a spring, each behind one of its own, whose yield strains grow by a ratio.
 
-    The generalised Maxwell slip's elements without its sliding dynamics (Al-Bender, Lampaert and Swevers,
-    2005). Later ones are softer, by the power `fall`; together they hold the friction torque.
+    Generalised Maxwell slip (Al-Bender, Lampaert and Swevers, 2005); later ones are softer, by power `fall`.
     """
     yields = p["ratio"] ** np.arange(SLIDERS)
     k = yields ** -p["fall"]
@@ -153,7 +141,7 @@ def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
 def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:
     """Return the machine with a belt, a strand of which hangs slack from a strain on."""
     one, two, first, second = pair_of(machine, pair)
-    law = curved(lambda e: slackening(e, strong_of(p) * first, 0.5, p["slack"]))
+    law = curved(partial(slackening, {"loose": 0.5, "from": p["slack"]}, strong_of(p) * first))
     return machine.plus(meshes=(Mesh(one, two, (1.0, equal_of(p, first, second)), law),))
 
 
@@ -205,14 +193,12 @@ def _draw_linkage(request: DrawRequest) -> dict[str, float]:
     return found | {"gear": found["reach"] / half, "way": request.sign(), "middle": middle}
 
 
-def _four_bar(p: Parameters, k: float, variable: str) -> Law:
-    def stiffness(situation: Situation) -> Array:
-        turn = p["way"] * p["gear"] * (situation.values[variable] - p["middle"])
-        turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
-        ratio, _ = _linkage(p["start"] + turn, p)
-        return np.asarray(k * (ratio / _linkage(np.array(p["start"]), p)[0]) ** 2)
-
-    return varying(stiffness)
+def _four_bar(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    turn = p["way"] * p["gear"] * (situation.values[drive.component] - p["middle"])
+    turn = np.clip(turn, -p["reach"] - MARGIN, p["reach"] + MARGIN)
+    ratio, _ = _linkage(p["start"] + turn, p)
+    k = drive.k * (ratio / _linkage(np.array(p["start"]), p)[0]) ** 2
+    return k * e, k
 
 
 def _triangle(p: Parameters, angle: Array | float) -> tuple[Array, Array]:
@@ -220,59 +206,32 @@ def _triangle(p: Parameters, angle: Array | float) -> tuple[Array, Array]:
     return arm, length - DEAD * (p["frame"] - p["crank"])
 
 
-def _screw(p: Parameters, k: float, variable: str) -> Law:
+def _screw(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     """Return a screw's; `shaft`: give of its free length over that of nut and bearings, at mid-range."""
-
-    def stiffness(situation: Situation) -> Array:
-        (arm, shaft), (arm0, shaft0) = (
-            _triangle(p, levers1.angle_of(p, variable, situation)),
-            _triangle(p, p["start"]),
-        )
-        return np.asarray(k * ((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0)))
-
-    return varying(stiffness)
+    arm, shaft = _triangle(p, levers1.angle_of(p, drive.component, situation))
+    arm0, shaft0 = _triangle(p, p["start"])
+    k = drive.k * ((arm / arm0) ** 2 * (1.0 + p["shaft"]) / (1.0 + p["shaft"] * shaft / shaft0))
+    return k * e, k
 
 
-def _nested(p: Parameters, machine: Machine, variable: str) -> Machine:
-    """Return the machine with two coils: from a stretch on, m, a second one with a share of the rate."""
-
-    def beyond(situation: Situation) -> Array:
-        return stretch(p, variable, situation) - p["engages"]
-
-    def pull(situation: Situation) -> Array:
-        z = beyond(situation)
-        second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
-        return np.asarray(p["pull"] + p["growth"] * (stretch(p, variable, situation) + second))
-
-    def rate(situation: Situation, strong: float) -> Array:
-        z = beyond(situation)
-        return np.asarray(strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))))
-
-    return with_balancer(p, machine, variable, rate, pull)
+def _nested(p: Parameters, strong: float, longer: Array) -> Curved:
+    """Return two coils: from a stretch on, m, a second one with a share of the rate."""
+    z = longer - p["engages"]
+    second = 0.5 * p["second"] * (z + np.hypot(z, BLUNT))
+    pull = p["pull"] + p["growth"] * (longer + second)
+    return strong * (1.0 + 0.5 * p["second"] * (1.0 + z / np.hypot(z, BLUNT))), pull
 
 
-def _disc(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a strap over a disc that turns with the joint, off its middle."""
-    p, variable = truth.parameters, str(truth.component)
-    strong = crank_stiffness(p, reality.machine, variable)
-
-    def shape(situation: Situation) -> tuple[Array, Array, Array]:
-        """Return the strap's pull, its arm and how that grows with the angle."""
-        angle = turned(p, variable, situation)
-        wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
-        strap = np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0)
-        arm = p["crank"] * (1.0 + p["eccentric"] * np.cos(angle - p["phase"]))
-        return strap, arm, -p["crank"] * p["eccentric"] * np.sin(angle - p["phase"])
-
-    def torque(situation: Situation) -> Array:
-        strap, arm, _ = shape(situation)
-        return p["side"] * strap * arm
-
-    def stiffness(situation: Situation, drive: float) -> Array:
-        strap, arm, slope = shape(situation)
-        return drive + (strong * arm**2 + p["side"] * strap * slope)
-
-    return at_joints(truth, reality, lambda k: varying(lambda situation: stiffness(situation, k), torque))
+def _disc(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive with a strap over a disc that turns with the joint, off its middle."""
+    angle = turned(p, drive.component, situation)
+    wound = angle + p["eccentric"] * (np.sin(angle - p["phase"]) + np.sin(p["phase"]))
+    strap = np.maximum(p["pull"] + p["growth"] * p["side"] * p["crank"] * wound, 0.0)
+    arm = p["crank"] * (1.0 + p["eccentric"] * np.cos(angle - p["phase"]))
+    slope = -p["crank"] * p["eccentric"] * np.sin(angle - p["phase"])
+    strong = crank_stiffness(p, drive.robot, drive.component)
+    k = drive.k + (strong * arm**2 + p["side"] * strap * slope)
+    return k * e + p["side"] * strap * arm, k
 
 
 FORMS = (
@@ -282,7 +241,7 @@ FORMS = (
     curve("hardening", "cubic", _cubic, drives1.draw_hardening),
     law("joint-compliance", "hertz", _contacts,
         drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
-    law("joint-compliance", "preloaded", _preloaded,
+    law("joint-compliance", "preloaded", lambda p, _, __: curved(partial(slackening, p, p["stiffness"])),
         drives1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
     law("hysteresis", "dahl", _dahl, drives1.draw_friction, arrived=_ARRIVED),
     law("hysteresis", "maxwell-slip", _maxwell_slip,
@@ -290,10 +249,10 @@ FORMS = (
     built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
     built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
     built("joint-coupling", "bracket", _bracket, **_COUPLED),
-    law("actuator-lever", "four-bar", _four_bar, _draw_linkage),
-    law("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
-    built("gravity-compensator", "nested", _nested,
+    in_pose("actuator-lever", "four-bar", _four_bar, _draw_linkage),
+    in_pose("actuator-lever", "screw", _screw, levers1.draw_lever, shaft=evenly(0.5, 2.0)),
+    built("gravity-compensator", "nested", partial(with_balancer, _nested),
           levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
-    form("gravity-compensator", "disc", _disc,
-         levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
+    in_pose("gravity-compensator", "disc", _disc,
+            levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
 )  # fmt: skip

@@ -4,14 +4,13 @@ import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import drive_of, stroke
+from beamstiff.exam.components import drive_of
 from beamstiff.exam.draws import PHASE, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
-from beamstiff.exam.machine import Hose, Machine
+from beamstiff.exam.machine import Hose, Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS
@@ -66,10 +65,6 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     return reality.with_encoder(drive, encoder)
 
 
-def _hose(p: Parameters, machine: Machine, _: str) -> Machine:
-    return machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),))
-
-
 def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a part of the payload that sits loose along an axis."""
     held = np.full(6, np.inf)
@@ -90,10 +85,7 @@ def _draw_depth(request: DrawRequest) -> dict[str, float]:
 
 
 def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values read by a tracker whose axes are turned where it stands.
-
-    Or by a camera there, which misjudges depth more than what lies across its view.
-    """
+    """Return values by a turned tracker, or by a camera that misjudges depth more than what lies across."""
     place, share = vector(p, "uvw"), measurement1.REGISTERED if seen.absolute else 1.0
     R = turn(share * vector(p))
     view = place / np.linalg.norm(place)
@@ -185,7 +177,8 @@ _ANGLE, _DRIFT, _GAIN = (
 FORMS = (
     form("geometry-error", "eccentric", _geometry, _draw_geometry),
     form("geometry-error", "crooked", _geometry, _draw_geometry),
-    built("payload-error", "hose", _hose,
+    built("payload-error", "hose",
+          lambda p, machine, _: machine.plus(hoses=(Hose(machine.tcp, p["per_metre"], p["low"]),)),
           per_metre=lambda request: request.sized(*geometry1.MASS) / HEIGHT, low=evenly(-0.3, 0.3)),
     built("payload-error", "loose", _loose, direction(),
           mass=sized(*geometry1.MASS), slides=lambda request: FURTHEST * request.uniform(0.3, 1.0),

@@ -6,17 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, about_x, behind_flange, ends_of, on_pedestal, sprung
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
-from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.effect import Seen, built, built_at_joints, load
 from beamstiff.exam.forms.author1 import structure as structure1
 from beamstiff.exam.forms.author1 import tool as tool1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
-from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.machine import Bar, Machine, Profile, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn
 
@@ -70,17 +70,8 @@ def _hertz(p: Parameters, k: float, e: Array) -> Curved:
     return 0.8 * k * e * root, 0.8 * k * (root + 0.5 * np.abs(e) / strain / root)
 
 
-def _pairs(p: Parameters, machine: Machine, component: str) -> Machine:
-    for name, own in joints_of(machine.robot, component):
-        machine = machine.with_hinge(_pair(machine.hinge(name), own, p))
-    return machine
-
-
-def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
-    """Return the joint held by two bearings a span apart, in series with what it had.
-
-    `uneven`: second bearing's stiffness over the first's.
-    """
+def _pair(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
+    """Return a joint held by two bearings a span apart; `uneven`: the second's stiffness over the first."""
     k = 2.0 / (p["tilt"] * p["span"] ** 2)
     K = np.diag([1.0 / p["axial"], 0.0, 0.0, STIFF, 0.0, 0.0])
     for place, stiffness in ((0.5, k), (-0.5, p["uneven"] * k)):
@@ -89,13 +80,15 @@ def _pair(hinge: Hinge, own: int, p: Parameters) -> Hinge:
             row = np.zeros(6)
             row[moved], row[turned] = 1.0, way
             K += stiffness * (1.0 if moved == 1 else p["other"]) * np.outer(row, row)
+    hinge = machine.hinge(joint)
     held = [d for d in range(6) if d != own and hinge.stiffness[d] > 0.0]
     before = np.where(np.isinf(hinge.stiffness), STIFF, hinge.stiffness)
     result = np.diag(before)
     soft = np.linalg.inv(K[np.ix_(held, held)]) + np.diag(1.0 / before[held])
     result[np.ix_(held, held)] = np.linalg.inv(soft)
     axes = hinge.axes @ about_x(p["turned"])
-    return dataclasses.replace(hinge, axes=axes, stiffness=0.5 * (result + result.T))
+    changed = dataclasses.replace(hinge, axes=axes, stiffness=0.5 * (result + result.T))
+    return machine.with_hinge(changed)
 
 
 def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
@@ -107,9 +100,8 @@ def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
     profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
-    placed, a, b = ends_of(machine, nodes)
-    axes = placed.rotations[machine.node(nodes[0]).frame][0]
-    along = axes.T @ (b - a) / np.linalg.norm(b - a)
+    a, b = machine.ends(nodes)
+    along = machine.seen_from(nodes[0], b - a) / np.linalg.norm(b - a)
     up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
     return machine.plus(bars=(Bar(name, nodes, profile, up),))
 
@@ -122,10 +114,7 @@ def _thinner(p: Parameters, was: Profile) -> Profile:
 
 
 def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
-    """Return the machine with a link that is bolted at one `end`, a `joint` that `opens` about one axis.
-
-    `joint`: its share of the bending.
-    """
+    """Return the machine with a link bolted at one `end`: a `joint`, by its share, that `opens` one way."""
     if "softer" in p:
         more = p["softer"] - 1.0
         return machine.with_profile(name, lambda was: _with_joint(p, was, more * was.compliance.sum(axis=0)))
@@ -159,17 +148,12 @@ def strutted(p: Parameters) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _struts(p: Parameters, machine: Machine, _: str) -> Machine:
-    return sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p))
-
-
 def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a flange that opens from a moment, N m, about x, and a `later` one about y."""
     k = tool1.sprung_about(tool1.about_tool(p))
     ends = {3: p["opens"] / k[3], 4: p["later"] * p["opens"] / k[4]}
-    laws = {
-        d: curved(partial(slackening, k=float(k[d]), loose=p["loose"], at=end)) for d, end in ends.items()
-    }
+    loose = {d: {"loose": p["loose"], "from": end} for d, end in ends.items()}
+    laws = {d: curved(partial(slackening, pair, float(k[d]))) for d, pair in loose.items()}
     return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
 
 
@@ -203,15 +187,16 @@ FORMS = (
           tilt=structure1.TILT, about_y=evenly(0.5, 1.0), about_z=evenly(0.1, 0.5), lever=evenly(0.1, 0.3),
           moment=lambda request: 4e3 * request.uniform(0.5, 2.0) / slender(request.robot) ** 2,
           more=evenly(0.8, 2.5)),
-    built("bearing-tilt", "hertz", partial(structure1.with_tilting, _hertz),
-          structure1.draw_bearing, moment=lambda request: 2e3 * request.uniform(0.3, 1.5)),
-    built("bearing-tilt", "pair", _pairs,
-          structure1.draw_bearing, span=evenly(0.1, 0.3), uneven=evenly(0.4, 1.0), shift=evenly(-0.1, 0.1)),
+    built_at_joints("bearing-tilt", "hertz", partial(structure1.with_tilting, _hertz),
+                    structure1.draw_bearing, moment=lambda request: 2e3 * request.uniform(0.3, 1.5)),
+    built_at_joints("bearing-tilt", "pair", _pair, structure1.draw_bearing,
+                    span=evenly(0.1, 0.3), uneven=evenly(0.4, 1.0), shift=evenly(-0.1, 0.1)),
     built("link-bending", "hollow", _hollow, structure1.draw_link,
           shear=evenly(0.1, 0.25), skew=evenly(0.0, math.pi), narrower=evenly(0.1, 0.5)),
     built("link-bending", "bolted", _bolted,
           structure1.draw_link, end=whole(0, 2), joint=evenly(0.3, 0.6), opens=evenly(0.3, 0.8)),
-    built("tool-compliance", "struts", _struts, **_SOFT,
+    built("tool-compliance", "struts",
+          lambda p, machine, _: sprung(*behind_flange(machine), -p["behind"] * UP, strutted(p)), **_SOFT,
           **{f"strut{i}": evenly(0.6, 1.0) for i in range(6)},
           lower=evenly(0.04, 0.06), upper=evenly(0.02, 0.04), height=evenly(0.03, 0.06), first=PHASE),
     built("tool-compliance", "opening", _opening, **_SOFT,

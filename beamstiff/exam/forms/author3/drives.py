@@ -3,16 +3,15 @@
 import numpy as np
 
 from beamstiff.exam.added_parts import pair_of
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke, turns
+from beamstiff.exam.campaign import Array
+from beamstiff.exam.components import turns
 from beamstiff.exam.draws import PHASE, SIGN, at_joint, by_ratio, evenly, signed, sized, whole
-from beamstiff.exam.effect import at_joints, built, curve, form, law, wind_up
+from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as author1
 from beamstiff.exam.forms.author2.drives import equal_of, hertzian, strong_of
-from beamstiff.exam.laws import Curved, Law, Memory, Situation, posed, varying, winding
-from beamstiff.exam.machine import Machine, Mesh
-from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
+from beamstiff.exam.laws import Curved, Law, Memory, Situation, varying, winding
+from beamstiff.exam.machine import Machine, Mesh, stroke
+from beamstiff.exam.parameters import Draw, Parameters
 
 PER_METRE = 6.0  # rad of a pinion's turn for a metre of its rack
 ROUNDED = 0.02  # of the play, about which a flank's contact closes
@@ -25,40 +24,29 @@ SERVED = np.deg2rad(70.0)  # to either side: what a crank can turn before its ro
 LINEAR = 0.4  # share of the shafts, which are linear, in what bevel gears give at first
 
 
-def _angle(truth: Truth, reality: Reality, situation: Situation) -> Array:
+def _angle(drive: Drive, situation: Situation) -> Array:
     """Return the angle of the joint's own wheel, rad: of a pinion where the joint slides."""
-    q = situation.value(str(truth.component))
-    return q if turns(reality.machine.robot, truth.component) else PER_METRE * q
+    q = situation.value(drive.component)
+    return q if turns(drive.robot, drive.component) else PER_METRE * q
 
 
-def _runout(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with an output gear off its centre: its play grows and shrinks once a turn.
-
-    Known from gear metrology (radial run-out and tooth thickness, ISO 1328, make the range of the backlash),
-    its depth an engineering estimate.
-    """
-    p = truth.parameters
-
-    def curve(e: Array, situation: Situation, k: float) -> Curved:
-        half = p["half"] * (1.0 + p["depth"] * np.cos(_angle(truth, reality, situation) + p["phase"]))
-        left = p["left"]
-        force, slope = left * k * e, np.full_like(e, left * k)
-        for side in (1.0, -1.0):
-            z = side * e - half
-            root = np.hypot(z, ROUNDED * p["half"])
-            force = force + side * (1.0 - left) * k * 0.5 * (z + root)
-            slope = slope + (1.0 - left) * k * 0.5 * (1.0 + z / root)
-        return force, slope
-
-    return at_joints(truth, reality, lambda k: posed(lambda e, situation: curve(e, situation, k)))
+def _runout(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return an output gear off its centre: its play grows and shrinks once a turn (ISO 1328)."""
+    half = p["half"] * (1.0 + p["depth"] * np.cos(_angle(drive, situation) + p["phase"]))
+    k, left = drive.k, p["left"]
+    force, slope = left * k * e, np.full_like(e, left * k)
+    for side in (1.0, -1.0):
+        z = side * e - half
+        root = np.hypot(z, ROUNDED * p["half"])
+        force = force + side * (1.0 - left) * k * 0.5 * (z + root)
+        slope = slope + (1.0 - left) * k * 0.5 * (1.0 + z / root)
+    return force, slope
 
 
 def _scissors(p: Parameters, k: float, torque: Array) -> Curved:
-    """Return a split gear whose halves a spring spreads: it holds both flanks.
+    """Return an anti-backlash gear: two halves that a spring spreads hold both flanks.
 
-    A torque above the spring's preload crosses the whole play, one way only. Anti-backlash gears, any
-    textbook of machine elements; the preloads are an engineering estimate. `growth`: of the preload while the
-    play is crossed.
+    A torque above its preload crosses the whole play, one way only. `growth`: of the preload meanwhile.
     """
     width = p["growth"] * p["preload"] * k
     x = (p["way"] * torque - p["preload"] * k) / width
@@ -76,9 +64,8 @@ def levers(shortened: float) -> Array:
 def _lobes(p: Parameters, k: float, e: Array) -> Curved:
     """Return a cycloid reducer: relieved flanks of its disc leave gaps at all pins but one.
 
-    They close one after another as it winds up, so that ever more pins carry. The gaps are those of Yu and
-    others for a relieved disc, ``g (1 - l)`` with l a pin's lever (in papers on the load distribution in RV
-    gears); the pins that carry from the start are an engineering estimate.
+    They close one after another as it winds up, so that ever more pins carry: ``g (1 - l)`` with l a pin's
+    lever, after Yu and others on the load distribution in RV gears.
     """
     arm = levers(p["shortened"])
     closed = np.abs(e)[:, None] * arm - p["bend"] * (1.0 - arm)
@@ -88,10 +75,7 @@ def _lobes(p: Parameters, k: float, e: Array) -> Curved:
 
 
 def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
-    """Return gears whose flanks have another pressure angle either way, as hypoid and bevel gears (Gleason).
-
-    The stiffness rises both ways but from different torques. The curve is an engineering estimate.
-    """
+    """Return hypoid or bevel gears (Gleason), whose stiffness rises from another torque either way."""
     more = (1.0 / p["soft"] - 1.0 / p["hard"]) / k
     knee = 0.5 * k * p["bend"] * np.where(torque < 0.0, p["coast"], 1.0)
     x = torque / knee
@@ -99,44 +83,29 @@ def _hypoid(p: Parameters, k: float, torque: Array) -> Curved:
     return strain, 1.0 / (k * p["hard"]) + more / np.hypot(1.0, x)
 
 
-def _strands(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a joint that a band or cable pulls from either side.
+def _strands(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return a joint that a band or cable pulls from either side (catalogues of Gates, HIWIN).
 
-    What one strand gains in length the other loses, so that the two together are softest in the middle of the
-    stroke: ``1/L1 + 1/L2``. Catalogues of belt-driven axes (Gates, HIWIN) compute the stiffness so.
+    They are softest in the middle of the stroke: ``1/L1 + 1/L2``.
     """
-    p = truth.parameters
-    middle, half = stroke(reality.machine.robot, truth.component)
-
-    def strands(situation: Situation) -> Array:
-        q = situation.value(str(truth.component), middle)
-        share = np.clip(p["reach"] * (q - middle) / half, -FURTHEST, FURTHEST)
-        return np.asarray(p["stiffness"] / (1.0 - share**2))
-
-    return at_joints(truth, reality, lambda _: varying(strands))
+    middle, half = stroke(drive.robot, drive.component)
+    q = situation.value(drive.component, middle)
+    share = np.clip(p["reach"] * (q - middle) / half, -FURTHEST, FURTHEST)
+    k = p["stiffness"] / (1.0 - share**2)
+    return k * e, k
 
 
-def _spokes(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a wheel in the joint that is softer between its spokes or bolts than at them.
-
-    Known of bull gears and turntables; the depth is an engineering estimate.
-    """
-    p = truth.parameters
-
-    def spokes(situation: Situation) -> Array:
-        wave = np.cos(p["spokes"] * _angle(truth, reality, situation) + p["phase"])
-        return np.asarray(p["stiffness"] / (1.0 + p["depth"] * wave))
-
-    return at_joints(truth, reality, lambda _: varying(spokes))
+def _spokes(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return a bull gear or turntable, softer between its spokes or bolts than at them."""
+    k = p["stiffness"] / (1.0 + p["depth"] * np.cos(p["spokes"] * _angle(drive, situation) + p["phase"]))
+    return k * e, k
 
 
 def _teeth(p: Parameters, k: float, variable: str) -> Law:
     """Return a spring with friction of the loaded flanks: a share of the torque that passes them.
 
-    The loop is narrow where the load is small and opens with it. The loss factor of gears and screws in any
-    textbook; the way over which it turns round is an engineering estimate. The friction's state runs to the
-    way of motion exponentially, as Dahl's with exponent 1. The way is longer where the teeth were pressed
-    harder, as slip of contacts after Mindlin is. `seals`: torque over the stiffness.
+    The friction's state runs to the way of motion exponentially, as Dahl's with exponent 1, over a way that
+    is longer where the teeth were pressed harder, as slip after Mindlin is. `seals`: torque over stiffness.
     """
 
     def respond(strain: Array, situation: Situation, memory: Memory) -> tuple[Array, Array, Memory]:
@@ -157,9 +126,8 @@ def _teeth(p: Parameters, k: float, variable: str) -> Law:
 def _clamped(p: Parameters, k: float, variable: str) -> Law:
     """Return a spring behind a slider, beside which a second spring holds what has slipped.
 
-    A hub is held on its shaft by a shrink disc; above the disc's torque it slips until its key or bolts hold
-    it, which are elastic, and it stays where it went. Known from the design of clamped hubs; the sizes are an
-    engineering estimate. `breaks`: torque over the stiffness.
+    A hub slips above its shrink disc's torque until its key or bolts hold it, which are elastic, and stays
+    where it went. `breaks`: torque over the stiffness.
     """
     key, breaks = k / p["softer"], k * p["breaks"]
 
@@ -182,8 +150,7 @@ def _clamped(p: Parameters, k: float, variable: str) -> Law:
 def _linkage(p: Parameters, machine: Machine, pair: str) -> Machine:
     """Return the machine with a rod from the first axis' motor, before it, to a crank on the second.
 
-    As in palletisers; its lever on the second axis swings as the cosine of the crank's angle, and with it the
-    coupling. Known from robots with a parallel rod (ABB IRB 6400, KUKA palletisers); sizes are an estimate.
+    Its lever on the second axis swings as the cosine of the crank's angle (ABB IRB 6400, KUKA palletisers).
     `start`: rad from the longest lever.
     """
     one, two, first, second = pair_of(machine, pair)
@@ -199,11 +166,7 @@ def _linkage(p: Parameters, machine: Machine, pair: str) -> Machine:
 
 
 def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
-    """Return the machine with bevel gears of a wrist that pass torque between the axes.
-
-    Their teeth grow stiffer with it as contacts after Hertz do. Known from hollow wrists with three shafts;
-    sizes are an estimate. `preload`: strain.
-    """
+    """Return the machine with bevel gears of a hollow wrist, whose contacts stiffen; `preload`: strain."""
     one, two, first, second = pair_of(machine, pair)
     strong = strong_of(p) * first
 
@@ -215,21 +178,18 @@ def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
     return machine.plus(meshes=(mesh,))
 
 
-def _coast(request: DrawRequest) -> float:
-    return float(by_ratio(1.5, 5.0)(request) ** request.sign())
-
-
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
 FORMS = (
-    form("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
+    in_pose("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
     wind_up("backlash", "scissors", _scissors, author1.draw_backlash,
             preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
     curve("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
-    wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening, coast=_coast),
-    form("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
-    form("joint-compliance", "spokes", _spokes, author1.draw_compliance,
-         spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),
+    wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening,
+            coast=lambda request: float(by_ratio(1.5, 5.0)(request) ** request.sign())),
+    in_pose("joint-compliance", "strands", _strands, author1.draw_compliance, reach=evenly(0.5, 0.85)),
+    in_pose("joint-compliance", "spokes", _spokes, author1.draw_compliance,
+            spokes=whole(3, 7), depth=evenly(0.2, 0.6), phase=PHASE),
     law("hysteresis", "teeth", _teeth, arrived=_ARRIVED, rubbing=sized(*RUBBING),
         seals=at_joint(by_ratio(2e-6, 2e-5)), slip=at_joint(by_ratio(4e-5, 2e-4))),
     law("hysteresis", "clamped", _clamped, arrived=_ARRIVED, softer=sized(*SOFTER),

@@ -5,16 +5,14 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import crank_stiffness, lever, stretch, turned, with_balancer
-from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import stroke
+from beamstiff.exam.added_parts import crank_stiffness, lever, turned, with_balancer
+from beamstiff.exam.campaign import Array
 from beamstiff.exam.draws import evenly
-from beamstiff.exam.effect import at_joints, built, form, law
+from beamstiff.exam.effect import Drive, built, in_pose
 from beamstiff.exam.forms.author1 import levers as author1
-from beamstiff.exam.laws import Law, Situation, varying
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.laws import Curved, Situation
+from beamstiff.exam.machine import stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 CLEAR = author1.CLEAR
 GEARS = 200  # tried
@@ -72,22 +70,17 @@ def _draw_lever(request: DrawRequest) -> dict[str, float]:
     return found | {"start": best[1], "gear": best[2]}
 
 
-def _lever(share: Callable[[Parameters, Array], Array], p: Parameters, k: float, variable: str) -> Law:
+def _lever(
+    share: Callable[[Parameters, Array], Array], p: Parameters, drive: Drive, e: Array, situation: Situation
+) -> Curved:
     """Return the drive of a joint through a lever; its stiffness is that at mid-range.
 
-    ``slider-crank``: a screw moves a slide on rails, and a rod from it turns the crank on the joint, so
-    that the lever is that of piston engines. Any textbook of mechanisms.
-
-    ``cylinder``: a hydraulic cylinder across the joint, whose oil columns grow softer towards mid-stroke:
-    ``A1^2/V1 + A2^2/V2`` (Merritt, Hydraulic control systems, 1967). Heavy manipulators; sizes are an
-    estimate.
+    ``slider-crank``: a screw moves a slide, and a rod from it turns the crank on the joint.
+    ``cylinder``: a hydraulic one, whose oil is softest at mid-stroke: ``A1^2/V1 + A2^2/V2`` (Merritt, 1967).
     """
-
-    def stiffness(situation: Situation) -> Array:
-        angle = author1.angle_of(p, variable, situation)
-        return np.asarray(k * share(p, angle) / share(p, np.array(p["start"])))
-
-    return varying(stiffness)
+    angle = author1.angle_of(p, drive.component, situation)
+    k = drive.k * share(p, angle) / share(p, np.array(p["start"]))
+    return k * e, k
 
 
 def lift(angle: Array, p: Parameters) -> tuple[Array, Array, Array]:
@@ -98,52 +91,29 @@ def lift(angle: Array, p: Parameters) -> tuple[Array, Array, Array]:
     return pressed, slope, high * (np.cos(angle) + more * np.cos(2.0 * angle))
 
 
-def _cam(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a cam on the joint that presses a roller against a spring.
+def _cam(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive with a cam on the joint that presses a roller against a spring.
 
-    Upright it rests in its hollow and has no lever. Known from balancers that follow a sine (any textbook of
-    mechanisms); sizes as for the others. `top`: rad from mid-range, where it neither lifts nor sinks;
-    `pointed`: second harmonic of the cam's lift.
+    `top`: rad from mid-range, where it neither lifts nor sinks; `pointed`: second harmonic of its lift.
     """
-    p, variable = truth.parameters, str(truth.component)
-    strong = crank_stiffness(p, reality.machine, variable)
-
-    def torque(situation: Situation) -> Array:
-        pressed, slope, _ = lift(turned(p, variable, situation) - p["top"], p)
-        return np.asarray((p["pull"] + p["growth"] * pressed) * slope)
-
-    def stiffness(situation: Situation, k: float) -> Array:
-        pressed, slope, curved = lift(turned(p, variable, situation) - p["top"], p)
-        return np.asarray(k + strong * slope**2 + (p["pull"] + p["growth"] * pressed) * curved)
-
-    return at_joints(truth, reality, lambda k: varying(lambda situation: stiffness(situation, k), torque))
+    pressed, slope, curved = lift(turned(p, drive.component, situation) - p["top"], p)
+    strong, push = crank_stiffness(p, drive.robot, drive.component), p["pull"] + p["growth"] * pressed
+    k = drive.k + strong * slope**2 + push * curved
+    return k * e + push * slope, k
 
 
-def _chain(p: Parameters, machine: Machine, variable: str) -> Machine:
-    """Return the machine with a coil that pulls by a chain, which hangs slack over part of the range.
-
-    It helps on one side only. Known from balancers with a chain or rope; sizes as for the others. `slack`: m
-    of stretch from mid-range.
-    """
-
-    def beyond(situation: Situation) -> Array:
-        return stretch(p, variable, situation) - p["slack"]
-
-    def pull(situation: Situation) -> Array:
-        z = beyond(situation)
-        return np.asarray(p["growth"] * (z + np.hypot(z, BLUNT)))
-
-    def rate(situation: Situation, strong: float) -> Array:
-        z = beyond(situation)
-        return np.asarray(strong * 0.5 * (1.0 + z / np.hypot(z, BLUNT)))
-
-    return with_balancer(p, machine, variable, rate, pull)
+def _chain(p: Parameters, strong: float, longer: Array) -> Curved:
+    """Return a coil that pulls by a chain; `slack`: m of stretch from mid-range."""
+    z = longer - p["slack"]
+    rate = strong * 0.5 * (1.0 + z / np.hypot(z, BLUNT))
+    return rate, p["growth"] * (z + np.hypot(z, BLUNT))
 
 
 FORMS = (
-    law("actuator-lever", "slider-crank", partial(_lever, _slider), _draw_lever),
-    law("actuator-lever", "cylinder", partial(_lever, _piston), _draw_lever),
-    form("gravity-compensator", "cam", _cam,
-         author1.draw_balancer, top=evenly(-0.6, 0.6), pointed=evenly(-0.4, 0.4)),
-    built("gravity-compensator", "chain", _chain, author1.draw_balancer, slack=evenly(-0.3, -0.1)),
+    in_pose("actuator-lever", "slider-crank", partial(_lever, _slider), _draw_lever),
+    in_pose("actuator-lever", "cylinder", partial(_lever, _piston), _draw_lever),
+    in_pose("gravity-compensator", "cam", _cam,
+            author1.draw_balancer, top=evenly(-0.6, 0.6), pointed=evenly(-0.4, 0.4)),
+    built("gravity-compensator", "chain", partial(with_balancer, _chain),
+          author1.draw_balancer, slack=evenly(-0.3, -0.1)),
 )  # fmt: skip

@@ -6,15 +6,14 @@ import numpy as np
 
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import drive_of, in_the_middle
+from beamstiff.exam.components import drive_of
 from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
 from beamstiff.exam.laws import Curved, winding
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.machine import Machine, in_the_middle
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, named, vector
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
@@ -54,12 +53,8 @@ def _draw_geometry(request: DrawRequest) -> dict[str, float]:
 def _geometry(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with wrong kinematics.
 
-    ``oval``: besides the error of its zero an encoder's track or its coupling is oval, or its shaft is bent
-    in its universal joint, so that the angle errs twice a turn. Textbooks of angle measurement; a frame's
-    error comes with a little of it at the frame's drive.
-
-    ``tolerances``: one error stands out, and all others are there as well, far smaller, as manufacture and an
-    earlier calibration leave them. What calibrations of real robots find.
+    ``oval``: an encoder errs twice a turn besides its zero; a frame's error comes with a little of it.
+    ``tolerances``: one error stands out of all others, as an earlier calibration leaves them.
     """
     component, p = str(truth.component), truth.parameters
     errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
@@ -74,10 +69,7 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
 def _payload(ways: tuple[int, ...], p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with something at the tool that the model lacks, and that moves within bounds.
 
-    ``rolling``: a part that lies loose in a groove and goes to its lower end as soon as that is tilted.
-    ``liquid``: paint, glue or coolant in an open-topped vessel, whose middle runs to the low side the further
-    the more it is tilted, up to the wall. Engineering estimates both.
-
+    ``rolling``: a part loose in a groove. ``liquid``: in an open vessel, to its low side, up to the wall.
     `half`: m to either side. `tilt`: share of the weight along its way with which it has gone most of it.
     """
     turning = p["tilt"] * p["mass"] * GRAVITY
@@ -104,10 +96,7 @@ def _draw_stations(request: DrawRequest) -> dict[str, float]:
 
 
 def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values of a tracker that is moved once, either station aligned by itself, each wrongly.
-
-    Common practice where the arm hides the reflector.
-    """
+    """Return values of a tracker that is moved once, either station aligned by itself, each wrongly."""
     share, pose = measurement1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
     poses = np.unique(pose)
     later = np.searchsorted(poses, pose) >= p["after"] * len(poses)
@@ -125,10 +114,7 @@ def _draw_lens(request: DrawRequest) -> dict[str, float]:
 
 
 def distorted(points: Array, camera: Array, barrel: float) -> Array:
-    """Return where a camera sees points (N, 3) whose lens stretches its picture with the angle squared.
-
-    It looks at the base frame's origin, and knows the depth.
-    """
+    """Return where a camera that looks at the base sees points (N, 3): stretched with the angle squared."""
     view = -camera / np.linalg.norm(camera)
     seen = points - camera
     depth = seen @ view
@@ -138,11 +124,7 @@ def distorted(points: Array, camera: Array, barrel: float) -> Array:
 
 
 def _lens(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values of a camera whose axes are turned, and whose lens is not calibrated to the rim.
-
-    Its scale changes across its view (barrel distortion, D. C. Brown, 1966). The size is an engineering
-    estimate.
-    """
+    """Return values of a camera whose axes are turned, with barrel distortion (D. C. Brown, 1966)."""
     share = measurement1.REGISTERED if seen.absolute else 1.0
     camera, barrel, moved = vector(p, "uvw"), share * p["barrel"], values[:, :3]
     if seen.absolute:
@@ -159,10 +141,7 @@ def _draw_rope(request: DrawRequest) -> dict[str, float]:
 
 
 def _rope(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads by a rope that runs to a pulley in the room, set out for about the middle of the range.
-
-    It stays where it is, so that the pull turns as the tool moves aside. Common practice.
-    """
+    """Return loads by a rope to a pulley that stays where it was set out, for the middle of the range."""
     machine, campaign, placed = seen.machine, seen.campaign, seen.placed
     middle = in_the_middle(machine.robot)
     changed = wrench.copy()
@@ -193,11 +172,7 @@ def _draw_discs(request: DrawRequest) -> dict[str, float]:
 
 
 def _discs(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads by a stack of discs whose true weights differ from their labels.
-
-    Their error has a slope of its own from disc to disc. Weights of commercial classes err less, those of a
-    workshop so much; engineering estimate.
-    """
+    """Return loads by a stack of a workshop's discs, whose true weights differ from their labels."""
     size = np.linalg.norm(wrench[:, :3], axis=1)
     each = (float(size.max()) or 1.0) / DISCS
     laid = np.clip(size[:, None] / each - np.arange(DISCS), 0.0, 1.0)
@@ -217,11 +192,7 @@ def heated(part: Array, on: float, lag: float) -> Array:
 
 
 def _thermostat(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values in a hall whose heating or cooling goes on and off.
-
-    What carries the tracker follows with a lag, in minutes. Known in every machine hall (ISO 230-3 asks for
-    its record). `period`: s; `on`, `lag`: shares of it.
-    """
+    """Return values in a hall whose heating goes on and off (ISO 230-3); `period`: s; `on`, `lag`: shares."""
     part = p["start"] + measurement1.since_start(seen.campaign) / p["period"]
     share = heated(part, p["on"], p["lag"]) - heated(np.array(p["start"]), p["on"], p["lag"])
     moved = p["drift"] * measurement1.since_rest(seen.campaign, share)[:, None] * vector(p)
@@ -229,10 +200,7 @@ def _thermostat(p: Parameters, seen: Seen, values: Array) -> Array:
 
 
 def _sun(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values on a column that leans into the shade, and the sun moves on.
-
-    Known of large machine tools; the angle it sweeps, rad over the campaign, is that of some hours.
-    """
+    """Return values on a column that leans into the shade, and the sun moves on; `sweep`: rad, of hours."""
     time = measurement1.since_start(seen.campaign)
     bearing = p["from"] + p["sweep"] * time / (float(time.max()) or 1.0)
     lean = np.zeros((len(values), 3))
@@ -244,11 +212,7 @@ def _sun(p: Parameters, seen: Seen, values: Array) -> Array:
 
 
 def _run(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values with bad rows one after the other, off by the same.
-
-    The beam is broken and caught again at a wrong distance, or the reflector sits askew on a chip, until
-    someone sees it and sets it right. Known of interferometers and of magnetic nests; engineering estimate.
-    """
+    """Return values with bad rows one after the other, off by the same, until someone sees it."""
     rng = np.random.default_rng(int(p["seed"]))
     order = np.lexsort((seen.campaign.step, seen.campaign.pose))
     length = min(int(p["length"]), max(1, len(values) // 8))  # a few rows, of a short campaign too

@@ -21,8 +21,7 @@ def _slipping(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a tool that slips sideways on its flange.
 
     Beyond the grip of its bolts it slides in their clearance, against their bending, and stays there when the
-    load is taken off: friction, but in no joint. Textbooks of bolted joints (VDI 2230); slips of up to some
-    tenths of a millimetre are an engineering estimate. `give`: m/N once it slips; `grip`: N.
+    load is taken off (VDI 2230). `give`: m/N once it slips; `grip`: N.
     """
     k = 1.0 / p["give"]
     across = rubbing(k, p["grip"], p["arrived"], partial(fading, reach=p["grip"] / (STUCK * k)))
@@ -35,11 +34,9 @@ def _draw_sticking(request: DrawRequest) -> dict[str, float]:
 
 
 def _sticking(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values read by gauges along the base axes that follow only once they are pushed.
+    """Return values read by gauges along the base axes with a reversal error: they lag behind by a way.
 
-    Dial gauges and draw-wire sensors have a reversal error: what they read stays until the point has gone a
-    way, and lags behind it by that from then on (ISO 463 for dial gauges, a few micrometres; data sheets of
-    draw-wire sensors, up to some tenths of a millimetre).
+    A few micrometres of dial gauges (ISO 463), up to some tenths of a millimetre of draw-wire sensors.
     """
     half, campaign, values = vector(p), seen.campaign, values.copy()
     shown: dict[tuple[int, str], Array] = {}
@@ -61,12 +58,7 @@ def _draw_stand(request: DrawRequest) -> dict[str, float]:
 
 
 def _stand(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values read from a stand that the load's reaction moves.
-
-    The frame, winch or jack that loads the tool stands on the same plate as the tracker's stand, and its
-    reaction, the load turned about, shifts and tilts that. Known from tests of structures, where gauges are
-    never to stand on the reaction floor; sizes are an engineering estimate.
-    """
+    """Return values read from a stand on a plate that the load's reaction shifts and tilts."""
     head = -vector(p, [f"soft_{name}" for name in "xyz"]) * seen.campaign.wrench[:, :3]  # where its head goes
     tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
     away = seen.places - np.array([p["u"], p["v"], p["tall"]])

@@ -12,23 +12,20 @@ from beamstiff.exam.added_parts import (
     about_x,
     across_link,
     behind_flange,
-    ends_of,
-    free_name,
-    node_at,
     on_pedestal,
     seen_from_foot,
     sprung,
 )
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, built, load
+from beamstiff.exam.effect import Seen, built, built_at_joints, load
 from beamstiff.exam.forms.author1 import structure as structure1
 from beamstiff.exam.forms.author1 import tool as tool1
 from beamstiff.exam.forms.author2.drives import slackening
 from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
-from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, joints_of, tapered
+from beamstiff.exam.machine import Bar, Hinge, Machine, Profile, in_the_middle, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
 
 LIFTED = 0.1  # of the contacts' stiffness, that the clamp has by itself
@@ -39,13 +36,9 @@ FIRM = 20.0  # of a remote centre: stiffness along its axis over that across
 def _base(stiffness: Callable[[Parameters], Array], p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a soft base, turned about the vertical.
 
-    ``carriage``: the robot rides on a seventh axis, held by four guide blocks on rails and, along them, by
-    the rack's drive, which is softer. Common in body shops; block stiffness as in catalogues (Bosch Rexroth,
-    THK), the drive's an engineering estimate. `long`, `wide`: m, half the distances of the guide blocks;
-    `across`: sideways over upright; `rack`: along the rails over one block's upright.
-
-    ``girder``: it stands on a bridge that is clamped at both ends, beside the bridge's axis, as on gantries
-    and platforms; sizes are an engineering estimate.
+    ``carriage``: of a seventh axis, on four guide blocks (catalogues of Bosch Rexroth, THK) and a rack.
+    `long`, `wide`: m, half the distances of the guide blocks; `across`: sideways over upright; `rack`: along
+    the rails over one block's upright. ``girder``: beside the axis of a bridge that is clamped at both ends.
     """
     c, s = math.cos(p["turned"]), math.sin(p["turned"])
     turned = np.kron(np.eye(2), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
@@ -79,23 +72,12 @@ def girder(p: Parameters) -> Array:
     return np.asarray(K * np.linalg.inv(K)[3, 3] / p["tilt"])
 
 
-def _housing(p: Parameters, machine: Machine, component: str) -> Machine:
-    """Return the machine with a bearing whose seat is softer one way, in a fork for instance.
-
-    That way stays with the link before the joint as that turns. Seen in finite-element models of castings;
-    the ratio is an engineering estimate.
-    """
-    for name, own in joints_of(machine.robot, component):
-        machine = _seated(machine, name, own, p)
-    return machine
-
-
-def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
-    """Return the machine with a seat between a joint and the link that it is mounted in."""
+def _housing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
+    """Return the machine with a bearing whose seat in the link before it is softer one way, as in a fork."""
     hinge, placed = machine.hinge(joint), in_the_middle(machine.robot)
     at = int(machine.node(hinge.nodes[0]).frame == hinge.frame)  # the node that does not turn with the joint
     host = machine.node(hinge.nodes[at])
-    seat = host.model_copy(update={"name": free_name(machine, "seat")})
+    seat = host.model_copy(update={"name": machine.free_name("seat")})
     axes = placed.rotations[host.frame][0].T @ placed.rotations[hinge.frame][0] @ hinge.axes
     soft = np.array(
         [p["axial"], p["radial"], p["radial"] * p["other"], 0.0, p["tilt"] * p["other"], p["tilt"]]
@@ -110,22 +92,15 @@ def _seated(machine: Machine, joint: str, own: int, p: Parameters) -> Machine:
 
 
 def _unloading(p: Parameters, k: float, e: Array) -> Curved:
-    """Return a pair of angular-contact rows under preload.
-
-    Past a moment one row has no load left, and the other holds alone, with the stiffness `loose`. Bearing
-    catalogues (SKF, Schaeffler) give the load at which it lifts.
-    """
-    return slackening(e, k, p["loose"], p["strain"])
+    """Return a preloaded pair of angular-contact rows, one of which lifts (catalogues of SKF, Schaeffler)."""
+    return slackening({**p, "from": p["strain"]}, k, e)
 
 
 def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
     """Return the machine with a link that bends.
 
-    ``channel``: an open section, whose shear centre lies beside the line from joint to joint, so that forces
-    across twist it. Any textbook of strength of materials.
-
-    ``fork``: two legs side by side between stiff ends, as forked arms have; one may be the weaker, by
-    `uneven`. Any textbook; the distances, shares of the length, are an engineering estimate.
+    ``channel``: an open section, whose shear centre lies beside the line from joint to joint.
+    ``fork``: two legs side by side between stiff ends; one may be the weaker, by `uneven`.
     """
     beam = next((bar for bar in machine.bars if bar.name == name), None)
     if beam is None:
@@ -146,13 +121,12 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    placed, a, b = ends_of(machine, bar.nodes)
+    a, b = machine.ends(bar.nodes)
     away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
     for end, place in zip(bar.nodes, (a, b), strict=True):
-        node = node_at(machine, placed, machine.node(end).frame, place + away, "leg")
-        names.append(node.name)
-        machine = machine.plus(nodes=(node,), rigids=((f"{end} {node.name}", (end, node.name)),))
+        machine, name = machine.with_node_at("leg", machine.node(end).frame, place + away, end)
+        names.append(name)
     profile = Profile(bar.profile.stations, bar.profile.compliance / share)
     leg = Bar(f"{bar.name} {names[0]}", (names[0], names[1]), profile, bar.up, share * bar.weight)
     return machine.plus(bars=(leg,))
@@ -176,8 +150,7 @@ def hertzian(pressed: Array, k: float, clamped: float) -> Curved:
 def _balls(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a tool changer or kinematic coupling that seats on three balls under a clamp.
 
-    Their contacts stiffen as they are pressed and soften as they are lifted (A. H. Slocum, Precision machine
-    design, 1992); the clamping forces, N on each ball, are an engineering estimate.
+    Their contacts stiffen as they are pressed (A. H. Slocum, Precision machine design, 1992). `clamped`: N.
     """
     machine, flange = behind_flange(machine)
     angles = p["first"] + 2.0 * math.pi / 3.0 * np.arange(3)
@@ -198,8 +171,7 @@ def _balls(p: Parameters, machine: Machine, _: str) -> Machine:
 def _remote_centre(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine with a compliant device for assembly, its elastic centre at or ahead of the tip.
 
-    A force there moves the tool without tilting it (D. E. Whitney, 1982). `reach`: m, root of what it gives
-    across over what it tilts.
+    (D. E. Whitney, 1982.) `reach`: m, root of what it gives across over what it tilts.
     """
     about = tool1.about_tool(p)
     across = 1.0 / (about[:2] * p["reach"] ** 2)
@@ -215,10 +187,7 @@ def eyes(p: Parameters) -> Array:
 
 
 def _at_eyes(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads hooked into that eye bolt of an adapter, one on each of its sides, that faces them.
-
-    Common practice with dead weights and pulleys. `tip`: distance of the eye ahead over that of the others.
-    """
+    """Return loads hooked into that eye bolt of an adapter, one on each of its sides, that faces them."""
     places, axes = eyes(p), seen.tool_axes
     own = np.einsum("nji,nj->ni", axes, wrench[:, :3])
     facing = np.argmax(own @ (places / np.linalg.norm(places, axis=1, keepdims=True)).T, axis=1)
@@ -226,11 +195,7 @@ def _at_eyes(p: Parameters, seen: Seen, wrench: Array) -> Array:
 
 
 def _rehung(p: Parameters, seen: Seen, wrench: Array) -> Array:
-    """Return loads by a sling laid on anew in each pose, beside the TCP but never quite the same.
-
-    Common practice; the scatter, by the pose's number whichever others are measured, is an engineering
-    estimate.
-    """
+    """Return loads by a sling laid on anew in each pose, beside the TCP, never quite the same."""
     poses = np.unique(seen.campaign.pose)
     apart = np.array(
         [np.random.default_rng([int(p["seed"]), int(pose)]).standard_normal(3) for pose in poses]
@@ -249,9 +214,9 @@ FORMS = (
     built("base-compliance", "girder", partial(_base, girder), **_BASE,
           span=evenly(2.0, 5.0), place=evenly(0.25, 0.75), beside=evenly(-0.3, 0.3), above=evenly(0.1, 0.4),
           flat=evenly(0.2, 0.8), twist=evenly(0.2, 0.6)),
-    built("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
-    built("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
-          structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
+    built_at_joints("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
+    built_at_joints("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
+                    structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
     built("link-bending", "channel", partial(_link, False),
           structure1.draw_link, side=PHASE, beside=evenly(0.04, 0.12)),
     built("link-bending", "fork", partial(_link, True),

@@ -2,6 +2,5 @@
 
 from beamstiff.exam.forms.author4 import drives, geometry, measurement, outside, structure
 
-MODULES = (drives, geometry, measurement, structure, outside)
-FORMS = tuple(form for module in MODULES for form in module.FORMS)
+FORMS = tuple(form for module in (drives, geometry, measurement, structure, outside) for form in module.FORMS)
 PLACES = outside.PLACES

@@ -6,16 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.exam.added_parts import axis_in_the_middle, pair_of
+from beamstiff.exam.added_parts import axis_in_the_middle, beside, pair_of
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import in_the_middle, stiffness_of, stroke, turns
+from beamstiff.exam.components import main_stiffness, stiffness_of, turns
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
-from beamstiff.exam.effect import at_joints, built, form, law
-from beamstiff.exam.forms.author4.scales import beside, main_stiffness, rounded_ramp
-from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, rubbing, varying, winding
-from beamstiff.exam.machine import Machine, Mesh, drives_of, joints_of, own_stiffness
+from beamstiff.exam.effect import Drive, Reality, built, curve, form, in_pose, law, wind_up
+from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, ramp, rubbing, varying, winding
+from beamstiff.exam.machine import Machine, Mesh, drives_of, in_the_middle, joints_of, own_stiffness, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
-from beamstiff.exam.reality import Reality
 
 ROUND = 0.08  # of a play's width: its corners
 BLUNT = 2e-6  # rad
@@ -27,38 +25,27 @@ TORQUE = 6e-4  # rad: what the drive would give under the usual balancer
 SWING = 0.85  # rad: of a slotted lever to either side
 
 
-def soft_zone(k: float, lost: float, knee: float) -> Law:
+def soft_zone(p: Parameters, k: float, force: Array) -> Curved:
     """Return a strain wave gear's wind-up: teeth that settle add up to `lost` while the torque is small."""
-
-    def wind_up(force: Array) -> Curved:
-        u = force / (k * knee)
-        slope = 1.0 / k + lost * (2.0 / np.pi) / (k * knee * (1.0 + u**2))
-        return force / k + lost * (2.0 / np.pi) * np.arctan(u), slope
-
-    return winding(wind_up, k)
+    u = force / (k * p["knee"])
+    slope = 1.0 / k + p["lost"] * (2.0 / np.pi) / (k * p["knee"] * (1.0 + u**2))
+    return force / k + p["lost"] * (2.0 / np.pi) * np.arctan(u), slope
 
 
-def engaging(k: float, gain: float, scale: float, skew: float) -> Law:
+def engaging(p: Parameters, k: float, force: Array) -> Curved:
     """Return a gear's wind-up of which more teeth carry the larger the torque, sooner in one direction.
 
     Stiffness ``k (1 + gain (1 - exp(-|T| / T1)))``, T1 = ``k scale (1 + skew sign(T))``.
     """
-
-    def wind_up(force: Array) -> Curved:
-        T1 = k * scale * np.where(force >= 0.0, 1.0 + skew, 1.0 - skew)
-        u = np.abs(force) / T1
-        rest = 1.0 + gain * -np.expm1(-u)
-        wound = T1 / (k * (1.0 + gain)) * (u + np.log1p(gain * -np.expm1(-u)))
-        return np.sign(force) * wound, 1.0 / (k * rest)
-
-    return winding(wind_up, k * (1.0 + gain))
+    T1 = k * p["scale"] * np.where(force >= 0.0, 1.0 + p["skew"], 1.0 - p["skew"])
+    u = np.abs(force) / T1
+    rest = 1.0 + p["gain"] * -np.expm1(-u)
+    wound = T1 / (k * (1.0 + p["gain"])) * (u + np.log1p(p["gain"] * -np.expm1(-u)))
+    return np.sign(force) * wound, 1.0 / (k * rest)
 
 
 def spline(k: float, contact: float, knee: float) -> Law:
-    """Return the wind-up of a shaft in a spline: contacts that give with the torque to two thirds.
-
-    `contact`: their compliance at no torque, over that of the shaft.
-    """
+    """Return the wind-up of a shaft in a spline; `contact`: its give at no torque over the shaft's."""
 
     def wind_up(force: Array) -> Curved:
         u = force / (k * knee)
@@ -69,39 +56,27 @@ def spline(k: float, contact: float, knee: float) -> Law:
     return winding(wind_up, k)
 
 
-def scissor(k: float, sign: float, preload: float, gap: float, soft: float) -> Law:
+def scissor(p: Parameters, k: float, strain: Array) -> Curved:
     """Return a split gear: beyond its preload in one direction the spring half gives by a gap."""
-    width = ROUND * (gap + preload)
+    width = ROUND * (p["gap"] + p["preload"])
 
     def part(y: Array) -> Curved:
-        first, its = rounded_ramp(-y - preload, width)
-        last, other = rounded_ramp(-y - preload - gap, width)
-        return k * y + (1.0 - soft) * k * (first - last), k - (1.0 - soft) * k * (its - other)
+        first, its = ramp(-y - p["preload"], width)
+        last, other = ramp(-y - p["preload"] - p["gap"], width)
+        return k * y + (1.0 - p["soft"]) * k * (first - last), k - (1.0 - p["soft"]) * k * (its - other)
 
-    at_rest = part(np.zeros(1))[0]
-
-    def curve(strain: Array) -> Curved:
-        force, slope = part(sign * strain)
-        return sign * (force - at_rest), slope
-
-    return curved(curve)
+    force, slope = part(p["sign"] * strain)
+    return p["sign"] * (force - part(np.zeros(1))[0]), slope
 
 
-def eccentric_mesh(p: Parameters, k: float, variable: str) -> Law:
-    """Return play between flanks of a wheel that runs out: half as wide again on one side of its turn.
-
-    Grease between the flanks carries a little.
-    """
-
-    def curve(strain: Array, situation: Situation) -> Curved:
-        w = p["half_width"] * (1.0 + p["runout"] * np.cos(situation.values[variable] - p["phase"]))
-        above, below = (np.sqrt((strain + way * w) ** 2 + (ROUND * w) ** 2) for way in (-1.0, 1.0))
-        free = strain + 0.5 * (above - below)
-        slope = 1.0 + 0.5 * ((strain - w) / above - (strain + w) / below)
-        carried, rest = k * (1.0 - p["grease"]), k * p["grease"]
-        return rest * strain + carried * free, rest + carried * slope
-
-    return posed(curve)
+def eccentric_mesh(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return play between greased flanks of a wheel that runs out: wider on one side of its turn."""
+    w = p["half_width"] * (1.0 + p["runout"] * np.cos(situation.values[drive.component] - p["phase"]))
+    above, below = (np.sqrt((e + way * w) ** 2 + (ROUND * w) ** 2) for way in (-1.0, 1.0))
+    free = e + 0.5 * (above - below)
+    slope = 1.0 + 0.5 * ((e - w) / above - (e + w) / below)
+    carried, rest = drive.k * (1.0 - p["grease"]), drive.k * p["grease"]
+    return rest * e + carried * free, rest + carried * slope
 
 
 def _usual(request: DrawRequest) -> float:
@@ -114,23 +89,19 @@ def _usual(request: DrawRequest) -> float:
     return usual / request.sized(0.03, 1.2)
 
 
-def _rope_drive(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
-    middle, half = stroke(reality.machine.robot, variable)
-
-    def stiffness(situation: Situation) -> Array:
-        # the free strand grows as the drum winds off; limits of a joint may be passed by a little
-        way = np.clip((situation.values[variable] - middle) / half, -1.5, 1.5)
-        return np.asarray(p["stiffness"] / (1.0 + p["longer"] * way))
-
-    return at_joints(truth, reality, lambda _: varying(stiffness))
+def _rope_drive(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return a rope's drive: its free strand grows as the drum winds off."""
+    middle, half = stroke(drive.robot, drive.component)
+    # limits of a joint may be passed by a little
+    way = np.clip((situation.values[drive.component] - middle) / half, -1.5, 1.5)
+    k = p["stiffness"] / (1.0 + p["longer"] * way)
+    return k * e, k
 
 
 def tooth_friction(p: Parameters, k: float, _: str) -> Law:
-    """Return friction of seals, and of teeth by the torque that they carry: the loop is a bow tie.
+    """Return friction of seals (`friction`, a strain), and of teeth by a `share` of the torque they carry.
 
-    `friction`: as the strain that it holds; `reach`: strain over which it turns round, by Dahl's law;
-    `share`: of the torque.
+    It turns round by Dahl's law over a `reach`.
     """
     friction = k * p["friction"]
 
@@ -177,17 +148,16 @@ def _idler(p: Parameters, machine: Machine, pair: str) -> Machine:
     k, side = min(k1, k2) * p["stiffness"], p["side"]
 
     def curve(strain: Array) -> Curved:
-        carried, slope = rounded_ramp(side * strain, BLUNT)
+        carried, slope = ramp(side * strain, BLUNT)
         return side * k * (carried - 0.5 * BLUNT), k * slope
 
     return machine.plus(meshes=(Mesh(one, two, (1.0, p["ratio"]), curved(curve)),))
 
 
 def _housing(p: Parameters, machine: Machine, pair: str) -> Machine:
-    """Return the machine with a housing that both torques twist.
+    """Return the machine with a housing that both torques twist, the second by the cosine between the axes.
 
-    The second by the cosine of the angle between the axes: its compliance c in series,
-    ``(C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)``.
+    Compliance c in series: ``(C + c u u^T)^-1 = K - K u u^T K c / (1 + c u^T K u)``.
     """
     one, two, k1, k2 = pair_of(machine, pair)
     c = p["compliance"] / max(k1, k2)
@@ -201,19 +171,13 @@ def _housing(p: Parameters, machine: Machine, pair: str) -> Machine:
     return machine.plus(meshes=(Mesh(one, two, (k1, lambda s: k2 * leaning(s)), varying(taken)),))
 
 
-def _of(spring: Callable[..., Law]) -> Callable[[Parameters, float, str], Law]:
-    """Return a law from a spring that takes the stiffness and the parameters by name."""
-    return lambda p, k, _: spring(k, **p)
-
-
 _ARRIVED = evenly(-0.9, 0.9)
 
 
 def screw(angle: Array, crank: float, shaft: float) -> Array:
     """Return the stiffness of a screw's drive about its joint, up to a factor; the frame's arm is 1 long.
 
-    Nut and bearings are in series with the free length of the shaft, of which it has more where the screw is
-    longer: `shaft`, its compliance over theirs at length 1.
+    `shaft`: compliance of its free length, which grows with it, over nut and bearings', at length 1.
     """
     long = np.sqrt(1.0 + crank**2 - 2.0 * crank * np.cos(angle))
     arm = crank * np.sin(angle) / long
@@ -221,31 +185,32 @@ def screw(angle: Array, crank: float, shaft: float) -> Array:
 
 
 def slotted(angle: Array) -> Array:
-    """Return the stiffness of a pin on a slide in a lever's slot, about the lever's joint, up to a factor.
-
-    The pin goes straight past the joint: by ``tan(angle)``, so that the way per angle grows to either side.
-    """
+    """Return the stiffness of a pin that goes straight past a joint, in a lever's slot, up to a factor."""
     return np.asarray(np.cos(angle) ** -4)
 
 
-def _lever(truth: Truth, reality: Reality) -> Reality:
-    p, variable = truth.parameters, str(truth.component)
-    middle, half = stroke(reality.machine.robot, variable)
+def _screwed(p: Parameters, half: float, way: Array) -> Array:
+    most = min(p["angle"] - 0.45, 2.7 - p["angle"], half)
+    return screw(p["angle"] + p["swing"] * most * way, p["crank"], p["shaft"])
 
-    def relative(q: Array) -> Array:
-        way = np.clip((q - middle) / half, -1.05, 1.05)
-        if truth.form == "slotted-lever":
-            most = min(SWING - abs(p["angle"]), half)
-            return slotted(p["angle"] + p["swing"] * most * way)
-        most = min(p["angle"] - 0.45, 2.7 - p["angle"], half)
-        return screw(p["angle"] + p["swing"] * most * way, p["crank"], p["shaft"])
 
-    usual = float(relative(np.array([middle]))[0])
-    return at_joints(
-        truth,
-        reality,
-        lambda k: varying(lambda situation: k * relative(situation.values[variable]) / usual),
-    )
+def _slotted(p: Parameters, half: float, way: Array) -> Array:
+    most = min(SWING - abs(p["angle"]), half)
+    return slotted(p["angle"] + p["swing"] * most * way)
+
+
+def _lever(
+    share: Callable[[Parameters, float, Array], Array],
+    p: Parameters,
+    drive: Drive,
+    e: Array,
+    situation: Situation,
+) -> Curved:
+    """Return the drive through a lever, whose share of stiffness is from half the range and the way in it."""
+    middle, half = stroke(drive.robot, drive.component)
+    way = np.clip((situation.values[drive.component] - middle) / half, -1.05, 1.05)
+    k = drive.k * share(p, half, way) / float(share(p, half, np.zeros(1))[0])
+    return k * e, k
 
 
 def _heavy_side(machine: Machine, joint: str) -> float:
@@ -256,11 +221,7 @@ def _heavy_side(machine: Machine, joint: str) -> float:
 
 
 def _balance(truth: Truth, reality: Reality) -> Reality:
-    """Return the reality with a balancer's torque against the turning of its joint.
-
-    It is `torque` where the joint is in the middle and the temperature 20 degC; the pull follows the stretch
-    over the crank's length.
-    """
+    """Return the reality with a balancer's torque against its joint: `torque` in the middle, at 20 degC."""
     p, variable, machine = truth.parameters, str(truth.component), reality.machine
     robot, heats = machine.robot, truth.form == "gas-and-heat"
     middle = stroke(robot, variable)[0]
@@ -296,16 +257,17 @@ _CRANK: dict[str, Draw] = {
 
 
 FORMS = (
-    law("hardening", "soft-zone", _of(soft_zone), lost=sized(1e-5, 4e-4), knee=by_ratio(2e-5, 1.5e-4)),
-    law("hardening", "engaging-teeth", _of(engaging),
-        gain=sized(0.05, 1.5), scale=by_ratio(6e-5, 4e-4), skew=signed(evenly(0.0, 0.5))),
-    form("joint-compliance", "rope-drive", _rope_drive, stiffness=_usual, longer=signed(evenly(0.15, 0.5))),
+    wind_up("hardening", "soft-zone", soft_zone, lost=sized(1e-5, 4e-4), knee=by_ratio(2e-5, 1.5e-4)),
+    wind_up("hardening", "engaging-teeth", engaging,
+            gain=sized(0.05, 1.5), scale=by_ratio(6e-5, 4e-4), skew=signed(evenly(0.0, 0.5))),
+    in_pose("joint-compliance", "rope-drive", _rope_drive,
+            stiffness=_usual, longer=signed(evenly(0.15, 0.5))),
     law("joint-compliance", "spline", lambda p, _, __: spline(p["stiffness"], p["contact"], p["knee"]),
         stiffness=_usual, contact=evenly(0.5, 2.0), knee=by_ratio(3e-5, 3e-4)),
-    law("backlash", "eccentric-mesh", eccentric_mesh,
-        half_width=sized(5e-6, 4e-4), runout=evenly(0.2, 0.6), phase=PHASE, grease=evenly(0.01, 0.06)),
-    law("backlash", "scissor-gear", _of(scissor),
-        sign=SIGN, preload=by_ratio(1e-5, 1.2e-4), gap=sized(1e-5, 6e-4), soft=evenly(0.02, 0.12)),
+    in_pose("backlash", "eccentric-mesh", eccentric_mesh,
+            half_width=sized(5e-6, 4e-4), runout=evenly(0.2, 0.6), phase=PHASE, grease=evenly(0.01, 0.06)),
+    curve("backlash", "scissor-gear", scissor,
+          sign=SIGN, preload=by_ratio(1e-5, 1.2e-4), gap=sized(1e-5, 6e-4), soft=evenly(0.02, 0.12)),
     law("hysteresis", "tooth-friction", tooth_friction, _gear, arrived=_ARRIVED),
     law("hysteresis", "driven-back", driven_back, _worm,
         power=evenly(1.2, 1.8), skew=signed(evenly(0.15, 0.5)), arrived=_ARRIVED),
@@ -313,9 +275,10 @@ FORMS = (
           compliance=sized(0.02, 0.8), share=signed(evenly(0.5, 1.2)), phase=PHASE),
     built("joint-coupling", "one-way-idler", _idler,
           stiffness=sized(0.03, 1.2), ratio=signed(evenly(0.4, 1.3)), side=SIGN),
-    form("actuator-lever", "long-screw", _lever,
-         crank=evenly(0.25, 0.6), shaft=evenly(0.5, 3.0), angle=evenly(1.2, 1.9), swing=sized(0.1, 1.0)),
-    form("actuator-lever", "slotted-lever", _lever, angle=evenly(-0.35, 0.35), swing=sized(0.12, 1.0)),
+    in_pose("actuator-lever", "long-screw", partial(_lever, _screwed),
+            crank=evenly(0.25, 0.6), shaft=evenly(0.5, 3.0), angle=evenly(1.2, 1.9), swing=sized(0.1, 1.0)),
+    in_pose("actuator-lever", "slotted-lever", partial(_lever, _slotted),
+            angle=evenly(-0.35, 0.35), swing=sized(0.12, 1.0)),
     form("gravity-compensator", "gas-and-heat", _balance, **_CRANK,
          filled=evenly(0.1, 0.35), power=evenly(1.0, 1.35)),
     form("gravity-compensator", "nested-coils", _balance, **_CRANK,

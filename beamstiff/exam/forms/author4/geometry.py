@@ -6,14 +6,13 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.exam.components import slender, stroke
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
-from beamstiff.exam.effect import Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author4.measurement import times
-from beamstiff.exam.machine import Machine
+from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
-from beamstiff.exam.reality import Reality
 from beamstiff.exam.rotations import turn, turned_by
 from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
 
@@ -92,10 +91,6 @@ def _capacity(request: DrawRequest) -> float:
     return float(carried or 100.0 / slender(request.robot) ** 2)
 
 
-def _box(p: Parameters, machine: Machine, _: str) -> Machine:
-    return machine.plus(masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),))
-
-
 def _half_empty(p: Parameters, machine: Machine, _: str) -> Machine:
     """Return the machine whose payload is fuller or emptier, and whose centre moves with the filling."""
 
@@ -139,8 +134,7 @@ def _curve(truth: Truth, reality: Reality) -> Reality:
 def dragged(angle: Array, form: str, p: Parameters) -> Array:
     """Return where a joint stays within its friction, (N,) in [-1, 1], from its angles in order.
 
-    ``long-seal``: a seal that the shaft drags along turns round over a way. ``unequal``: at once, by another
-    amount forward than back.
+    ``long-seal``: it turns round over a way. ``unequal``: at once, by another amount forward than back.
     """
     state, found = p["start"], np.empty(len(angle))
     for at, move in enumerate(np.diff(angle, prepend=angle[:1])):
@@ -223,7 +217,8 @@ FORMS = (
     load("tool-offset", "pin-in-clevis", _pin, _draw_pin),
     built("payload-error", "half-empty", _half_empty, each(share=signed(sized(0.015, 0.7))),
           direction(by_reach(evenly(0.05, 0.2))), usual=_capacity),
-    built("payload-error", "box-beside", _box, _draw_box),
+    built("payload-error", "box-beside", lambda p, machine, _: machine.plus(
+              masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),)), _draw_box),
     form("angle-curve", "cardan", _curve,
          tilt=sized(0.012, 0.06), phase=evenly(0.0, np.pi), once=evenly(0.1, 0.5), once_phase=PHASE),
     form("angle-curve", "scar", _curve,

@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, by_reach, direction, each, evenly, sized
-from beamstiff.exam.effect import Seen, load, reading
+from beamstiff.exam.effect import Seen, load, places_of, reading
+from beamstiff.exam.machine import in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
-from beamstiff.exam.reality import places_of
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
 QUICK, SLOW = ([f"{name}_{axis}" for axis in "xyz"] for name in ("quick", "slow"))
@@ -118,10 +118,6 @@ def _draw_warmings(request: DrawRequest) -> dict[str, float]:
     return found | request.direction(quick, QUICK) | request.direction(slow, SLOW)
 
 
-def _hall_gate(p: Parameters, time: Array) -> Array:
-    return hall(time, p["period"], p["phase"], p["open"])[:, None] * vector(p)
-
-
 def _drift(at: Callable[[Parameters, Array], Array], p: Parameters, seen: Seen, values: Array) -> Array:
     time, pose = times(seen.campaign), seen.campaign.pose
     zero = np.zeros_like(time)
@@ -153,7 +149,8 @@ FORMS = (
     reading("frame-misalignment", "line-of-sight", _sight, _draw_sight),
     reading("frame-misalignment", "base-marks", _base_marks, _marks),
     reading("thermal-drift", "two-warmings", partial(_drift, _two_warmings), _draw_warmings),
-    reading("thermal-drift", "hall-gate", partial(_drift, _hall_gate),
+    reading("thermal-drift", "hall-gate",
+            partial(_drift, lambda p, t: hall(t, p["period"], p["phase"], p["open"])[:, None] * vector(p)),
             each(period=by_ratio(900.0, 3600.0), phase=evenly(0.0, 1.0), open=evenly(0.2, 0.45)),
             direction(sized(8e-6, 4e-4))),
     reading("outliers", "burst", partial(_bad, True),

@@ -5,15 +5,13 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import free_name
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import drives, in_the_middle, nowhere, slender
+from beamstiff.exam.components import nowhere, slender
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
-from beamstiff.exam.machine import Machine, Rod
+from beamstiff.exam.machine import Machine, Rod, drives_of, in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters
-from beamstiff.robot.parts import Node
 
 
 def drum(pull: float, friction: float, arrived: float, reach: float) -> Law:
@@ -51,13 +49,9 @@ def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
     at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
     at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
-    crane = Node(name=free_name(machine, "crane"), at=tuple(map(float, at)))  # type: ignore[arg-type]
+    machine, crane = machine.with_node("crane", "base", at, machine.fixed[0])
     law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])
-    return machine.plus(
-        nodes=(crane,),
-        rigids=((f"to {crane.name}", (machine.fixed[0], crane.name)),),
-        rods=(Rod(f"{crane.name} rope", (crane.name, elbow), 0.0, law),),
-    )
+    return machine.plus(rods=(Rod(f"{crane} rope", (crane, elbow), 0.0, law),))
 
 
 def _draw_pull(request: DrawRequest) -> dict[str, float]:
@@ -82,7 +76,7 @@ def _truck(p: Parameters, seen: Seen, values: Array) -> Array:
     return values + np.where(there[:, None], both, 0.0)
 
 
-PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives}
+PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives_of}
 FORMS = (
     built("elbow-hanger", "rope-on-a-drum", _hang, _draw_pull,
           reach=by_ratio(5e-5, 5e-4), arrived=evenly(-0.9, 0.9), aside=by_reach(evenly(0.0, 1.0)), way=PHASE,

@@ -7,18 +7,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, behind_flange, ends_of, free_name, on_pedestal, sprung
+from beamstiff.exam.added_parts import UP, behind_flange, on_pedestal, round_about, sprung
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.components import in_the_middle, slender
+from beamstiff.exam.components import main_stiffness, slender, wrist_stiffness
 from beamstiff.exam.draws import PHASE, by_ratio, by_reach, each, evenly, whole
-from beamstiff.exam.effect import built
-from beamstiff.exam.forms.author4.scales import main_stiffness, round_about, rounded_ramp, wrist_stiffness
-from beamstiff.exam.laws import Curved, Law, Situation, curved, varying
+from beamstiff.exam.effect import built, built_at_joints
+from beamstiff.exam.laws import Curved, Law, Situation, curved, ramp, varying
 from beamstiff.exam.machine import TURN, Bar, Machine, Mesh, Profile, Rod, joints_of, own_stiffness
 from beamstiff.exam.parameters import DrawRequest, Parameters
 from beamstiff.exam.rotations import cross_matrix
 from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Node
 
 LEGENDRE = np.polynomial.legendre.leggauss(3)
 DEPTH = 0.12  # of a link's section over its length: radius of gyration
@@ -33,11 +31,9 @@ SIDEWAYS = 1.5  # of a foot's stiffness
 
 
 def windowed(stiffness: float, length: float, window: tuple[float, float], weaker: Array) -> Profile:
-    """Return the profile of a link of which a piece is weaker.
+    """Return the profile of a link, `stiffness` N m/rad against bending, of which a piece is weaker.
 
-    `stiffness`: against bending over the length, N m/rad.
-    `window`: from and to, over the length.
-    `weaker`: (6,) array; how often more compliant the piece is.
+    `window`: from and to, over the length. `weaker`: (6,) array; how often more compliant the piece is.
     """
     bending = stiffness * length
     along = bending / (DEPTH * length) ** 2
@@ -82,20 +78,20 @@ def _bend(
 ) -> Machine:
     old = next((bar for bar in machine.bars if bar.name == link), None)
     nodes = dict(machine.rigids)[link] if old is None else old.nodes
-    placed, a, b = ends_of(machine, nodes)
+    a, b = machine.ends(nodes)
     length, along = float(np.linalg.norm(b - a)), (b - a) / np.linalg.norm(b - a)
     u = np.eye(3)[np.argmin(np.abs(along))]
     u = u - (u @ along) * along
     u = u / np.linalg.norm(u)
     side = np.cos(p["side"]) * u + np.sin(p["side"]) * np.cross(along, u)
     profile = windowed(p["stiffness"], length, *piece(p))
-    up = placed.rotations[machine.node(nodes[0]).frame][0].T @ side
+    up = machine.seen_from(nodes[0], side)
     machine = machine.without(link)
     # what the model has of the link bends as well, in series: from the first end to a body at the second, on
     # which what is added starts
     first = nodes[0]
     if old is not None:
-        first = free_name(machine, f"{link} end")
+        first = machine.free_name(f"{link} end")
         node = machine.node(nodes[1]).model_copy(update={"name": first})
         machine = machine.plus(nodes=(node,), bars=(dataclasses.replace(old, nodes=(nodes[0], first)),))
     # the line through the shear centres of an open section runs beside the link
@@ -108,10 +104,9 @@ def _bend(
 def _held(machine: Machine, name: str, host: str, away: Array) -> tuple[Machine, str]:
     """Return the machine with a node beside one, by a way in the middle of the range, rigidly on a host."""
     node = machine.node(name)
-    at = np.array(node.at) + in_the_middle(machine.robot).rotations[node.frame][0].T @ away
-    new = Node(name=free_name(machine, f"beside {name}"), frame=node.frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
-    machine = machine.plus(nodes=(new,), rigids=((f"{host} {new.name}", (host, new.name)),))
-    return machine, new.name
+    return machine.with_node(
+        f"beside {name}", node.frame, np.array(node.at) + machine.seen_from(name, away), host
+    )
 
 
 def lifting(k: float, from_: float, rest: float) -> Law:
@@ -133,14 +128,9 @@ def _joint_stiffness(request: DrawRequest) -> float:
     return scale / request.sized(0.02, 0.7)
 
 
-def _lifting_rim(p: Parameters, machine: Machine, variable: str) -> Machine:
-    for name, _ in joints_of(machine.robot, variable):
-        hinge = machine.hinge(name)
-        stiffness = np.array(hinge.stiffness)
-        stiffness[4:] = 0.0
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=stiffness))
-        machine = round_about(machine, hinge, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
-    return machine
+def _lifting_rim(p: Parameters, machine: Machine, joint: str, _: int) -> Machine:
+    machine = machine.with_stiffness(joint, slice(4, 6), 0.0)
+    return round_about(machine, joint, 4, lifting(0.5 * p["stiffness"], p["from"], p["rest"]))
 
 
 def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
@@ -152,11 +142,9 @@ def _soft_side(p: Parameters, machine: Machine, variable: str) -> Machine:
         return np.asarray(p["phase"] - situation.value(variable))
 
     for name, _ in joints_of(machine.robot, variable):
-        hinge = machine.hinge(name)
-        stiffness = np.array(hinge.stiffness)
-        stiffness[4:] = k
-        stiffness[1:3] = np.where(np.isinf(stiffness[1:3]), k / RING**2, stiffness[1:3])
-        machine = machine.with_hinge(dataclasses.replace(hinge, stiffness=stiffness))
+        radial = machine.hinge(name).stiffness[1:3]
+        machine = machine.with_stiffness(name, slice(4, 6), k)
+        machine = machine.with_stiffness(name, slice(1, 3), np.where(np.isinf(radial), k / RING**2, radial))
         weights = (lambda s: np.cos(way(s)), lambda s: np.sin(way(s)))
         law = varying(lambda s: np.full(len(s.time), taken))
         machine = machine.plus(meshes=(Mesh((name, 4), (name, 5), weights, law),))
@@ -172,7 +160,7 @@ def short_foot(k: float, gap: float) -> Law:
     width = ROUGH + ROUND * gap
 
     def part(strain: Array) -> Curved:
-        down, slope = rounded_ramp(-strain - gap, width)
+        down, slope = ramp(-strain - gap, width)
         return k * (STUD * strain - (1.0 - STUD) * down), k * (STUD + (1.0 - STUD) * slope)
 
     free = part(np.zeros(1))[0]
@@ -189,9 +177,8 @@ def _on_feet(p: Parameters, machine: Machine, _: str) -> Machine:
         top = middle + half * np.array([x, y, 0.0])
         ends = []
         for host, place in ((ground, top - [0.0, 0.0, LEG]), (body, top)):
-            node = Node(name=free_name(machine, f"leg {at}"), at=tuple(map(float, place)))  # type: ignore[arg-type]
-            machine = machine.plus(nodes=(node,), rigids=((f"{host} {node.name}", (host, node.name)),))
-            ends.append(node.name)
+            machine, name = machine.with_node(f"leg {at}", "base", place, host)
+            ends.append(name)
         law = short_foot(k, p["gap"]) if at == p["short"] else None
         machine = machine.plus(rods=(Rod(f"leg {at}", (ends[0], ends[1]), k, law),))
     return machine
@@ -250,7 +237,7 @@ def _side_bracket(p: Parameters, machine: Machine, _: str) -> Machine:
 def _tool_changer(p: Parameters, machine: Machine, _: str) -> Machine:
     held = np.array([np.inf, np.inf, np.inf, 0.0, 0.0, p["twist"] * p["bending"]])
     machine = sprung(*behind_flange(machine), -p["behind"] * UP, held)
-    return round_about(machine, machine.hinges[-1], 3, lifting(0.5 * p["bending"], p["from"], p["rest"]))
+    return round_about(machine, machine.hinges[-1].name, 3, lifting(0.5 * p["bending"], p["from"], p["rest"]))
 
 
 def _foot(request: DrawRequest) -> float:
@@ -268,8 +255,8 @@ FORMS = (
           side=evenly(0.0, np.pi)),
     built("link-bending", "open-section", partial(_bend, _open_section),
           stiffness=_link_stiffness, twist=by_ratio(4.0, 15.0), off=evenly(0.06, 0.2), side=PHASE),
-    built("bearing-tilt", "lifting-rim", _lifting_rim,
-          stiffness=_joint_stiffness, **{"from": by_ratio(3e-5, 2e-4), "rest": evenly(0.25, 0.6)}),
+    built_at_joints("bearing-tilt", "lifting-rim", _lifting_rim,
+                    stiffness=_joint_stiffness, **{"from": by_ratio(3e-5, 2e-4), "rest": evenly(0.25, 0.6)}),
     built("bearing-tilt", "casting-soft-side", _soft_side,
           stiffness=_joint_stiffness, softer=evenly(0.5, 0.85), phase=evenly(0.0, np.pi)),
     built("base-compliance", "short-foot", _on_feet,
