@@ -47,7 +47,7 @@ def _variable(item: dict[str, Any]) -> list[str]:
 
 
 def _frames(facts: dict[str, Any]) -> Table:
-    title, heads = "Frames at the reference, mm, base frame", ("name", "parent", "x", "y", "z")
+    title, heads = "Origins of the frames at the reference, mm, base frame", ("name", "parent", "x", "y", "z")
     rows = ([item["name"], item["parent"], *millimetres(item["position"])] for item in facts["frames"])
     return table(title, *heads, left=2, rows=rows)
 

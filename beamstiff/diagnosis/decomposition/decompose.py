@@ -193,8 +193,8 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
         return found
     stage("selecting causes without each tenth of the postures")
     folds, _ = settings.folds(found.model, forms)
-    again = nested(folds, settings.seed)
     every = (*found.causes, *found.unclear)
+    again = nested(folds, every, settings.seed)
     left_out = [cause for cause in every if again.hangs(cause)]
     if left_out:
         rest = (*(cause for cause in every if cause not in left_out), *found.unmodelled)

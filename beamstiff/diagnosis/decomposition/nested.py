@@ -16,11 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.answer import without_weak
-from beamstiff.diagnosis.decomposition.causes import HALF, QUARTER, Cause, Decomposition
-from beamstiff.diagnosis.decomposition.fit import Step, build_choice, fit_step
+from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, QUARTER, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.selection import gain, select
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -60,13 +61,22 @@ class Nested:
         return gain(self.squared_errors(self.fits)[missing], self.squared_errors(beside)[missing]) <= 0.0
 
     def _with(self, cause: Cause) -> list[bool]:
-        """Return for each fold whether a cause is selected without it; one of all joints is that of some."""
+        """Return for each fold whether a cause is selected without it."""
+        return [_selected(self.folds.choice, fit, cause) for fit in self.fits]
+
+    @property
+    def left(self) -> Array:
+        """What the causes that were selected without it leave of each posture, as of `squared_errors`, (P,).
+
+        Laws that no effect has are beside them, as in the answer: no robot has them.
+        """
         forms = self.folds.choice.forms
-        alike = {cause.key, *cause.indistinguishable}
-        every = {form.effect for form in cause.forms if form.component is None}
-        return [
-            any(forms[k].key in alike or forms[k].effect in every for k in fit.chosen) for fit in self.fits
-        ]
+        every = []
+        for fit in self.fits:
+            laws = tuple(k for k in fit.chosen if forms[k].effect == UNMODELLED)
+            causes = tuple(k for k in fit.chosen if k not in laws)
+            every.append(self.folds.errors_along([causes, laws])[1])
+        return np.asarray(np.choose(self.fold, every))
 
     @cached_property
     def fold(self) -> Integers:
@@ -83,21 +93,35 @@ class Nested:
         return np.asarray(np.choose(self.fold, [self.folds.squared_errors(fit) for fit in fits]))
 
 
-def nested(folds: Folds, seed: int) -> Nested:
-    """Return what is selected without each fold; `seed` of the folds that say so."""
+def nested(folds: Folds, causes: Sequence[Cause], seed: int) -> Nested:
+    """Return what is selected without each fold; `seed` of the folds that say so.
+
+    Where some of the `causes` are missing, causes are exchanged as well: that takes most of the time.
+    """
     every = range(int(folds.fold.max()) + 1)
-    return Nested(folds, tuple(fit_step(folds.choice, _without(folds, fold, seed)) for fold in every))
+    return Nested(folds, tuple(fit_step(folds.choice, _without(folds, fold, causes, seed)) for fold in every))
 
 
-def _without(folds: Folds, fold: int, seed: int) -> tuple[int, ...]:
+def _without(folds: Folds, fold: int, causes: Sequence[Cause], seed: int) -> tuple[int, ...]:
     """Return the forms that are selected without a fold."""
     model, inside = folds.model, folds.fold != fold
     every = np.concatenate([inside, np.ones(len(model.residual) - model.count, dtype=bool)])
     rest = model.part(inside)
     choice = build_choice(rest, [replace(one, columns=one.columns[every]) for one in folds.choice.forms])
     others = folds_of(rest, choice, seed)
-    step = select(choice, others.squared_errors)
-    return with_usual_name(choice, without_weak(others, step)).chosen
+    first = select(choice, others.squared_errors, exchange=False)
+    step = with_usual_name(choice, without_weak(others, first))
+    if all(_selected(choice, step, cause) for cause in causes if cause.closes >= MINOR):
+        return step.chosen
+    first = select(choice, others.squared_errors, start=first.chosen)
+    return with_usual_name(choice, without_weak(others, first)).chosen
+
+
+def _selected(choice: Choice, fit: Step, cause: Cause) -> bool:
+    """Return whether a fit has a cause, or one that it cannot be told from; of all joints, or some."""
+    alike = {cause.key, *cause.indistinguishable}
+    every = {form.effect for form in cause.forms if form.component is None}
+    return any(choice.forms[k].key in alike or choice.forms[k].effect in every for k in fit.chosen)
 
 
 def promised(found: Decomposition, again: Nested) -> Decomposition:
@@ -105,11 +129,11 @@ def promised(found: Decomposition, again: Nested) -> Decomposition:
 
     All by the same share less than where they were chosen; never more.
     """
-    causes = (*found.causes, *found.unclear, *found.unmodelled)
+    causes = (*found.causes, *found.unclear)
     told, explainable = sum(cause.closes for cause in causes), found.rms**2 - found.noise**2
     if told <= 0.0 or explainable <= 0.0:
         return found
-    left = float(again.squared_errors(again.fits).sum()) / again.folds.rows
+    left = float(again.left.sum()) / again.folds.rows
     kept = float(np.clip((found.rms**2 - left) / explainable / told, 0.0, 1.0))
 
     def scaled(part: Sequence[Cause]) -> tuple[Cause, ...]:
@@ -123,9 +147,4 @@ def promised(found: Decomposition, again: Nested) -> Decomposition:
             for one in part
         )
 
-    return replace(
-        found,
-        causes=scaled(found.causes),
-        unclear=scaled(found.unclear),
-        unmodelled=scaled(found.unmodelled),
-    )
+    return replace(found, causes=scaled(found.causes), unclear=scaled(found.unclear))

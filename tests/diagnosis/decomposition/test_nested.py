@@ -72,8 +72,8 @@ def test_a_posture_of_its_own_is_held_out_by_itself_and_a_short_motion_as_a_whol
 
 
 def test_what_is_there_is_found_without_any_fold(three: Folds) -> None:
-    again = nested(three, 0)
     found = told(three, select(three.choice, three.squared_errors), 0)
+    again = nested(three, found.causes, 0)
     assert {one.key for one in found.causes} >= {f"approach-direction:q{joint}" for joint in (1, 3, 5)}
     for cause in found.causes:
         assert again.found(cause) == 1.0
@@ -118,13 +118,13 @@ def test_of_causes_that_fit_by_chance_nothing_is_promised(drawn: Folds) -> None:
     found = told(drawn, step, 0)
     every: list[Cause] = [*found.causes, *found.unclear]
     assert sum(one.closes for one in every) > 0.2
-    again = nested(drawn, 0)
+    again = nested(drawn, every, 0)
     promise = promised(found, again)
     assert sum(one.closes for one in (*promise.causes, *promise.unclear)) < 0.05
 
 
 def test_what_is_there_is_promised_as_before(three: Folds) -> None:
     found = told(three, select(three.choice, three.squared_errors), 0)
-    promise = promised(found, nested(three, 0))
+    promise = promised(found, nested(three, found.causes, 0))
     assert promise.closes == pytest.approx(found.closes, rel=0.02)
     assert promise.closes <= found.closes
