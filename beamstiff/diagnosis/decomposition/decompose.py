@@ -202,7 +202,7 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
         folds, same = settings.folds(_settled(settings, found, forms) or found.model, forms)
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
         found = told(folds, fit_step(folds.choice, same), settings.seed, final=True)
-        found = replace(found, hanging=tuple(left_out))
+        found = replace(_under_its_loads(settings, found), hanging=tuple(left_out))
     return promised(found, again)
 
 
@@ -252,7 +252,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
         settled = not _unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
-        if settled and (not follow or {form.key for form in forms} == beside):
+        if settled and not _strange(found) and (not follow or {form.key for form in forms} == beside):
             break
         model = _settled(settings, found, forms)
         if model is None:
@@ -276,7 +276,25 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
             better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
             other = told(folds, step, settings.seed) if better else found
             found = found if _unsettled(other) or _left_out(other, loads) else other
+    return _under_its_loads(settings, found)
+
+
+def _under_its_loads(settings: _Settings, found: Decomposition) -> Decomposition:
+    """Return causes of which none deforms under the error of a load that is not one of them."""
+    for told_loads in (True, False):
+        if not _strange(found):
+            break
+        forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
+        model = _settled(settings, found, forms)
+        if model is not None:
+            folds, same = settings.folds(model, forms)
+            found = told(folds, fit_step(folds.choice, same), settings.seed, final=True)
     return found
+
+
+def _strange(found: Decomposition) -> bool:
+    """Return whether causes were fitted under errors of loads that are not told."""
+    return not found.model.under <= {form.key for form in _fitted_forms(found)}
 
 
 def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) -> OpenModel | None:

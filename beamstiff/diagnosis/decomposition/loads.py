@@ -49,7 +49,10 @@ def under_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]
         for form, theta in zip(forms, thetas, strict=True)
         if form.shape.wrench is not None
     ]
-    return replace(model, baseline=under_errors(model.baseline, errors)) if errors else model
+    if not errors:
+        return model
+    under = frozenset(form.key for form in forms if form.shape.wrench is not None)
+    return replace(model, baseline=under_errors(model.baseline, errors), under=under)
 
 
 def solved_beside(model: OpenModel, forms: Sequence[Form]) -> tuple[Array, Array]:

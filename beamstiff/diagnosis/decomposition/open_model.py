@@ -59,6 +59,8 @@ class OpenModel:
         What of the columns of the drives errors of loads are, see `beside_loads`.
     parameters : tuple of str, or None
         Groups of the calibration that are open; None: all.
+    under : frozenset of str
+        Causes under whose errors of loads what is compliant deforms, see `under_loads`.
     """
 
     given: Robot
@@ -72,6 +74,7 @@ class OpenModel:
     held: frozenset[str] = frozenset()
     carried: Array | None = None
     parameters: tuple[str, ...] | None = None
+    under: frozenset[str] = frozenset()
 
     @property
     def used(self) -> NDArray[np.bool_]:
