@@ -143,7 +143,7 @@ def _only(part: AddedShape, name: str) -> AddedShape:
 
 
 def _key(effect: AddedEffect) -> str:
-    return f"{effect.effect}:{effect.component or 'null'}"
+    return effect.effect if effect.component is None else f"{effect.effect}:{effect.component}"
 
 
 def _of_measuring(effect: AddedEffect) -> bool:

@@ -150,7 +150,10 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
 
 def _left_out(found: Decomposition) -> Iterator[str]:
     if found.hanging:
-        names = listed([cause.key for cause in found.hanging], 6)
+        forms = [cause.forms[0] for cause in found.hanging]
+        names = listed(
+            [f"{one.effect} at {one.component}" if one.component else one.effect for one in forms], 6
+        )
         yield (
             f"left out: {names}. Searches without a tenth of the postures mostly do not find this, and it "
             "does not help beside what they find: more postures decide"

@@ -164,6 +164,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
         names = " with ".join(OUTSIDE if key == UNKNOWN else words.in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
+        less = "as likely" if odds == "1" else less
         gap = f"{ratio:.2g} times as large" if ratio >= 2.0 else f"{100.0 * (ratio - 1.0):.0f} % larger"
         said = f"{without} the best explanation is {names}: {less}"
         if ratio >= 1.005:
