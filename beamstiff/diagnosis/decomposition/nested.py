@@ -21,7 +21,6 @@ from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fi
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.selection import gain, select
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -63,20 +62,6 @@ class Nested:
     def _with(self, cause: Cause) -> list[bool]:
         """Return for each fold whether a cause is selected without it."""
         return [_selected(self.folds.choice, fit, cause) for fit in self.fits]
-
-    @property
-    def left(self) -> Array:
-        """What the causes that were selected without it leave of each posture, as of `squared_errors`, (P,).
-
-        Laws that no effect has are beside them, as in the answer: no robot has them.
-        """
-        forms = self.folds.choice.forms
-        every = []
-        for fit in self.fits:
-            laws = tuple(k for k in fit.chosen if forms[k].effect == UNMODELLED)
-            causes = tuple(k for k in fit.chosen if k not in laws)
-            every.append(self.folds.errors_along([causes, laws])[1])
-        return np.asarray(np.choose(self.fold, every))
 
     @cached_property
     def fold(self) -> Integers:
@@ -127,13 +112,18 @@ def _selected(choice: Choice, fit: Step, cause: Cause) -> bool:
 def promised(found: Decomposition, again: Nested) -> Decomposition:
     """Return a decomposition whose causes close what they close of postures that did not help to find them.
 
-    All by the same share less than where they were chosen; never more.
+    All by the same share less than where they were chosen; never more. A fold that they make worse counts as
+    one in which nothing was found: it would outweigh all others, though nobody keeps such causes.
     """
-    causes = (*found.causes, *found.unclear)
+    causes = (*found.causes, *found.unclear, *found.unmodelled)
     told, explainable = sum(cause.closes for cause in causes), found.rms**2 - found.noise**2
     if told <= 0.0 or explainable <= 0.0:
         return found
-    left = float(again.left.sum()) / again.folds.rows
+    nothing = again.folds.squared_errors(fit_step(again.folds.choice, ()))
+    by_fold = [
+        np.bincount(again.fold, weights=errors) for errors in (again.squared_errors(again.fits), nothing)
+    ]
+    left = float(np.minimum(*by_fold).sum()) / again.folds.rows
     kept = float(np.clip((found.rms**2 - left) / explainable / told, 0.0, 1.0))
 
     def scaled(part: Sequence[Cause]) -> tuple[Cause, ...]:
