@@ -252,7 +252,11 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
         settled = not _unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
-        if settled and not _strange(found) and (not follow or {form.key for form in forms} == beside):
+        if (
+            settled
+            and not _under_untold_loads(found)
+            and (not follow or {form.key for form in forms} == beside)
+        ):
             break
         model = _settled(settings, found, forms)
         if model is None:
@@ -282,7 +286,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
 def _under_its_loads(settings: _Settings, found: Decomposition) -> Decomposition:
     """Return causes of which none deforms under the error of a load that is not one of them."""
     for told_loads in (True, False):
-        if not _strange(found):
+        if not _under_untold_loads(found):
             break
         forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
         model = _settled(settings, found, forms)
@@ -292,7 +296,7 @@ def _under_its_loads(settings: _Settings, found: Decomposition) -> Decomposition
     return found
 
 
-def _strange(found: Decomposition) -> bool:
+def _under_untold_loads(found: Decomposition) -> bool:
     """Return whether causes were fitted under errors of loads that are not told."""
     return not found.model.under <= {form.key for form in _fitted_forms(found)}
 
