@@ -56,9 +56,8 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
     return q + turned
 
 
-@pytest.mark.parametrize(
-    "stiffness", [pytest.param(1e5, marks=pytest.mark.slow), 5e4]
-)  # N m/rad; the file says 2e5
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [1e5, 5e4])  # N m/rad; the file says 2e5
 def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_fitted(
     stiffness: float,
 ) -> None:
@@ -126,7 +125,8 @@ def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
     assert not again.model.baseline.places.joints["J2"].load.any()
 
 
-@pytest.mark.parametrize("case", [pytest.param(0, marks=pytest.mark.slow), 45])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [0, 45])
 def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_told(case: int) -> None:
     """It promised more than it moved on fresh poses, by 0.23 and 0.75: its columns carried the error too."""
     drawn = draw_crowded_case(CrowdedExam(seed=20261811), case)

@@ -50,7 +50,7 @@ def three() -> Folds:
 @pytest.fixture(scope="module")
 def drawn() -> Folds:
     """Few postures beside many forms that follow nothing: some fit what the noise is by chance."""
-    return folds_along(at_random(20), (), further=3000)
+    return folds_along(at_random(20), (), further=1500)
 
 
 def fold_of(folds: Folds) -> Array:

@@ -28,7 +28,7 @@ AMPLITUDE = (2e-5, 2e-3)  # rad
 def geometry_places(robot: Robot) -> list[str | None]:
     """Return the encoders, and of every frame its constant lengths and the angle between its axes.
 
-    Not those that positions cannot tell from one another, a turned measuring frame or an offset tool.
+    Not those that positions cannot distinguish from one another, a turned measuring frame or an offset tool.
     """
     found = [variable.name for variable in robot.actuated]
     for name, _, parameters in skeleton_of(robot).frames:
