@@ -111,16 +111,18 @@ def test_a_cause_hangs_where_it_is_mostly_missing_and_does_not_help_there(three:
     assert not Nested(three, (whole,) * some + (less,) * some).hangs(replace(small, indistinguishable=()))
 
 
-def test_of_causes_that_fit_by_chance_nothing_is_promised(drawn: Folds) -> None:
+def test_of_causes_that_fit_by_chance_hardly_anything_is_promised(drawn: Folds) -> None:
     """The best few of many forms close much of the postures that chose them, and nothing of others."""
     step = select(drawn.choice, drawn.squared_errors)
     assert step.chosen
     found = told(drawn, step, 0)
     every: list[Cause] = [*found.causes, *found.unclear]
-    assert sum(one.closes for one in every) > 0.2
+    closes = sum(one.closes for one in every)
+    assert closes > 1.0
     again = nested(drawn, every, 0)
     promise = promised(found, again)
-    assert sum(one.closes for one in (*promise.causes, *promise.unclear)) < 0.05
+    # a fold that happens to gain counts, one that loses does not
+    assert sum(one.closes for one in (*promise.causes, *promise.unclear)) < 0.1 * closes
 
 
 def test_what_is_there_is_promised_as_before(three: Folds) -> None:
