@@ -94,8 +94,8 @@ class Machine:
         rows = self.node_rows(q, np.zeros((len(q), 6)))
         bare = [bare_baseline(robot, rows) for robot in (self.real, heavy)] if self.real.effects else []
         found: dict[str, dict[str, float]] = {}
-        for key in dict.fromkeys(map(_key, self.real.effects)):
-            own = [one for one in self.real.effects if _key(one) == key]
+        for key in dict.fromkeys(one.label for one in self.real.effects):
+            own = [one for one in self.real.effects if one.label == key]
             for name in dict.fromkeys(name for one in own for part in one.each for name in part.parameters):
                 # shapes without it stay: where several stand for one effect only their sum has a sign
                 alone = tuple(one.with_shapes(tuple(_only(part, name) for part in one.each)) for one in own)
@@ -140,10 +140,6 @@ def _only(part: AddedShape, name: str) -> AddedShape:
     """Return a shape with one of its parameters alone."""
     kept = {key: value for key, value in part.parameters.items() if key == name}
     return part.model_copy(update={"parameters": kept})
-
-
-def _key(effect: AddedEffect) -> str:
-    return effect.effect if effect.component is None else f"{effect.effect}:{effect.component}"
 
 
 def _of_measuring(effect: AddedEffect) -> bool:

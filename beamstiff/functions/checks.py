@@ -30,8 +30,7 @@ def whole(name: str, value: object, least: int, most: int | None = None) -> None
 
 def effects_text(effects: Iterable[AddedEffect]) -> str:
     """Return a robot's effects as people read and type them: ``backlash:q2``, ``base-compliance``."""
-    names = (one.effect if one.component is None else f"{one.effect}:{one.component}" for one in effects)
-    return ", ".join(dict.fromkeys(names))
+    return ", ".join(dict.fromkeys(one.label for one in effects))
 
 
 def names_of(name: str, value: Sequence[str] | None) -> list[str] | None:

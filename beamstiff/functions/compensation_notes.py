@@ -116,7 +116,7 @@ def _unproven(result: Compensated, machine: Machine) -> list[str]:
     """Return what effects do to the unloaded robot: displacements that they were found from do not fix it."""
     said = []
     for effect, parts in machine.unproven(result.correction.q[result.known]).items():
-        source = {one.found_from for one in machine.real.effects if effects_text([one]) == effect}
+        source = {one.found_from for one in machine.real.effects if one.label == effect}
         if source == {"positions"}:  # which show the unloaded tool itself
             continue
         why = "displacements, loaded minus unloaded, cannot confirm that part, absolute positions can"

@@ -365,6 +365,11 @@ class AddedEffect(Described):
         return self
 
     @property
+    def label(self) -> str:
+        """As people read and type it: ``backlash:q2``, ``base-compliance``."""
+        return self.effect if self.component is None else f"{self.effect}:{self.component}"
+
+    @property
     def each(self) -> tuple[AddedShape, ...]:
         """Its shapes: the several, or the one."""
         if self.shape is None:

@@ -36,10 +36,10 @@ def add_effects(made: Assembly) -> None:
         try:
             added = _drive_law(made, effect) or _compliance(made, effect)
         except BeamstiffError as error:
-            made.lost.append(f"effect {_label(effect)}: {error}")
+            made.lost.append(f"effect {effect.label}: {error}")
             continue
         if not added:
-            made.lost.append(f"effect {_label(effect)} ({effect.shape}) has no counterpart")
+            made.lost.append(f"effect {effect.label} ({effect.shape}) has no counterpart")
 
 
 def _by_shape(effect: AddedEffect) -> Iterator[AddedEffect]:
@@ -67,10 +67,6 @@ def bare(robot: Robot) -> Robot:
 
 
 _LEVERS = ("mass_times_x", "mass_times_y", "mass_times_z")
-
-
-def _label(effect: AddedEffect) -> str:
-    return effect.effect if effect.component is None else f"{effect.effect}:{effect.component}"
 
 
 def _numbers(effect: AddedEffect | AddedShape) -> dict[str, float]:
@@ -113,7 +109,7 @@ def _compliance(made: Assembly, effect: AddedEffect) -> bool:
     body, placed = made.of_node[node]
     own = placed @ made.machine.relative(made.nodes[node].frame, frame)[0]
     own[:3, 3] = made.point(node, placed)
-    springs = [*springs_of(local[0], own, _label(effect))]
+    springs = [*springs_of(local[0], own, effect.label)]
     if not springs:
         return False
     for spring in springs:
@@ -191,7 +187,7 @@ def _drive_law(made: Assembly, effect: AddedEffect) -> bool:
         return False
     body, spring = found
     parameters, torque = _numbers(effect), effect.scales.get("torque")
-    k, label, shape = spring.stiffness, _label(effect), effect.shape or ""
+    k, label, shape = spring.stiffness, effect.label, effect.shape or ""
     stops: list[tuple[float, float]] = []  # half width, and torque at which it is reached
     if effect.effect == "gravity-compensator":
         return _balancer(made, effect, body, spring, parameters)
@@ -294,14 +290,14 @@ def _balancer(
     made.bodies[body].joints[own.joints.index(spring)] = wound
     made.varies = True
     made.lost.append(
-        f"{_label(effect)}: torque right at {drive.name} = {q:.4g} rad alone, over all angles it turns "
+        f"{effect.label}: torque right at {drive.name} = {q:.4g} rad alone, over all angles it turns "
         f"the drive by {abs(1 - share) * np.ptp(torque) / k:.2g} rad too much"
     )
     axis = drive.axis / np.linalg.norm(drive.axis)
     side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     side /= np.linalg.norm(side)
     turned = math.cos(phase) * side + math.sin(phase) * np.cross(axis, side)
-    arm, label = BALANCER_ARM, _label(effect)
+    arm, label = BALANCER_ARM, effect.label
     at = own.placed @ np.append(drive.at - arm * turned, 1.0)
     start = made.site(f"{label} base", own.parent, transform(np.eye(3), at[:3]))
     end = made.site(f"{label} link", body, transform(np.eye(3), drive.at + ratio * arm * side))

@@ -200,9 +200,8 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
     if left_out:
         rest = (*(cause for cause in every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
-        folds, same = settings.folds(_settled(settings, found, forms) or found.model, forms)
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
-        found = told(folds, fit_step(folds.choice, same), settings.seed, final=True)
+        found = _told_of(settings, _settled(settings, found, forms) or found.model, forms)
         found = replace(_under_its_loads(settings, found), hanging=tuple(left_out))
     return promised(found, again)
 
@@ -292,9 +291,14 @@ def _under_its_loads(settings: _Settings, found: Decomposition) -> Decomposition
         forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
         model = _settled(settings, found, forms)
         if model is not None:
-            folds, same = settings.folds(model, forms)
-            found = told(folds, fit_step(folds.choice, same), settings.seed, final=True)
+            found = _told_of(settings, model, forms)
     return found
+
+
+def _told_of(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
+    """Return what these causes say on a model that was calibrated beside them; no other comes in."""
+    folds, same = settings.folds(model, forms)
+    return told(folds, fit_step(folds.choice, same), settings.seed, final=True)
 
 
 def _under_untold_loads(found: Decomposition) -> bool:

@@ -90,8 +90,7 @@ def nested(folds: Folds, causes: Sequence[Cause], seed: int) -> Nested:
 def _without(folds: Folds, fold: int, causes: Sequence[Cause], seed: int) -> tuple[int, ...]:
     """Return the forms that are selected without a fold."""
     model, inside = folds.model, folds.fold != fold
-    every = np.concatenate([inside, np.ones(len(model.residual) - model.count, dtype=bool)])
-    rest = model.part(inside)
+    rest, every = model.part(inside), model.with_known(inside)
     choice = build_choice(rest, [replace(one, columns=one.columns[every]) for one in folds.choice.forms])
     others = folds_of(rest, choice, seed)
     first = select(choice, others.squared_errors, exchange=False)

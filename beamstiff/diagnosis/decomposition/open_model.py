@@ -132,12 +132,15 @@ class OpenModel:
         """How many directions of the open parameters the measured values determine, and no prior."""
         return float((self.open_basis[: self.count] ** 2).sum()) + self.present.size
 
+    def with_known(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return some of the measured values (n,), and all that is known beforehand, (n + p,)."""
+        return np.concatenate([values, np.ones(len(self.residual) - self.count, dtype=bool)])
+
     def part(self, values: NDArray[np.bool_]) -> OpenModel:
         """Return the same with some of the measured values (n,)."""
         used = self.used.copy()
         used[used] = values
-        every = np.concatenate([values, np.ones(len(self.residual) - self.count, dtype=bool)])
-        baseline = replace(self.baseline, used=used)
+        every, baseline = self.with_known(values), replace(self.baseline, used=used)
         return replace(
             self,
             baseline=baseline,
