@@ -92,6 +92,11 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
     return total
 
 
+def is_elastic(effect: AddedEffect) -> bool:
+    """Return whether an effect of a robot lets it move under load: of a part of it, not of the readings."""
+    return effect.effect in EFFECTS and EFFECTS[effect.effect].family in ("drive", "structure")
+
+
 def _of_loads(effect: AddedEffect) -> bool:
     return effect.effect in EFFECTS and EFFECTS[effect.effect].place in OF_LOADS
 

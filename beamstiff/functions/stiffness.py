@@ -1,25 +1,28 @@
 """Stiffness and compliance at the TCP in one posture or many, and where the TCP is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamstiff.diagnosis.apply import effects_displacement, is_elastic
 from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.functions.checks import left_out, six_numbers, start_values
+from beamstiff.functions.checks import effects_text, left_out, six_numbers, start_values
 from beamstiff.functions.robots import as_robot
+from beamstiff.measure.table import make_measurements
 from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reference import reference_posture
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, vector_from_rotation
@@ -77,6 +80,8 @@ def stiffness(
 ) -> TcpStiffness:
     """Return the 6 x 6 stiffness and compliance at the TCP in one posture.
 
+    Elastic effects of the robot are included, but for `preload`: with what they do under 1 N and 1 N m.
+
     Parameters
     ----------
     robot : Robot, path, or name of a bundled robot
@@ -120,6 +125,9 @@ def stiffness(
     if len(where.values) != 1:
         raise OptionError("q", f"found {len(where.values)} postures, expected one (tcp_stiffness takes many)")
     compliance = _compliance(structure, where, load if preload else None)
+    elastic = () if preload else tuple(one for one in machine.effects if is_elastic(one))
+    if elastic:
+        compliance = compliance + _effects_compliance(machine, elastic, where)
     coarse: list[str] = []
     if preload:
         coarse = coarse_beams(respond(structure, where, _nodal(structure, load), gravity=True))
@@ -131,7 +139,11 @@ def stiffness(
         if not len(rigid) or len(rigid) == len(compliance[0]):  # refused for another reason
             raise
     pose = pose_of(structure.kinematics, where, machine.tcp)[0]
-    effects = left_out(machine.effects, "its stiffness (beamstiff deflect includes them)")
+    others = [one for one in machine.effects if one not in elastic]
+    effects = left_out(others, "its stiffness (beamstiff deflect includes them)")
+    if elastic:
+        told = effects_text(elastic)
+        effects = (f"the stiffness includes, for small loads (1 N, 1 N m): {told}", *effects)
     return TcpStiffness(
         robot=machine,
         stiffness=inverse,
@@ -232,6 +244,24 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
         compliance = loaded_compliance(structure, where, _nodal(structure, load), gravity=True, moved=False)
     if structure.robot.model is not None:
         compliance = compliance + compliance_correction(structure, where)[:, :, :6]
+    return compliance
+
+
+def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Posture) -> Array:
+    """Return what effects add to the compliance at the TCP under loads of 1 N and 1 N m, (6, 6).
+
+    Of loads either way the mean: what does not follow the load, as a drift, is no compliance.
+    """
+    names = [one.name for one in robot.actuated]
+    q = np.tile(where.values[0, : len(names)], (6, 1))  # the actuated variables come first
+    machine = robot.model_copy(update={"effects": tuple(effects)})
+
+    def moved(load: float) -> Array:
+        loads, unread = load * np.eye(6), np.zeros((6, 6))
+        rows = make_measurements(names, q, tcp=robot.tcp, wrench=loads, displacement=unread)
+        return effects_displacement(machine, rows)
+
+    compliance: Array = 0.5 * (moved(1.0) - moved(-1.0)).T
     return compliance
 
 

@@ -238,13 +238,15 @@ def _open(item: Estimate) -> bool:
 
 
 def names_text(result: Diagnosis) -> list[str]:
-    """Return what parts of the parameters' names mean, and the mark of sizes, where they occur."""
+    """Return what parts of the parameters' names mean, the marks of sizes, and the forms that were fitted."""
     items = [item for one in words.told(result) for item in one.estimates]
     names = " ".join(f"{item.name} " for item in items)
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
     marks = [DOUBTFUL] if any(not item.plausible for item in items) else []
     marks += [OPEN] if any(map(_open, items)) else []
-    return [*marks, *([f"Names: {'; '.join(said)}."] if said else []), *_slips_text(result)]
+    own = [(words.named(one), one.shape) for one in words.told(result) if one.shape]
+    forms = [f"Fitted forms: {'; '.join(f'{cause}: {shape}' for cause, shape in own)}."] if own else []
+    return [*marks, *([f"Names: {'; '.join(said)}."] if said else []), *forms, *_slips_text(result)]
 
 
 def _slips_text(result: Diagnosis) -> Iterator[str]:

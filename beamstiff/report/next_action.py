@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import unstated_loads, weightless
+from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
@@ -14,7 +16,7 @@ from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, moved_load
-from beamstiff.report.diagnosis_words import load_lever, named, told, unrealistic
+from beamstiff.report.diagnosis_words import load_lever, named, several, told, unrealistic
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import rigid_drives, rigid_text, rounded, undetermined_text
 
@@ -108,15 +110,16 @@ def _drives(result: Diagnosis) -> str:
 
 
 def _compliant(result: Diagnosis) -> list[str]:
-    """Return the drives that are rigid in the robot file, if a compliance of one is told; else none.
+    """Return the drives that are rigid in the robot file, if a compliance of one is told or a look-alike.
 
     With a start value its stiffness is fitted, and causes are judged beside it.
     """
     robot = result.baseline.nominal
-    found = {one.component for one in told(result) if one.effect == "joint-compliance"}
+    alike = [key for one in several(result) for key in one.indistinguishable]
+    found = {*(one.key for one in told(result)), *alike}
     rigid = rigid_drives(robot)
-    own = {joint.variable for joint in robot.joints if joint.name in rigid}
-    return rigid if found & {None, *own} else []
+    own = [key_of("joint-compliance", joint.variable) for joint in robot.joints if joint.name in rigid]
+    return rigid if found & {ALL_DRIVES, *own} else []
 
 
 def _by_remainder(result: Diagnosis) -> str:

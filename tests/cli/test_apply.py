@@ -95,6 +95,8 @@ def test_diagnose_and_identify_take_the_effect_for_known(succeed: Run, folder: P
 @pytest.mark.usefixtures("applied")
 def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
     result = succeed("stiffness", "larger.yaml")
+    assert "note: the stiffness includes, for small loads (1 N, 1 N m): backlash:q1" in result.stderr
+    result = succeed("stiffness", "larger.yaml", "--preload")
     assert "note: the robot's effects (backlash:q1) are not part of its stiffness" in result.stderr
     shown = run("show", "larger.yaml", "--samples", "10").stdout
     assert "Effect backlash:q1, flank within 0.03: half_width 0." in shown

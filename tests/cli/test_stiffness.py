@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import beamstiff
+from beamstiff.functions.stiffness import stiffness, tcp_compliance
 from beamstiff.report.overview import describe
+from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
 from tests.cli.conftest import Run
 
@@ -33,6 +35,23 @@ def test_joint_values_take_units(told: Run, q: list[str]) -> None:
     # the arm along y: 1000 N along x turn the hub by 1000 N m / 1e6 N m/rad and push it by 1000 / 2e6 m
     np.testing.assert_allclose(answer["compliance"][0][0], 1 / 2e6 + 1 / 1e6, rtol=1e-12)
     np.testing.assert_allclose(answer["compliance"][1][1], 1 / 2e6, rtol=1e-12)
+
+
+def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None:
+    crane = load_robot(folder / "crane.yaml")
+    sprung = crane.parameter("J1.torsional")
+    effect = AddedEffect(
+        effect="joint-compliance",
+        component="q1",
+        shape="linear",
+        parameters={"compliance": 1.0 / sprung},
+        scales={"torque": 100.0},
+    )
+    drift = AddedEffect(effect="angle-curve", component="q1", shape="order 1", parameters={"sine_1": 1e-3})
+    rigid = crane.with_parameters({"J1.torsional": np.inf})
+    found = stiffness(rigid.model_copy(update={"effects": (effect, drift)}), {"q1": 0.3})
+    np.testing.assert_allclose(found.compliance, tcp_compliance(crane, {"q1": 0.3})[0], rtol=1e-6, atol=1e-12)
+    assert any("not part of its stiffness" in note and "angle-curve:q1" in note for note in found.notes)
 
 
 def test_joints_not_named_are_zero(told: Run) -> None:

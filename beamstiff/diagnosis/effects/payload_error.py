@@ -71,7 +71,7 @@ def _centre(robot: Robot) -> Array:
 EFFECT = Effect(
     name="payload-error",
     family="load",
-    meaning="Mass or centre of gravity of the tool or payload is wrong.",
+    meaning="Mass or centre of gravity of the tool or payload is wrong, or a hose pulls at it.",
     components=lambda baseline: [None] if baseline.absolute and any(baseline.nominal.gravity) else [],
     shapes=_shapes,
     separation="weigh the tool, or measure the same postures without it; check the masses of the links too",
