@@ -116,7 +116,13 @@ def verify(
             f"{rounded(1e3 * found.after)} mm, {rounded(1e3 * found.other_frame)} mm with the frame fitted"
         )
         level, action = "differs", "Run it again with --refit-frame."
-    verdict = Verdict(head, level, f"{files}, {found.rows} rows", action)
+    doubt = ""
+    if found.fitted:
+        doubt = (
+            f"The robot file was fitted to {found.fitted} of these {found.rows} rows, which cannot test it. "
+            "Take rows that it has not seen."
+        )
+    verdict = Verdict(head, level, f"{files}, {found.rows} rows", action, doubt=doubt)
     said = [] if found.causes else [NOTHING_TO_COMPARE]
     if found.causes and found.promised is not None and found.other_frame is None:
         said = [f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."]

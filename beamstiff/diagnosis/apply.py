@@ -164,7 +164,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
     found = _found(diagnosis)
     fitted = diagnosis.fitted_stiffness
     found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
-    found = found.with_unmeasured(fitted, diagnosis.kept)
+    found = found.with_unmeasured(fitted, diagnosis.kept).with_fitted_rows(diagnosis.fitted_rows)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 

@@ -121,6 +121,8 @@ class Diagnosis(Shown):
     known : tuple of AddedEffect
         Effects that the robot has and that were taken off the readings: neither `baseline` nor `rows` hold
         them.
+    fitted_rows : tuple of str
+        Digests of the rows, for the written robot.
     """
 
     baseline: Baseline
@@ -142,6 +144,7 @@ class Diagnosis(Shown):
     features: Mapping[str, float] = field(default_factory=dict)
     decomposition: Decomposition | None = None
     known: tuple[AddedEffect, ...] = ()
+    fitted_rows: tuple[str, ...] = ()
 
     @property
     def runners_up(self) -> list[RunnerUp]:

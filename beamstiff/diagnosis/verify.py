@@ -10,6 +10,7 @@ from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.residual.baseline import deviation, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
+from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -33,6 +34,7 @@ class Verification:
     `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
         readings hardly are in the robot's base frame.
     `absolute`: whether the rows are absolute positions.
+    `fitted`: how many of the rows the robot file was fitted to: of these `true` tells nothing.
     """
 
     before: float
@@ -45,6 +47,7 @@ class Verification:
     notes: tuple[str, ...] = ()
     other_frame: float | None = None
     absolute: bool = False
+    fitted: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -55,6 +58,7 @@ class Verification:
             "promised": self.promised,
             "true": self.true,
             "rows": self.rows,
+            "fitted_rows": self.fitted,
             "other_frame_mm": None if self.other_frame is None else 1e3 * self.other_frame,
             "causes": [
                 {"cause": name, "rms_after_mm": 1e3 * after, "closes": closes}
@@ -121,6 +125,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         ),
         other_frame=other_frame,
         absolute=absolute,
+        fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 
 

@@ -20,7 +20,7 @@ from beamstiff.functions.checks import effects_text, names_of, whole, without_mo
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.position_doubts import stands_doubts
-from beamstiff.measure.rows import concatenate, require_tracker
+from beamstiff.measure.rows import concatenate, require_tracker, row_digests
 from beamstiff.robot.coerce import RobotLike
 from beamstiff.units import quantity
 
@@ -98,6 +98,7 @@ def calibrate(
         raise OptionError("test", "beside stations it is not said where the robot stood; leave one out")
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
+    digests = row_digests(rows)
     if machine.effects:
         require_tracker(rows, "the calibration of a robot with effects")
     said: dict[str, Any] = {
@@ -129,7 +130,8 @@ def calibrate(
                 if machine.effects:
                     table = positions_without_effects(machine, table, found.bases)
                 errors[name] = errors_on(found, table)
-    found = replace(found, robot=found.robot.model_copy(update={"effects": machine.effects}))
+    calibrated = found.robot.model_copy(update={"effects": machine.effects}).with_fitted_rows(digests)
+    found = replace(found, robot=calibrated)
     return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
 
 

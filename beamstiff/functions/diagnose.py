@@ -19,7 +19,7 @@ from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.position_doubts import stands_doubts
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, row_digests
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes
 from beamstiff.robot.coerce import RobotLike
@@ -83,6 +83,7 @@ def diagnose(
     rows = concatenate(tables)
     doubts += displacement_doubts(machine, rows, fitted_names(machine))
     where, axes = None if region is None else tuple(region), axes_of("directions", directions)
+    digests = row_digests(rows)
     rows = replace(rows, region=where, batch=batch, directions=axes)
     with doubted(doubts):
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
@@ -95,7 +96,7 @@ def diagnose(
         found = run(bare, left, without=excluded, **options)
         if excluded and found.verdict.effect == "none":
             found = not_noise(found, run(bare, left, **options))
-        result = replace(found, known=known)
+        result = replace(found, known=known, fitted_rows=tuple(digests))
         doubts += [*preload_notes(machine, rows), *extrapolation_notes(machine, rows.q)]
     # of the table before what is made of it
     return replace(result, notes=(*doubts, *(note for note in result.notes if note not in doubts)))

@@ -58,6 +58,9 @@ class Robot(Shown, Described):
     unmeasured : list of str
         Stiffness that measurements did not determine: start values, not results. `identify`, `calibrate` and
         `diagnose` write it; `compensate` says how much of the predicted error comes from these values.
+    fitted_rows : str
+        Six hexadecimal digits of each measured row that a fit has used; `identify`, `calibrate` and
+        `diagnose` write them, and `verify` says which of its rows are among them.
     effects : list
         What the machine is known to have beyond beams and springs.
     obstacles : list
@@ -102,6 +105,7 @@ class Robot(Shown, Described):
     tcp: Name
     identify: tuple[Name, ...] = ()
     unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measurement determined
+    fitted_rows: Annotated[str, Field(pattern=r"^([0-9a-f]{6}( [0-9a-f]{6})*)?$")] = ""
     effects: tuple[AddedEffect, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs
@@ -155,6 +159,11 @@ class Robot(Shown, Described):
         open_ones = {*self.unmeasured} - {*fitted} | {*untouched}
         finite = {name for name, value in stiffness_parameters(self).items() if FREE < value < RIGID}
         return self.model_copy(update={"unmeasured": tuple(sorted(open_ones & finite))})
+
+    def with_fitted_rows(self, digests: Iterable[str]) -> Self:
+        """Return the robot with rows added to those that were fitted, by their digests."""
+        every = sorted({*self.fitted_rows.split(), *digests})
+        return self.model_copy(update={"fitted_rows": " ".join(every)})
 
 
 def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:

@@ -7,6 +7,7 @@ import pytest
 
 from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.verify import verify
+from beamstiff.measure.rows import row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
@@ -40,3 +41,15 @@ def test_a_cause_is_counted_with_all_its_shapes() -> None:
     assert found.before > 1e-5
     assert after == found.after == pytest.approx(0.0, abs=1e-12)
     assert closes == found.true == pytest.approx(1.0)
+
+
+def test_rows_that_were_fitted_are_counted() -> None:
+    robot = played()
+    rows = fresh(robot)
+    assert verify(robot, rows).fitted == 0
+    seen = robot.with_fitted_rows(row_digests(subset(rows, np.arange(5))))
+    assert verify(seen, rows).fitted == 5
+    read_again = replace(rows, displacement=rows.displacement + 1e-6)  # the same states, other readings
+    assert verify(seen, read_again).fitted == 0
+    rounded = replace(rows, displacement=rows.displacement + 1e-16)  # written and read in other units
+    assert verify(seen, rounded).fitted == 5
