@@ -19,8 +19,10 @@ from beamstiff.diagnosis.decomposition.answer import without_weak
 from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, QUARTER, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
+from beamstiff.diagnosis.decomposition.forms import SLIP
 from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.selection import gain, select
+from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -83,8 +85,32 @@ def nested(folds: Folds, causes: Sequence[Cause], seed: int) -> Nested:
 
     Where some of the `causes` are missing, causes are exchanged as well: that takes most of the time.
     """
-    every = range(int(folds.fold.max()) + 1)
-    return Nested(folds, tuple(fit_step(folds.choice, _without(folds, fold, causes, seed)) for fold in every))
+    selected = (_without(folds, fold, causes, seed) for fold in range(int(folds.fold.max()) + 1))
+    return Nested(
+        folds, tuple(fit_step(folds.choice, _slips_at(folds.choice, one, causes)) for one in selected)
+    )
+
+
+def _slips_at(choice: Choice, selected: Sequence[int], causes: Sequence[Cause]) -> tuple[int, ...]:
+    """Return forms, with each slip of a target at the nearest row where all postures place one.
+
+    Without a fold that row is not known exactly, and postures held out beside it count on its wrong side;
+    postures to come are after all slips.
+    """
+    slips = {
+        number: slip_row(one.shape.name) for number, one in enumerate(choice.forms) if one.effect == SLIP
+    }
+    known = {(choice.forms[number].key, row): number for number, row in slips.items()}
+    placed = {cause.key: cause.rows for cause in causes if cause.rows}
+    result = []
+    for number in selected:
+        key = choice.forms[number].key
+        if key in placed:
+            nearest = min(placed[key], key=lambda row: abs(row - slips[number]))
+            result.append(known.get((key, nearest), number))
+        else:
+            result.append(number)
+    return tuple(dict.fromkeys(result))
 
 
 def _without(folds: Folds, fold: int, causes: Sequence[Cause], seed: int) -> tuple[int, ...]:

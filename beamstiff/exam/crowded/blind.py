@@ -55,18 +55,21 @@ def reply_of(report: Report) -> Reply:
 
     >>> verdict = {"effect": "unknown", "component": None}
     >>> cause = {"effect": "backlash", "component": "q3", "closes": 0.4, "indistinguishable": []}
-    >>> reply = reply_of({"verdict": verdict, "causes": [cause], "remainder": {"rms_mm": 0.2}})
+    >>> remainder = {"rms_mm": 0.2, "unclear": [{"one_of": ["hysteresis:q3"], "closes": 0.1}]}
+    >>> reply = reply_of({"verdict": verdict, "causes": [cause], "remainder": remainder})
     >>> reply.verdict, reply.named, reply.promised, reply.said_mm
-    ('unknown:null', ('backlash:q3',), 0.4, 0.2)
+    ('unknown:null', ('backlash:q3',), 0.5, 0.2)
     """
     verdict, causes = report["verdict"], report["causes"]
     first = causes[0] if causes else verdict
-    said = (report.get("remainder") or {}).get("rms_mm")
+    remainder = report.get("remainder") or {}
+    said = remainder.get("rms_mm")
+    written = [*causes, *remainder.get("unclear", ())]  # what is undecided is in the robot that predicts
     return Reply(
         verdict=key_of(verdict["effect"], verdict["component"]),
         named=tuple(key_of(cause["effect"], cause["component"]) for cause in causes),
         alike=tuple(normal(text) for text in first.get("indistinguishable") or ()),
-        promised=float(sum(cause["closes"] or 0.0 for cause in causes)),
+        promised=float(sum(cause["closes"] or 0.0 for cause in written)),
         said_mm=None if said is None else float(said),
     )
 

@@ -84,7 +84,7 @@ class Reply:
     verdict: str  # ``effect:component``, ``none:null``, ``unknown:null``, ``failed:null`` where it broke off
     named: tuple[str, ...] = ()  # the causes in order
     alike: tuple[str, ...] = ()  # what cannot be told from the first cause, or from the verdict
-    promised: float = 0.0  # share of the gap that all causes are said to close
+    promised: float = 0.0  # share of the gap that all causes, undecided ones too, are said to close
     said_mm: float | None = None  # the remainder as said, RMS, noise included
     least_mm: float | None = None  # the same as below with hidden causes taken up besides
     left_mm: float | None = None  # what the named causes that are real leave after a refit, noise included

@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.selection import causes_of, select
 from beamstiff.diagnosis.effects import Quantity, Shape
 from beamstiff.se3 import Array
-from tests.diagnosis.decomposition.test_decompose import UR10, read
+from tests.diagnosis.decomposition.test_decompose import SLIPS_AT, UR10, read
 
 
 def folds_along(q: Array, causes: tuple[str, ...], further: int = 0) -> Folds:
@@ -25,6 +25,7 @@ def folds_along(q: Array, causes: tuple[str, ...], further: int = 0) -> Folds:
     robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
     model = open_geometry(robot, read(robot, q, causes, rng))
     forms = [one for one in forms_of(model) if one.effect == "approach-direction" and one.component]
+    forms += [one for one in forms_of(model) if one.effect == "target-slip" and "slip" in causes]
     size = np.linalg.norm(forms[0].columns)
     drawn = rng.standard_normal((further, len(model.residual), 1))
     drawn[:, model.count :] = 0.0
@@ -130,3 +131,18 @@ def test_what_is_there_is_promised_as_before(three: Folds) -> None:
     promise = promised(found, nested(three, found.causes, 0))
     assert promise.closes == pytest.approx(found.closes, rel=0.02)
     assert promise.closes <= found.closes
+
+
+def test_a_slip_is_placed_by_all_postures() -> None:
+    """Without a fold its row is known to some postures only, which are no fresh ones."""
+    folds = folds_along(at_random(60), ("slip",))
+    found = told(folds, select(folds.choice, folds.squared_errors), 0)
+    (slip,) = found.causes
+    assert slip.rows == (SLIPS_AT,)
+    again = nested(folds, found.causes, 0)
+    forms = folds.choice.forms
+    rows = [
+        [forms[k].shape.name for k in fit.chosen if forms[k].effect == "target-slip"] for fit in again.fits
+    ]
+    assert rows == FOLDS * [[slip.shape]]
+    assert promised(found, again).closes == pytest.approx(found.closes, rel=0.01)
