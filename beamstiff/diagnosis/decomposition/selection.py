@@ -22,7 +22,7 @@ from beamstiff.diagnosis.decomposition.fit import (
     prior_of,
 )
 from beamstiff.diagnosis.decomposition.forms import REPEATED
-from beamstiff.diagnosis.inference.library import ALL_REVERSED, REVERSED
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED, REVERSED
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
@@ -148,19 +148,44 @@ def select(
     `start`: forms to begin with. `forbidden`: causes that must not come in.
 
     Lost motion of all joints at once stands where that of some does not do as well: else it would hide which
-    they are. That it is all of them is likelier beforehand, and says nothing of which.
+    they are. That it is all of them is likelier beforehand, and says nothing of which. Where it is most of
+    them, it hides little.
     """
     step = _select(choice, held_out, most, start, forbidden, exchange)
-    if not any(choice.forms[number].key == ALL_REVERSED for number in step.chosen):
+    if any(choice.forms[number].key == ALL_REVERSED for number in step.chosen):
+        start = [number for number in start if choice.forms[number].key != ALL_REVERSED]
+        some = _select(choice, held_out, most, start, {*forbidden, ALL_REVERSED}, exchange)
+        if some.bic > step.bic + ENOUGH + _likelier(choice, step, some, REVERSED):
+            return step
+        step = some
+    for every in (ALL_REVERSED, ALL_DRIVES):
+        if every not in forbidden:
+            step = _of_all_joints(choice, step, every)
+    return step
+
+
+def _of_all_joints(choice: Choice, step: Step, every: str) -> Step:
+    """Return a fit with an effect of all joints in place of that of most, where it is no worse.
+
+    Those that are missing are there too, but do not show enough by themselves.
+    """
+    forms, effect = choice.forms, every.partition(":")[0]
+    joints = {one.component for one in forms if one.effect == effect and one.component}
+    some = {forms[number].component for number in step.chosen if forms[number].effect == effect} & joints
+    if every not in choice.of_cause or 2 * len(some) <= len(joints):
         return step
-    start = [number for number in start if choice.forms[number].key != ALL_REVERSED]
-    some = _select(choice, held_out, most, start, {*forbidden, ALL_REVERSED}, exchange)
-    likelier = 2.0 * max(_log_prior_of_reversed(choice, step) - _log_prior_of_reversed(choice, some), 0.0)
-    return some if some.bic <= step.bic + ENOUGH + likelier else step
+    others = [number for number in step.chosen if forms[number].effect != effect]
+    of_all = fit_step(choice, (*others, *choice.of_cause[every].tolist()))
+    return of_all if of_all.bic + _likelier(choice, of_all, step, effect) <= step.bic else step
 
 
-def _log_prior_of_reversed(choice: Choice, step: Step) -> float:
-    return prior_of(choice, [number for number in step.chosen if choice.forms[number].effect == REVERSED])
+def _likelier(choice: Choice, step: Step, other: Step, effect: str) -> float:
+    """Return how far the BIC of a fit is lower than another's for its priors of an effect alone."""
+    known, otherwise = (
+        prior_of(choice, [number for number in fit.chosen if choice.forms[number].effect == effect])
+        for fit in (step, other)
+    )
+    return 2.0 * max(known - otherwise, 0.0)
 
 
 def _select(

@@ -14,6 +14,7 @@ from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, un
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
 from beamstiff.diagnosis.decomposition.selection import (
+    _of_all_joints,
     best_first,
     causes_of,
     select,
@@ -21,6 +22,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_further_forms,
 )
 from beamstiff.diagnosis.effects import Quantity, Shape
+from beamstiff.diagnosis.inference.library import ALL_REVERSED
 from beamstiff.diagnosis.prior import TEMPERING
 from tests.diagnosis.decomposition.test_decompose import UR10, found, read
 
@@ -235,3 +237,21 @@ def test_further_forms_end_where_no_machine_is_like_the_fit_and_none_is_left() -
     impossible = replace(fit_step(choice, (0,)), bic=np.inf)
     choice.fits[0,] = impossible
     assert with_further_forms(choice, impossible, [0]) is impossible
+
+
+@pytest.mark.parametrize(("found", "others", "together"), [(4, 0.5, True), (3, 0.5, False), (4, 0.0, False)])
+def test_lost_motion_of_most_joints_is_one_of_all_where_the_others_have_some(
+    found: int, others: float, together: bool
+) -> None:
+    """What each of the others has shows by itself too little to come in."""
+    rng = np.random.default_rng(0)
+    columns = np.linalg.qr(rng.standard_normal((VALUES, 6)))[0].T
+    sizes = np.where(np.arange(6) < found, 20.0, 3.0 * others)
+    each = Quantity("half_lost_motion", "N", 1.0)  # of a unit without a largest size
+    one = replace(form(columns[0][:, None], each), effect="approach-direction", likely=0.1)
+    joints = [replace(one, component=f"q{k + 1}", columns=columns[k][:, None]) for k in range(6)]
+    names = tuple(replace(each, name=f"half_lost_motion_q{k + 1}") for k in range(6))
+    shape = replace(one.shape, parameters=names)
+    made = choice_of(sizes @ columns, *joints, replace(one, component=None, columns=columns.T, shape=shape))
+    singles = fit_step(made, range(found))
+    assert _of_all_joints(made, singles, ALL_REVERSED).chosen == ((6,) if together else singles.chosen)
