@@ -116,7 +116,8 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
 
 def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     """Return what a terminal shows: verdict, expectation of the proposal, batches."""
-    from beamstiff.report.diagnosis_words import in_words, percent
+    from beamstiff.diagnosis.notes import in_words
+    from beamstiff.report.diagnosis_words import percent
     from beamstiff.report.tables import counted, table
     from beamstiff.report.verdict import Verdict
 

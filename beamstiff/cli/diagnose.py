@@ -60,13 +60,13 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv next.csv
     """
     from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
+    from beamstiff.diagnosis.notes import in_words
     from beamstiff.functions.checks import effects_text
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
     from beamstiff.report.diagnosis_text import LIKELY, undecided_text
-    from beamstiff.report.diagnosis_words import in_words
 
     file = robot_file(robot)
     wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}

@@ -55,11 +55,12 @@ def verify(
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
       beamstiff verify kr240-2 loads.csv --engine mujoco
     """
+    from beamstiff.diagnosis.notes import in_words
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
     from beamstiff.report.diagnosis_text import SQUARES
-    from beamstiff.report.diagnosis_words import in_words, percent
+    from beamstiff.report.diagnosis_words import percent
     from beamstiff.report.tables import table
     from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
     from beamstiff.units import in_unit

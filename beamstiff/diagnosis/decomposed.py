@@ -26,7 +26,7 @@ from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
-from beamstiff.diagnosis.notes import chosen_for, unloaded
+from beamstiff.diagnosis.notes import chosen_for, in_words, unloaded
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
@@ -150,13 +150,10 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
 
 def _left_out(found: Decomposition) -> Iterator[str]:
     if found.hanging:
-        forms = [cause.forms[0] for cause in found.hanging]
-        names = listed(
-            [f"{one.effect} at {one.component}" if one.component else one.effect for one in forms], 6
-        )
+        names = [in_words([cause.key]) for cause in found.hanging]
         yield (
-            f"left out: {names}. Searches without a tenth of the postures mostly do not find this, and it "
-            "does not help beside what they find: more postures decide"
+            f"left out: {listed(names, 6)}. Searches without a tenth of the postures mostly do not find "
+            "this, and it does not help beside what they find: more postures decide"
         )
 
 

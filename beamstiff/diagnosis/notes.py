@@ -1,11 +1,12 @@
 """What limits the conclusions, in one sentence each."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.stats import chi2
 
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
+from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
 from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
 from beamstiff.diagnosis.residual.repeats import DIGITS, repeats
 from beamstiff.diagnosis.residual.screening import Screened
@@ -167,3 +168,26 @@ def _of_repeats(screened: Screened) -> Iterator[str]:
             yield f"repeats scatter {ratio:.2g} times as much as the stated {name} noise"
         if found.steady[kind] < SURE:
             yield f"repeated {name}s drift by {3600 * factor * found.drift[kind]:.2g} {unit} an hour"
+
+
+def in_words(keys: Sequence[str]) -> str:
+    """Return effects, ``effect:component`` each, in words; names with spaces in quotation marks.
+
+    >>> in_words(["backlash:q2", "thermal-drift:null", "joint-compliance:null"])
+    'backlash at q2, thermal-drift, joint-compliance of all joints'
+    """
+    words = []
+    for key in keys:
+        effect, _, name = key.partition(":")
+        place = f" at {quoted(name)}" if name not in ("", "null") else ""
+        words.append(f"{effect} of all joints" if key in (ALL_DRIVES, ALL_REVERSED) else effect + place)
+    return ", ".join(words)
+
+
+def quoted(name: str) -> str:
+    """Return a name as a sentence holds it.
+
+    >>> quoted("link2"), quoted("upper arm")
+    ('link2', '"upper arm"')
+    """
+    return f'"{name}"' if any(sign.isspace() or sign == "," for sign in name) else name

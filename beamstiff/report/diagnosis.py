@@ -14,6 +14,7 @@ from rich.text import Text
 from beamstiff.diagnosis.decomposition.causes import HALF, Decomposition
 from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
+from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
@@ -132,7 +133,7 @@ def causes_table(found: Decomposition, title: str) -> Table:
     made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
     for cause in found.causes:
         made.add_row(
-            "\n  or ".join(words.in_words([one]) for one in (cause.key, *cause.indistinguishable)),
+            "\n  or ".join(in_words([one]) for one in (cause.key, *cause.indistinguishable)),
             words.percent(cause.closes),
             words.percents(cause.closes_interval),
             f"{1e3 * cause.rms_after:.3f} mm",
@@ -148,7 +149,7 @@ def probability_text(found: Decomposition) -> str:
         said += " Causes joined by or fit these data equally well."
     for one in found.causes:
         if one.found_again < HALF:
-            share, name = words.percent(one.found_again), words.in_words([one.key])
+            share, name = words.percent(one.found_again), in_words([one.key])
             said += f" Searches that lack a tenth of the postures find {name} in {share} only: measure more."
     return said
 
@@ -157,11 +158,11 @@ def next_best_text(result: Diagnosis) -> list[str]:
     """Return, in words, what would stand in place of each cause that has no look-alike."""
     lines = []
     for one in result.runners_up:
-        without, ratio = f"Without {words.in_words([one.cause])}", one.rms / one.rms_with
+        without, ratio = f"Without {in_words([one.cause])}", one.rms / one.rms_with
         if not one.keys:
             lines.append(f"{without} nothing explains its share: the gap is {ratio:.2g} times as large.")
             continue
-        names = " with ".join(OUTSIDE if key == UNKNOWN else words.in_words([key]) for key in one.keys[:2])
+        names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"
         less = f"{odds} times less likely" if one.odds < MOST_ODDS else "far less likely"
         less = "as likely" if odds == "1" else less
@@ -183,7 +184,7 @@ def steps(result: Diagnosis) -> dict[str, float]:
     left["fitted model"] = result.rms
     if found is not None:
         for at, one in enumerate(found.causes):
-            left[f"{'and' if at else 'with'} {words.in_words([one.key])}"] = one.rms_after
+            left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
         if found.unclear:
             left[f"and {counted(len(found.unclear), 'undecided cause')}"] = found.unclear[-1].rms_after
     elif result.verdict.shrink is not None:
@@ -258,7 +259,7 @@ def _slips_text(result: Diagnosis) -> Iterator[str]:
         several = [f"{number} from {row}" for number, row in enumerate(rows, 1)]
         if rows:
             said = listed(several) if len(rows) > 1 else f"from {rows[0]}"
-            yield f"{words.in_words([cause.key])}: {said} on (FILE:LINE)."
+            yield f"{in_words([cause.key])}: {said} on (FILE:LINE)."
 
 
 def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
@@ -302,7 +303,7 @@ def untestable_table(result: Diagnosis, title: str) -> Table:
     """Return the effects that the data cannot show, those of one reason in a row."""
     reasons = dict[str, list[str]]()
     for one in (one for one in result.untestable if one.why != NO_CAMERA):
-        reasons.setdefault(one.why, []).append(words.in_words([f"{one.effect}:{one.component or ''}"]))
+        reasons.setdefault(one.why, []).append(in_words([f"{one.effect}:{one.component or ''}"]))
     rows = ([", ".join(effects), why] for why, effects in reasons.items())
     return table(title, "effects", "why", left=2, rows=rows)
 
@@ -336,7 +337,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         some = found.causes[::-1]
         closes = np.array([one.closes for one in some])
         error = np.abs(np.array([one.closes_interval for one in some]).T - closes)
-        axes[0].barh([words.in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
+        axes[0].barh([in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
         shown = likely(result, SHOWN)[::-1]

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
-from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF
+from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import calibrated_away
@@ -94,7 +94,7 @@ def _warmth(result: Diagnosis) -> str:
 def _each(found: Sequence[Cause]) -> str:
     """Return, in words, several causes with their look-alikes, and what each closes."""
     return ", ".join(
-        f"{_or_alike(words.in_words([one.key]), one.indistinguishable, 1)} {words.percent(one.closes)}"
+        f"{_or_alike(in_words([one.key]), one.indistinguishable, 1)} {words.percent(one.closes)}"
         for one in found
     )
 
@@ -106,9 +106,15 @@ def _first_cause(found: Sequence[Cause]) -> str:
     stand in the list below the headline.
     """
     first, others = found[0], len(found) - 1
-    name = words.in_words([first.key])
+    name = in_words([first.key])
     if first.probability < LIKELY:
-        name = _or_alike(f"{name}, {words.chance(first.probability)}", first.indistinguishable)
+        name = f"{name}, {words.chance(first.probability)}"
+        alike = len(first.indistinguishable)
+        name = (
+            _or_alike(name, first.indistinguishable)
+            if alike <= NAMED
+            else f"{name} (or one of {alike} others below)"
+        )
         which = f"{counted(len(found), 'cause')}, the largest" if others else "a cause that is"
         return f"{which} undecided: {name}"
     if not others:
@@ -134,9 +140,7 @@ def _or_alike(name: str, alike: Sequence[str], most: int = NAMED) -> str:
     """Return a cause in words with what these data cannot distinguish from it."""
     if not alike:
         return name
-    names = [
-        "an unknown cause" if one.partition(":")[0] == "unknown" else words.in_words([one]) for one in alike
-    ]
+    names = ["an unknown cause" if one.partition(":")[0] == "unknown" else in_words([one]) for one in alike]
     return f"{name} (or {_shortly(names, most)})"
 
 
@@ -156,8 +160,11 @@ def remainder_text(found: Decomposition) -> str:
     if rest.follows:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
     if found.unclear:
-        share, names = words.closed(found.unclear), words.in_words([one.key for one in found.unclear])
+        share, names = words.closed(found.unclear), in_words([one.key for one in found.unclear])
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
+        if found.causes:
+            every = words.closed([*found.causes, *found.unclear])
+            said += f" --apply writes them too: {every} of the gap then closes."
     if found.unmodelled:
         each = [
             f"{one.forms[0].component} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
@@ -186,7 +193,7 @@ def summary(result: Diagnosis) -> str:
         structure = " The gap is systematic, not noise." if verdict.effect == "unknown" else ""
         others = [key for key in result.indistinguishable if key != UNKNOWN]
         alike = (
-            f"\nIndistinguishable from {words.named(verdict)} with these data: {words.in_words(others)}."
+            f"\nIndistinguishable from {words.named(verdict)} with these data: {in_words(others)}."
             if others and verdict.effect != "unknown"
             else ""
         )
@@ -211,7 +218,7 @@ def summary(result: Diagnosis) -> str:
                 "effects act together that these rows cannot separate."
             )
         if result.indistinguishable:
-            text += f"\nStill possible: {words.in_words(result.indistinguishable)}."
+            text += f"\nStill possible: {in_words(result.indistinguishable)}."
         return text
     also = words.second(result)
     meaning = f" {EFFECTS[verdict.effect].meaning}"
@@ -230,9 +237,9 @@ def summary(result: Diagnosis) -> str:
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
-        text += f"\nIndistinguishable with these data: {words.in_words(others)}."
+        text += f"\nIndistinguishable with these data: {in_words(others)}."
     elif others:
-        text += f"\nPossible in place of one of the two: {words.in_words(others)}."
+        text += f"\nPossible in place of one of the two: {in_words(others)}."
     if UNKNOWN in result.indistinguishable:
         open_to = sum(one.probability for one in result.candidates if one.key == UNKNOWN)
         text += f"\nA cause outside the library remains possible ({words.chance(open_to)})."
@@ -248,23 +255,23 @@ def _perhaps(result: Diagnosis) -> str:
     unclear = () if result.decomposition is None else result.decomposition.unclear
     if sum(one.closes for one in unclear) < HALF:
         return ""
-    each = [_or_alike(words.in_words([one.key]), one.indistinguishable) for one in unclear]
+    each = [_or_alike(in_words([one.key]), one.indistinguishable) for one in unclear]
     return f"{_shortly(each)}, {'which close' if len(each) > 1 else 'which closes'} {words.closed(unclear)}"
 
 
 def _weak(result: Diagnosis) -> str:
     """Return, in words, that the share is hardly checked; empty where it is well."""
-    if not words.hardly_checked(result):
+    if not (why := words.hardly_checked(result)):
         return ""
-    checked = f"This share is uncertain: it was checked on {counted(words.postures(result), 'posture')} only."
-    return f" {checked} Measure others, and check the written robot on them (beamstiff verify)."
+    then = "Measure others, and check the written robot on them (beamstiff verify)."
+    return f" This share is uncertain: {why}. {then}"
 
 
 def headline(result: Diagnosis) -> str:
     """Return the verdict in a few words: as sure as its probability and its rows allow."""
     verdict = result.verdict
     if found := words.several(result):
-        names = _shortly([words.in_words([one.key]) for one in found])
+        names = _shortly([in_words([one.key]) for one in found])
         return f"Cause{'s' * (len(found) > 1)} of {words.closed(found)} of the gap: {names}"
     if verdict.effect == "none":
         left = int(result.baseline.used.sum()) - len(result.baseline.fitted)
@@ -320,7 +327,7 @@ def undecided_text(found: Decomposition) -> str:
     """Return, in words, which effects of the written robot are undecided, and why they stand there."""
     if not found.unclear:
         return ""
-    each = "; ".join(_or_alike(words.in_words([one.key]), one.indistinguishable) for one in found.unclear)
+    each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
     return (
         f"these effects are undecided: {each}. They stay because the others were fitted beside them, but "
         "they may not be the cause"

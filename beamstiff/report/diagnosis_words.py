@@ -9,9 +9,9 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
-from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
+from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import number
+from beamstiff.report.tables import counted, number
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 LEVER = 0.9  # share of the squares of nine levers that is a force's from another place; by chance a third
+DIFFERS = "it differs much between the postures, as its interval shows"
 FAR = 2.0  # times the largest realistic size, from which the verdict says that a size is unrealistic
 
 
@@ -27,18 +28,19 @@ def postures(result: Diagnosis) -> int:
     return len(np.unique(result.baseline.rows.q, axis=0))
 
 
-def hardly_checked(result: Diagnosis) -> bool:
-    """Return whether too little was held out to believe what the causes close.
+def hardly_checked(result: Diagnosis) -> str:
+    """Return, in words, why what the causes close is uncertain; empty where it is not.
 
-    So are fewer postures than folds, a 90 % interval that begins below half of the share, and postures that,
-    with a fold left out, have fewer readings than the open parameters and the causes have values.
+    There are fewer postures than folds, or with a fold left out they have fewer readings than the open
+    parameters and the causes have values; or the 90 % interval begins below half of the share.
     """
     close, found = result.verdict.shrink, result.decomposition
     if one_posture(result):
-        return False  # then no share is promised
+        return ""  # then no share is promised
     count = postures(result)
+    few_postures = f"it was checked on {counted(count, 'posture')} only"
     if count < FOLDS:
-        return True
+        return few_postures
     if found is not None and found.causes:
         fitted = found.model.determined + sum(part.size for one in found.causes for part in one.theta)
         # a posture tells of the geometry once, however often it is loaded
@@ -47,9 +49,10 @@ def hardly_checked(result: Diagnosis) -> bool:
             for pose in np.unique(found.model.baseline.rows.pose)
         )
         first = found.causes[0]
-        few = found.model.problem is not None and read * (FOLDS - 1) / FOLDS < fitted
-        return few or first.closes_interval[0] < 0.5 * first.closes
-    return close is not None and close.interval[0] < 0.5 * close.shrink
+        if found.model.problem is not None and read * (FOLDS - 1) / FOLDS < fitted:
+            return few_postures
+        return DIFFERS if first.closes_interval[0] < 0.5 * first.closes else ""
+    return DIFFERS if close is not None and close.interval[0] < 0.5 * close.shrink else ""
 
 
 def stiffness_in_words(value: float) -> str:
@@ -167,29 +170,6 @@ def tested(result: Diagnosis) -> str:
 def named(one: Candidate) -> str:
     """Return a candidate in words."""
     return in_words([one.key])
-
-
-def in_words(keys: Sequence[str]) -> str:
-    """Return effects, ``effect:component`` each, in words; names with spaces in quotation marks.
-
-    >>> in_words(["backlash:q2", "thermal-drift:null", "joint-compliance:null"])
-    'backlash at q2, thermal-drift, joint-compliance of all joints'
-    """
-    words = []
-    for key in keys:
-        effect, _, name = key.partition(":")
-        place = f" at {quoted(name)}" if name not in ("", "null") else ""
-        words.append(f"{effect} of all joints" if key in (ALL_DRIVES, ALL_REVERSED) else effect + place)
-    return ", ".join(words)
-
-
-def quoted(name: str) -> str:
-    """Return a name as a sentence holds it.
-
-    >>> quoted("link2"), quoted("upper arm")
-    ('link2', '"upper arm"')
-    """
-    return f'"{name}"' if any(sign.isspace() or sign == "," for sign in name) else name
 
 
 def told(result: Diagnosis) -> list[Candidate]:

@@ -200,7 +200,9 @@ def test_few_postures_make_the_share_uncertain_and_not_the_cause() -> None:
     assert "perhaps" not in said
     assert "explained by target-slip and 2 other causes; the share, " in said
     assert said.endswith(" %, is uncertain")
-    assert "This share is uncertain: it was checked on 90 postures only." in summary(doubtful)
+    assert "This share is uncertain: it differs much between the postures, as its interval shows." in summary(
+        doubtful
+    )
 
 
 def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None:

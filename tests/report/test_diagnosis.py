@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.notes import quoted
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
 from beamstiff.report.diagnosis import in_full, sized
 from beamstiff.report.diagnosis_text import headline, summary, verdict
-from beamstiff.report.diagnosis_words import quoted, told
+from beamstiff.report.diagnosis_words import told
 from beamstiff.report.next_action import proposed, separations
 from tests.diagnosis.machines import POSITION, at_random, elbow, nominal
 from tests.diagnosis.planted import diagnosed

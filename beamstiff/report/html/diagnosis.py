@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
@@ -108,7 +109,7 @@ def _which(result: Diagnosis) -> Section:
     legend = " ".join(shown.names_text(result))
     tables = [*([large] if large.rows else []), *drift_tables(result)]
     if (found := shown.by_causes(result)) is not None:
-        names = [words.in_words([one.key]) for one in found.causes]
+        names = [in_words([one.key]) for one in found.causes]
         values, ends = zip(*((one.closes, one.closes_interval) for one in found.causes), strict=True)
         drawn = bars(names, values, "blue", "share of the gap closed", ends, **SHARE)
         said = " ".join([shown.probability_text(found), *shown.next_best_text(result)])
@@ -206,7 +207,7 @@ def _next(result: Diagnosis) -> Section:
         q = {name: value * (DEGREES if _turns(result, name) else 1e3) for name, value in item["q"].items()}
         joints = ", ".join(f"{name} = {number(value)}" for name, value in q.items())
         wrench = ", ".join(number(value + 0.0) for value in item["wrench"])
-        following.append([joints, wrench, item["point"], words.in_words(item["separates"])])
+        following.append([joints, wrench, item["point"], in_words(item["separates"])])
     columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
     wanted = bool(following) and result.verdict.effect != "none"
     title = proposed(result).replace("the", "The", 1) if wanted else ""
