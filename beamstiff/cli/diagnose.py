@@ -65,6 +65,7 @@ def diagnose(
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
+    from beamstiff.report.calibrated_text import calibrated_worse
     from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
     from beamstiff.report.diagnosis_text import LIKELY, undecided_text
 
@@ -110,8 +111,8 @@ def diagnose(
             guesses = f"; not determined by these rows: {listed(open_ones)}" if open_ones else ""
             holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
-            if doubt:
-                note(f"{apply}: {doubt}")
+            for said in filter(None, (doubt, calibrated_worse(result))):
+                note(f"{apply}: {said}")
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 note(f"{apply} contains only the likeliest cause ({share})")

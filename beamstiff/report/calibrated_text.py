@@ -34,6 +34,23 @@ def calibrated_away(result: Diagnosis) -> str:
     )
 
 
+def calibrated_worse(result: Diagnosis) -> str:
+    """Return, in words, that held-out postures are predicted worse than by the robot file; mostly empty.
+
+    Few new postures correct a robot that is calibrated already by what is chance in them.
+    """
+    changed, found = result.recalibration, result.decomposition
+    if changed is None or found is None:
+        return ""
+    left = min([result.rms, *(one.rms_after for one in (*found.causes, *found.unclear))])
+    if left <= changed.placed:
+        return ""
+    return (
+        f"calibrated on these postures the robot leaves {rounded(1e3 * left)} mm on held-out ones, as it is "
+        f"{rounded(1e3 * changed.placed)} mm: too few to correct it"
+    )
+
+
 def recalibration_text(changed: Recalibration, others: str = "in --json and --apply") -> list[str]:
     """Return, in words, what the geometry beside the causes changed, and what it is worth by itself.
 

@@ -13,7 +13,7 @@ from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import calibrated_away
+from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import (
@@ -39,6 +39,7 @@ def verdict(result: Diagnosis) -> Verdict:
     found, close, level = words.several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(words.postures(result), 'posture')}"
     each = doubt = ""
+    worse = calibrated_worse(result)
     if result.recalibration is not None and result.recalibration.placed > result.rms:
         gap += ", geometry calibrated"
     if head == TOO_FEW:
@@ -73,6 +74,8 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         doubt = " ".join(_doubt(*one) for one in words.unrealistic(result)[:NAMED])
         doubt += " Another effect may look like it." if doubt else ""
+        if worse:
+            doubt = f"{doubt} Do not write this robot: {worse}.".strip()
         if MASSLESS in result.notes:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
     data = data_of(result.baseline.rows) + _warmth(result)

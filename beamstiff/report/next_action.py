@@ -15,7 +15,7 @@ from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Candidate, Diagnosis
 from beamstiff.errors import listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
-from beamstiff.report.calibrated_text import calibrated_away, moved_load
+from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load
 from beamstiff.report.diagnosis_words import load_lever, named, several, told, unrealistic
 from beamstiff.report.tables import counted
 from beamstiff.report.verdict import rigid_drives, rigid_text, rounded, undetermined_text
@@ -67,6 +67,11 @@ def _one(result: Diagnosis, head: str) -> str:
     if result.rms > LARGE_DISPLACEMENT:
         gap = rounded(1e3 * result.rms)
         return f"Check joint readings, units and robot file: {gap} mm are too much for an effect."
+    if calibrated_worse(result):
+        return (
+            "Measure more postures, and diagnose them together with those from before, by the robot file "
+            "from before its calibration."
+        )
     to_check = [one for one in told(result) if one.effect in EFFECTS]
     of_the_load = not to_check or any(one.effect in OF_THE_LOAD for one in to_check)
     if of_the_load and (moved := moved_load(result)):

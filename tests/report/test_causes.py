@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.result import Candidate, Estimate
-from beamstiff.report.calibrated_text import recalibration_text
+from beamstiff.report.calibrated_text import calibrated_worse, recalibration_text
 from beamstiff.report.diagnosis import (
     CAUSES,
     by_causes,
@@ -325,6 +325,24 @@ def test_a_reflector_that_was_elsewhere_is_no_geometry_and_a_right_file_agrees_b
     beside.__dict__["recalibration"] = replace(changed, **right, before=result.noise)
     assert verdict(beside).headline.startswith("Model and machine agree: gap ")
     assert verdict(beside).level == "agrees"
+
+
+def test_postures_too_few_to_correct_a_robot_file_are_said_to_be_and_what_is_written_too() -> None:
+    result, _ = found("approach", "gear", "slip")
+    changed, several = result.recalibration, result.decomposition
+    assert changed is not None
+    assert several is not None
+    assert not calibrated_worse(result)
+    left = [*several.causes, *several.unclear][-1].rms_after
+    other = replace(result)
+    other.__dict__["recalibration"] = replace(changed, placed=0.5 * left)  # the file predicts better
+    first = verdict(other)
+    assert "Do not write this robot" in first.doubt
+    assert (
+        f"leaves {rounded(1e3 * left)} mm on held-out ones, as it is {rounded(500.0 * left)} mm"
+        in first.doubt
+    )
+    assert first.action.startswith("Measure more postures")
 
 
 def test_no_share_above_all_is_written_and_an_open_end_is_told_as_at_least() -> None:
