@@ -8,7 +8,7 @@ compliant is so under ``F + L theta_0``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +18,11 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.external import OF_LOADS, under_errors
-from beamstiff.diagnosis.residual.baseline import Baseline, around, tool_response
+from beamstiff.diagnosis.residual.baseline import Baseline, around, on_drives, tool_response
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
+OF_THE_CLOCK = ("thermal-drift",)  # whatever the drives
 CARRYING = 3  # fits in turn of the errors of loads and of the drives that carry them
 
 
@@ -35,7 +36,7 @@ def beside_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array
     for at, step in enumerate(model.present, start=model.tangent.shape[1] - drives):
         change = np.zeros(model.tangent.shape[1])
         change[at] = step  # of any size: what loads move is proportional to it
-        slopes.append((_moved(_there(model, change), loads) - here) / step)
+        slopes.append((_moved(_there(model, change, on_drives), loads) - here) / step)
     carried = np.stack(slopes, axis=-1)
     tangent = model.tangent.copy()
     tangent[:, -drives:] += model.weighed(carried)
@@ -112,18 +113,24 @@ def unlike_linear(
 
 def follows_drives(model: OpenModel, form: Form) -> bool:
     """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
-    known = form.effect in EFFECTS
-    return known and (model.problem is None or EFFECTS[form.effect].place in OF_LOADS)
+    if form.effect not in EFFECTS or form.effect in OF_THE_CLOCK:
+        return False
+    return model.problem is None or EFFECTS[form.effect].place in OF_LOADS
 
 
 def _following(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> list[tuple[Form, Array]]:
     return [(form, theta) for form, theta in zip(forms, thetas, strict=True) if follows_drives(model, form)]
 
 
-def _there(model: OpenModel, change: Array) -> Baseline:
-    """Return what causes look at, on a robot whose open parameters are changed by (t,)."""
+def _there(
+    model: OpenModel, change: Array, with_stiffness: Callable[[Baseline, Array], Baseline] = around
+) -> Baseline:
+    """Return what causes look at, on a robot whose open parameters are changed by (t,).
+
+    `with_stiffness`: how exactly, where it is drives alone.
+    """
     if model.problem is None:
-        return around(model.baseline, model.stiffness(change))
+        return with_stiffness(model.baseline, model.stiffness(change))
     robot, rows = model.robot(change), model.baseline.rows
     return replace(model.baseline, robot=robot, nominal=robot, response=tool_response(robot, rows))
 

@@ -246,6 +246,24 @@ def around(fit: Baseline, stiffness: Array) -> Baseline:
     return result
 
 
+def on_drives(fit: Baseline, stiffness: Array) -> Baseline:
+    """Return what effects look at on drives of another stiffness (t,): what is predicted to first order.
+
+    Displacements are linear in the compliances but for K_C, which `around` counts as well, far slower.
+    """
+    change = 1.0 / stiffness - 1.0 / _values(fit.robot, fit.fitted, stiffness)
+    robot = fit.nominal.with_parameters(dict(zip(fit.fitted, stiffness.tolist(), strict=True)))
+    result = replace(
+        fit,
+        robot=robot,
+        predicted=fit.predicted + fit.tangent @ change,
+        response=tool_response(robot, fit.rows),
+        places=find_places(robot, fit.rows),
+    )
+    result.pose_changes.update(fit.pose_changes)
+    return result
+
+
 def tool_response(robot: Robot, rows: Measurements) -> Array:
     """Return the displacement of the rows' points per unit wrench at their load points, (N, 6, 6), linear."""
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
