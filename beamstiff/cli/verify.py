@@ -89,7 +89,8 @@ def verify(
     files = ", ".join(Path(path).name for path in data)
     again = (  # beside effects that are known few rows tell little more
         "Diagnose the robot file from before its effects were added on the rows from then and these "
-        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])}."
+        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])} (--stations if the tracker has "
+        "moved since)."
     )
     action = "Use the robot within these postures and loads."
     if found.causes:

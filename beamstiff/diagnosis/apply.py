@@ -94,7 +94,8 @@ def effects_displacement(robot: Robot, rows: Measurements, bare: Baseline | None
 
 def is_elastic(effect: AddedEffect) -> bool:
     """Return whether an effect of a robot lets it move under load: of a part of it, not of the readings."""
-    return effect.effect in EFFECTS and EFFECTS[effect.effect].family in ("drive", "structure")
+    known = effect.effect in EFFECTS and effect.effect != "approach-direction"  # whatever the load
+    return known and EFFECTS[effect.effect].family in ("drive", "structure")
 
 
 def _of_loads(effect: AddedEffect) -> bool:

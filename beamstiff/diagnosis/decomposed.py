@@ -33,6 +33,7 @@ from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, listed, optional
 from beamstiff.measure.registration import fit_rigid_motion
+from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import vector_from_rotation
@@ -57,6 +58,7 @@ def beside_calibration(
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
+    rows = without_rows(rows, found.apart)
     if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
@@ -136,7 +138,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         also=None,
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
-        outliers=(),
+        outliers=found.apart,
         notes=(*notes, *unloaded(baseline), *_left_out(found), *(one.text for one in found.behind)),
         fits=(),
         ceiling=min(
@@ -149,6 +151,11 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
 
 
 def _left_out(found: Decomposition) -> Iterator[str]:
+    if found.apart:
+        yield (
+            f"left out: {listed(found.apart, 6)}. Such a reading is far from what all others say of it: read "
+            "it again"
+        )
     if found.hanging:
         names = [in_words([cause.key]) for cause in found.hanging]
         yield (

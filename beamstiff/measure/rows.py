@@ -40,6 +40,13 @@ def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     )
 
 
+def without_rows(rows: Measurements, places: Sequence[str]) -> Measurements:
+    """Return a table without some rows, ``file:line`` each."""
+    if not places:
+        return rows
+    return subset(rows, np.array([rows.place(row) not in places for row in range(len(rows))]))
+
+
 def row_digests(rows: Measurements) -> list[str]:
     """Return six hexadecimal digits of each row: of joint values, load and readings, to nm and nrad.
 

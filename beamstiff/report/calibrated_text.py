@@ -126,7 +126,7 @@ def written_stiffness(result: Diagnosis) -> dict[str, tuple[float, float]]:
 
 def drives_table(result: Diagnosis, title: str) -> Table:
     """Return the fitted stiffness, what the rows determine first, the softest first."""
-    made = table(title, "parameter", Column("robot file", only="page"), "stiffness", "std", "unit")
+    made = table(title, "parameter", "robot file", "stiffness", "std", "unit")
     robot = result.baseline.nominal
     axes = {one.name: one.variable for one in robot.joints}
     rows = []

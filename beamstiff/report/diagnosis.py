@@ -57,6 +57,7 @@ NAMES = (
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
     (r"mode_\d", "mode_n", "share of the n-th commonest curve over the angle, or over time"),
+    (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (
         r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b",

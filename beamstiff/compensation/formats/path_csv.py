@@ -37,6 +37,7 @@ _KIND = {
     **dict.fromkeys(WRENCH[3:], "moment"),
 }
 LOADS = ("force", "moment")
+TURN = 2.0 * np.pi * (1.0 + 1e-6)  # rad; but for rounding
 _CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 _NUMBER = re.compile(NUMBER)
 _QUOTED = re.compile(r'"[^"]*"')
@@ -228,6 +229,10 @@ def _program(
             if not _NUMBER.fullmatch(cell):
                 hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
                 refuse(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
+            turned = float(cell) * column.unit
+            if name in ANGLES and abs(turned) > TURN:
+                found = f"{proper(cell)}, which is {turned:.3g} rad: more than a turn"
+                refuse(source, line, name, f"found {found}; angles in degrees have a header {name} [deg]")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
             slots[name] = Slot(start, cell, column.unit, decimals)
         label = proper(cells[at["name"]][1]) if "name" in at else ""

@@ -47,14 +47,24 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
     """
     robot = robot or calibrated_beside(found)
     causes = (*found.causes, *found.unclear)
-    passing = sum(cause.closes for cause in causes if not any(map(_lasts, cause.forms)))
-    gap = max(1.0 - passing, MINOR)
+    gap = _lasting_gap(causes)
     added = [
         one
         for cause, absorbed in zip(causes, _absorbed(found, robot), strict=True)
         for one in _added(found, cause, {"closes": round(cause.closes / gap, 4), "absorbed": absorbed})
     ]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def written_share(found: Decomposition) -> float:
+    """Return the share that the effects of the written robot are said to close together, see `applied`."""
+    causes = (*found.causes, *found.unclear)
+    return sum(cause.closes for cause in causes if any(map(_lasts, cause.forms))) / _lasting_gap(causes)
+
+
+def _lasting_gap(causes: Sequence[Cause]) -> float:
+    """Return the share of the gap that is not of the measured campaign alone."""
+    return max(1.0 - sum(cause.closes for cause in causes if not any(map(_lasts, cause.forms))), MINOR)
 
 
 def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:

@@ -162,6 +162,8 @@ class Decomposition:
         Those that were left out as they hang on a few postures.
     behind : tuple of Behind
         What encoders behind the gears say.
+    apart : tuple of str
+        Rows that were left out as gross errors, ``file:line``.
     """
 
     model: OpenModel
@@ -178,6 +180,7 @@ class Decomposition:
     largest: float
     hanging: tuple[Cause, ...] = ()
     behind: tuple[Behind, ...] = ()
+    apart: tuple[str, ...] = ()
 
     @property
     def closes(self) -> float:

@@ -10,6 +10,7 @@ from scipy import stats
 
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady
+from beamstiff.diagnosis.decomposition.apart import rows_apart
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import MINOR, QUARTER, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
@@ -33,6 +34,7 @@ from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -93,12 +95,16 @@ def decompose(
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
     stage("calibrating")
     model, parameters = _opened(robot, rows, stations, opened)
+    wrong = [] if "outliers" in prior.without else rows_apart(model).tolist()
+    apart = [rows.place(row) for row in wrong]
+    if apart:
+        model, parameters = _opened(robot, without_rows(rows, apart), stations, opened)
     check_names(model.baseline, prior)
     forms = _forms(model, prior)
     behind = behind_gears(model, forms, prior)
     settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = _forms(model, settings.prior) if behind else forms
-    return replace(_searched(settings, model, forms), behind=tuple(behind))
+    return replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
 
 
 @dataclass(frozen=True)
