@@ -11,9 +11,11 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, SLIGHT, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
+from beamstiff.diagnosis.decomposition.apart import places_apart
 from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.folds import FOLDS
+from beamstiff.diagnosis.decomposition.forms import Shapes
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.score import (
     Fitted,
@@ -45,7 +47,7 @@ from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
-from beamstiff.measure.rows import in_runs
+from beamstiff.measure.rows import in_runs, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.stages import stage
@@ -128,10 +130,13 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     # What a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
     stated = baseline if baseline.claimed else screened.baseline
     at = by_candidate(library.hypotheses)
-    known = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
+    known: Shapes | None = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
+    apart = () if "outliers" in prior.without else places_apart(stated)
+    if apart:
+        stated, known = fit_baseline(robot, without_rows(rows, apart)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     if several.causes and closes_unselected(stated, prior, seed) >= QUARTER:
-        return diagnosis_of(several, found.notes)
+        return diagnosis_of(replace(several, apart=apart), found.notes)
     return found
 
 

@@ -111,3 +111,9 @@ def test_a_table_written_is_read_again() -> None:
 def test_a_broken_table_is_named(text: str, message: str) -> None:
     with pytest.raises(BeamstiffError, match=message):
         path_csv.read(text, "a.csv")
+
+
+@pytest.mark.parametrize(("header", "cells"), [("a,b,c", "173.87,0,46"), ("a [deg],b,c", "10,0,361")])
+def test_angles_beyond_a_turn_are_degrees_that_nobody_declared(header: str, cells: str) -> None:
+    with pytest.raises(BeamstiffError, match=r"p.csv:2: [ac]: found .*more than a turn.* \[deg\]"):
+        path_csv.read(f"x [mm],y,z,{header}\n1,2,3,{cells}\n", "p.csv")

@@ -5,27 +5,39 @@ eq. 2.2.7). What effects leave has tails, but no gap: no effect moves one row or
 farthest of all others.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import chi2
 
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_stiffness, orthonormal
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-APART = 2.0  # times the error of the farthest other row; causes of 600 simulated tables leave at most 1.5
+APART = 3.0  # times the error of the farthest other row; causes of 128 simulated tables left at most 2.2
 FEW, SHARE = 2, 0.02  # rows, and share of them, that may be gross errors: more are something else
 CHANCE = 1e-3  # of so large an error of any row, by what the middle of them scatters
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
 
 
 def rows_apart(model: OpenModel) -> Integers:
-    """Return the rows of a model, of absolute readings, that stand apart from all others; mostly none."""
+    """Return the rows of a model that stand apart from all others; mostly none."""
     of_value = np.nonzero(model.used)[0]
     most = max(FEW, int(SHARE * len(np.unique(of_value))))
     found = np.zeros(0, dtype=np.intp)
     while (more := _farthest(model.part(~np.isin(of_value, found)), most)).size:
         found = np.concatenate([found, more])
     return np.sort(found) if len(found) <= most else found[:0]
+
+
+def places_apart(baseline: Baseline) -> tuple[str, ...]:
+    """Return the rows of displacements that stand apart, ``file:line`` each.
+
+    A reading that several rows share tells of none of them: each counts by itself.
+    """
+    alone = replace(baseline, sharing=np.full_like(baseline.sharing, -1))
+    return tuple(baseline.rows.place(row) for row in rows_apart(open_stiffness(alone)).tolist())
 
 
 def _farthest(model: OpenModel, most: int) -> Integers:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from beamstiff import diagnose, load_robot
-from beamstiff.diagnosis.decomposition.apart import rows_apart
+from beamstiff.diagnosis.decomposition.apart import places_apart, rows_apart
 from beamstiff.diagnosis.decomposition.decompose import OPEN, _opened
+from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from tests.diagnosis.decomposition.test_decompose import UR10, read
+from tests.diagnosis.planted import base_compliance, campaign, kr240, plan
 
 CAUSES = ("approach", "gear", "slip")
 
@@ -54,3 +56,11 @@ def test_a_diagnosis_with_a_gross_error_is_the_one_without_the_row() -> None:
     named = [cause.key for cause in diagnose(*table(*CAUSES)).decomposition.causes]
     assert [cause.key for cause in found.decomposition.causes] == named
     assert found.to_dict()["outliers"] == [place]
+
+
+def test_a_displacement_that_is_wrong_stands_apart_whatever_rows_share_its_unloaded_reading() -> None:
+    rows = campaign(plan(10), base_compliance)
+    wrong = rows.displacement.copy()
+    wrong[12, 0] += 0.02
+    assert places_apart(fit_baseline(kr240(), rows)) == ()
+    assert places_apart(fit_baseline(kr240(), replace(rows, displacement=wrong))) == (rows.place(12),)
