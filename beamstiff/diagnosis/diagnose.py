@@ -43,7 +43,6 @@ from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
 from beamstiff.diagnosis.shared_reading import shared_reading
-from beamstiff.diagnosis.unselected import closes_unselected
 from beamstiff.errors import BeamstiffError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
@@ -135,7 +134,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     if apart:
         stated, known = fit_baseline(robot, without_rows(rows, apart)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
-    if several.causes and closes_unselected(stated, prior, seed) >= QUARTER:
+    promised = sum(cause.closes for cause in (*several.causes, *several.unclear))
+    if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
         return diagnosis_of(replace(several, apart=apart), found.notes)
     return found
 
