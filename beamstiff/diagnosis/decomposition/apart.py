@@ -15,7 +15,7 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-APART = 3.0  # times the error of the farthest other row; causes of 128 simulated tables left at most 2.2
+APART = 3.0  # times the error of the farthest other row; causes of 150 simulated tables left at most 2.3
 FEW, SHARE = 2, 0.02  # rows, and share of them, that may be gross errors: more are something else
 CHANCE = 1e-3  # of so large an error of any row, by what the middle of them scatters
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
