@@ -36,7 +36,7 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
-from beamstiff.diagnosis.notes import notes
+from beamstiff.diagnosis.notes import OUTLYING, notes
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
@@ -136,7 +136,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     promised = sum(cause.closes for cause in (*several.causes, *several.unclear))
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
-        return diagnosis_of(replace(several, apart=apart), found.notes)
+        said = tuple(note for note in found.notes if not note.startswith(OUTLYING))  # none, but for `apart`
+        return diagnosis_of(replace(several, apart=apart), said)
     return found
 
 

@@ -14,6 +14,7 @@ from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
 from beamstiff.robot.description import Robot
 
+OUTLYING = "left out as"  # begins the note that names rows
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
@@ -72,7 +73,8 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
         if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
             yield "one load level only: nonlinear effects can hardly show"
     if count := len(screened.outliers):
-        yield f"{count} row{'s' * (count > 1)} excluded as {'outliers' if count > 1 else 'an outlier'}"
+        what = "outliers" if count > 1 else "an outlier"
+        yield f"{OUTLYING} {what}: {listed([rows.place(row) for row in screened.outliers.tolist()], 3)}"
 
 
 def unloaded(baseline: Baseline) -> Iterator[str]:

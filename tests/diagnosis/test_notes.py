@@ -97,8 +97,8 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         ({"silent": True}, "as simulated rows do: effects smaller than the stated noise are ignored"),
         ({"scale": 1.8}, "the residual is 1.8 times the assumed noise"),
         ({"verdict": "unknown"}, "may also be in the table: joint columns in another order"),
-        ({"outliers": 1}, "1 row excluded as an outlier"),
-        ({"outliers": 3}, "3 rows excluded as outliers"),
+        ({"outliers": 1}, "left out as an outlier: "),
+        ({"outliers": 3}, "left out as outliers: "),
     ],
 )
 def test_what_limits_the_conclusions_is_said_in_a_line(changed: dict[str, Any], note: str) -> None:
