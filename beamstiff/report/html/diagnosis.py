@@ -99,6 +99,8 @@ def _view(result: Diagnosis) -> RobotView | None:
         marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
     share = "share of the gap" if shares else ""
+    if DRIVES in shares:
+        share += f" (of all drives together {words.percent(shares[DRIVES])})"
     return robot_view(baseline.robot, shown, share, gravity=baseline.absolute)
 
 
