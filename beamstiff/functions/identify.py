@@ -32,7 +32,7 @@ from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.identification.wind_up import without_encoders
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import counted_once
-from beamstiff.measure.rows import concatenate, require_tracker, row_digests
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.parallel import check_places
 from beamstiff.robot.coerce import RobotLike
@@ -173,7 +173,6 @@ def identify(
     tables = as_tables(data, machine)
     doubts = doubts_of(machine, tables)
     rows = counted_once(concatenate(tables))
-    digests = row_digests(rows)
     if kind is not None:
         require_tracker(rows, "a model of elasticity")
     if errors is None and rows.sigma_load is not None:
@@ -231,7 +230,6 @@ def identify(
         found = replace(found, robot=found.robot.model_copy(update=effects))
         if reduced is not None:
             reduced = replace(reduced, robot=reduced.robot.model_copy(update=effects))
-    found = replace(found, robot=found.robot.with_fitted_rows(digests))
     notes = [*doubts, *notes, *found.notes, *left_out]
     return replace(found, start=machine, rows=rows, bootstrap=drawn, reduced=reduced, notes=tuple(notes))
 

@@ -59,8 +59,8 @@ class Robot(Shown, Described):
         Stiffness that measurements did not determine: start values, not results. `identify`, `calibrate` and
         `diagnose` write it; `compensate` says how much of the predicted error comes from these values.
     fitted_rows : str
-        Six hexadecimal digits of each measured row that a fit has used; `identify`, `calibrate` and
-        `diagnose` write them, and `verify` says which of its rows are among them.
+        Six hexadecimal digits of each measured row that a fit has used; `calibrate` and `diagnose`
+        write them, and `verify` says which of its rows are among them.
     effects : list
         What the machine is known to have beyond beams and springs.
     obstacles : list
