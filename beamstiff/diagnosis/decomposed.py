@@ -69,7 +69,7 @@ def beside_calibration(
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found, told)
-    found_here = {form.effect for cause in (*found.causes, *found.unclear) for form in cause.forms}
+    found_here = {form.effect for cause in found.every for form in cause.forms}
     forms = forms_of(closed, prior, {*OF_GEOMETRY, *found_here})
     choice = build_choice(closed, [*forms, *(unmodelled_forms(closed) if found.unmodelled else ())])
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
@@ -112,7 +112,7 @@ def _simplest(
         closed = decompose(robot, rows, prior=prior, seed=seed, opened=opened)
     except BeamstiffError:  # nothing of the set-ups is open, or the machine may buckle
         return found
-    forms = [form for cause in (*closed.causes, *closed.unclear) for form in cause.forms]
+    forms = [form for cause in closed.every for form in cause.forms]
     errors = sum(form.effect in OF_GEOMETRY for form in forms)
     needless = errors <= SINGLE_ERRORS and _leaves_no_more(closed.scatter, closed.model.determined, found)
     return closed if needless else found
@@ -141,9 +141,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         outliers=found.apart,
         notes=(*notes, *unloaded(baseline), *_left_out(found), *(one.text for one in found.behind)),
         fits=(),
-        ceiling=min(
-            [found.rms, found.remainder.rms, *(cause.rms_after for cause in (*found.causes, *found.unclear))]
-        ),
+        ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.every)]),
         where=where(calibrated, baseline.used, _components(found)),
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
@@ -184,7 +182,7 @@ def _undecided(found: Decomposition) -> Decomposition:
     model, rows = found.model, int(found.model.used[:, :3].any(axis=1).sum())
     squares = rows * found.noise**2, rows * found.rms**2
     rest = remainder_of(model, [], solved(model, [])[0], *squares, rows)
-    return replace(found, causes=(), unclear=(*found.causes, *found.unclear), remainder=rest)
+    return replace(found, causes=(), unclear=found.every, remainder=rest)
 
 
 def with_next(result: Diagnosis, seed: int) -> Diagnosis:

@@ -134,7 +134,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     if apart:
         stated, known = fit_baseline(robot, without_rows(rows, apart)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
-    promised = sum(cause.closes for cause in (*several.causes, *several.unclear))
+    promised = sum(cause.closes for cause in several.every)
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
         said = tuple(note for note in found.notes if not note.startswith(OUTLYING))  # none, but for `apart`
         return diagnosis_of(replace(several, apart=apart), said)

@@ -16,7 +16,7 @@ def predictions(result: Diagnosis) -> tuple[Array, Array | None]:
     """Return what the model says without and with the causes, (N, 6) each; None where there are none."""
     found, baseline = result.decomposition, result.baseline
     if found is not None:
-        forms = [form for cause in (*found.causes, *found.unclear) for form in cause.forms]
+        forms = [form for cause in found.every for form in cause.forms]
         without, beside = (baseline.measured - gap_with(found.model, some) for some in ((), forms))
         return without, beside if forms else None
     if not result.fits:

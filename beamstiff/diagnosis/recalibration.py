@@ -160,7 +160,7 @@ def _stiff(found: Decomposition) -> float | None:
 def _std(found: Decomposition) -> dict[str, float]:
     """Return the standard deviation of the parameters that the rows determine beside the causes, SI."""
     names, columns = found.model.told_apart
-    forms = [form.columns for cause in (*found.causes, *found.unclear) for form in cause.forms]
+    forms = [form.columns for cause in found.every for form in cause.forms]
     inverse = inverse_of(np.concatenate([columns, *forms], axis=1))
     std = max(found.scatter, 1.0) * np.linalg.norm(inverse, axis=1)
     return dict(zip(names, std.tolist(), strict=False))  # behind them those of the causes

@@ -209,7 +209,7 @@ class Diagnosis(Shown):
         columns, at = self.open_compliances
         found, scatter = self.decomposition, 1.0
         if found is not None:
-            forms = [form.columns for cause in (*found.causes, *found.unclear) for form in cause.forms]
+            forms = [form.columns for cause in found.every for form in cause.forms]
             columns, scatter = np.concatenate([columns, *forms], axis=1), max(found.scatter, 1.0)
         std = scatter * np.linalg.norm(inverse_of(columns), axis=1)
         return {name: float(std[column]) for name, column in at.items()}

@@ -42,7 +42,7 @@ def calibrated_worse(result: Diagnosis) -> str:
     changed, found = result.recalibration, result.decomposition
     if changed is None or found is None:
         return ""
-    left = min([result.rms, *(one.rms_after for one in (*found.causes, *found.unclear))])
+    left = min([result.rms, *(one.rms_after for one in found.every)])
     if left <= changed.placed:
         return ""
     return (

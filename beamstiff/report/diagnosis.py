@@ -255,7 +255,7 @@ def _slips_text(result: Diagnosis) -> Iterator[str]:
     """Yield from which row on each target that slipped stands elsewhere."""
     if result.decomposition is None:
         return
-    for cause in (*result.decomposition.causes, *result.decomposition.unclear):
+    for cause in result.decomposition.every:
         rows = [result.baseline.rows.place(row) for row in cause.rows]
         several = [f"{number} from {row}" for number, row in enumerate(rows, 1)]
         if rows:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.applied import written_share
+from beamstiff.diagnosis.decomposition.applied import of_the_campaign, written_share
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
@@ -167,8 +167,9 @@ def remainder_text(found: Decomposition) -> str:
         share, names = words.closed(found.unclear), in_words([one.key for one in found.unclear])
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
         if found.causes:
-            slips = any(one.rows for one in (*found.causes, *found.unclear))
-            but, lasting = (", but for slips", " without them") if slips else ("", "")
+            past = of_the_campaign(found)
+            but = f", but for what is of this campaign alone ({in_words([one.key for one in past])})"
+            but, lasting = (but, " without that") if past else ("", "")
             share = words.percent(written_share(found))
             said += f" --apply writes these too{but}: {share} of the gap{lasting} then closes."
     if found.unmodelled:

@@ -14,7 +14,7 @@ from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import MINOR, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
-from beamstiff.diagnosis.decomposition.loads import has_loads
+from beamstiff.diagnosis.decomposition.loads import OF_THE_CLOCK, has_loads
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
@@ -33,9 +33,8 @@ def calibrated_beside(found: Decomposition) -> Robot:
     of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
     that no other posture has. A target that slipped stands where it came to rest.
     """
-    causes = (*found.causes, *found.unclear)
-    robot = _calibrated(found, causes)
-    slips = total(_slips(found, cause) for cause in causes)
+    robot = _calibrated(found, found.every)
+    slips = total(_slips(found, cause) for cause in found.every)
     return corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
 
 
@@ -43,14 +42,14 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
     """Return the robot calibrated beside the causes (`robot`, if at hand), and the causes as its effects.
 
     What is of the measured campaign alone, a slip, is no part of the robot, nor of the gap of which its
-    effects are said to close a share: other rows do not hold it.
+    effects are said to close a share: other rows do not hold it. Nor is a drift that is undecided: that the
+    next campaign drifts so as well would be a guess upon a guess.
     """
     robot = robot or calibrated_beside(found)
-    causes = (*found.causes, *found.unclear)
-    gap = _lasting_gap(causes)
+    gap = _lasting_gap(found)
     added = [
         one
-        for cause, absorbed in zip(causes, _absorbed(found, robot), strict=True)
+        for cause, absorbed in zip(found.every, _absorbed(found, robot), strict=True)
         for one in _added(found, cause, {"closes": round(cause.closes / gap, 4), "absorbed": absorbed})
     ]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
@@ -58,13 +57,17 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
 
 def written_share(found: Decomposition) -> float:
     """Return the share that the effects of the written robot are said to close together, see `applied`."""
-    causes = (*found.causes, *found.unclear)
-    return sum(cause.closes for cause in causes if any(map(_lasts, cause.forms))) / _lasting_gap(causes)
+    return sum(cause.closes for cause in found.every if _lasts(found, cause)) / _lasting_gap(found)
 
 
-def _lasting_gap(causes: Sequence[Cause]) -> float:
+def of_the_campaign(found: Decomposition) -> list[Cause]:
+    """Return the causes that are of the measured campaign alone, see `applied`."""
+    return [cause for cause in found.every if not _lasts(found, cause)]
+
+
+def _lasting_gap(found: Decomposition) -> float:
     """Return the share of the gap that is not of the measured campaign alone."""
-    return max(1.0 - sum(cause.closes for cause in causes if not any(map(_lasts, cause.forms))), MINOR)
+    return max(1.0 - sum(cause.closes for cause in of_the_campaign(found)), MINOR)
 
 
 def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
@@ -73,7 +76,7 @@ def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
     The geometry is calibrated with the first causes alone, one more each time: how closely it keeps to what
     is known beforehand depends on what it has to make up for. Stiffness of displacements is linear.
     """
-    model, causes = found.model, (*found.causes, *found.unclear)
+    model, causes = found.model, found.every
     if model.problem is None:
         result, soft = list[dict[str, float]](), _compliances(found, robot)
         for cause in reversed(causes):  # `verify` leaves out the last ones first
@@ -97,13 +100,13 @@ def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:
 def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
     """Return what a calibration without the causes differs by from the robot with them, see `absorbed_by`.
 
-    Of targets that slipped too: it finds them between where they were and where they came to rest.
+    Of what is of the campaign alone too: targets that slipped it finds between where they were and where
+    they came to rest.
     """
     result = [dict(one.absorbed) for one in robot.effects]
-    causes = (*found.causes, *found.unclear)
-    if any(cause.rows for cause in causes):
-        for cause, by in zip(causes, _absorbed(found, robot), strict=True):
-            if cause.rows:
+    if of_the_campaign(found):
+        for cause, by in zip(found.every, _absorbed(found, robot), strict=True):
+            if not _lasts(found, cause):
                 result += [{name: -shift for name, shift in _slips(found, cause).items()}, by]
     return result
 
@@ -153,7 +156,14 @@ def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:
     return shift_of(forms, thetas, len(found.model.baseline.rows))
 
 
-def _lasts(form: Form) -> bool:
+def _lasts(found: Decomposition, cause: Cause) -> bool:
+    """Return whether a cause is one of the robot, not of the measured campaign alone."""
+    drifts = cause.forms[0].effect in OF_THE_CLOCK
+    named = any(cause is one for one in found.causes)
+    return (named or not drifts) and any(map(_of_the_robot, cause.forms))
+
+
+def _of_the_robot(form: Form) -> bool:
     """Return whether a form is one of the robot, not of the measured postures alone."""
     return not all(item.posture_specific for item in form.shape.parameters)
 
@@ -161,8 +171,9 @@ def _lasts(form: Form) -> bool:
 def _added(found: Decomposition, cause: Cause, told: Mapping[str, Any]) -> Iterator[AddedEffect]:
     """Yield an entry for every effect and component of a cause, with all its forms."""
     own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
-    for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
-        if _lasts(form):
+    forms = zip(cause.forms, cause.theta, cause.std, strict=True) if _lasts(found, cause) else ()
+    for form, theta, std in forms:
+        if _of_the_robot(form):
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
     for (effect, component), shapes in own.items():

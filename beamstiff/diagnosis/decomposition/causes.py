@@ -183,6 +183,11 @@ class Decomposition:
     apart: tuple[str, ...] = ()
 
     @property
+    def every(self) -> tuple[Cause, ...]:
+        """The causes that are named, and after them those that are unclear."""
+        return (*self.causes, *self.unclear)
+
+    @property
     def closes(self) -> float:
         """Share of the explainable gap that all causes close together."""
         return sum(cause.closes for cause in self.causes)
@@ -190,13 +195,13 @@ class Decomposition:
     @property
     def gap_shows(self) -> bool:
         """Whether more is left without a cause than noise makes."""
-        return self.scatter > NOISE or bool(self.causes or self.unclear or self.unmodelled)
+        return self.scatter > NOISE or bool(self.every or self.unmodelled)
 
     @property
     def verdict(self) -> Cause | None:
         """The first cause, where it closes most of what can be closed."""
         if not self.causes:
             return None
-        first, *others = (*self.causes, *self.unclear, *self.unmodelled)
+        first, *others = (*self.every, *self.unmodelled)
         alone = first.closes >= QUARTER and all(cause.closes < MINOR for cause in others)
         return first if first.named and (first.closes >= HALF or alone) else None

@@ -179,8 +179,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
-            every = (*found.causes, *found.unclear)
-            astray = _unsettled(found, QUARTER) | {one.key for one in every if one.astray}
+            astray = _unsettled(found, QUARTER) | {one.key for one in found.every if one.astray}
         if not astray:
             return _found_again(settings, found)
         step = _without(folds, step, astray, settings.seed)
@@ -199,12 +198,11 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
         return found
     stage("selecting causes without each tenth of the postures")
     folds, _ = settings.folds(found.model, forms)
-    every = (*found.causes, *found.unclear)
-    again = nested(folds, every, settings.seed)
+    again = nested(folds, found.every, settings.seed)
     # what an error of a load moves is a product with the drives, which a search that is linear hardly holds
-    left_out = [one for one in every if again.hangs(one) and not has_loads(found.model, one.forms)]
+    left_out = [one for one in found.every if again.hangs(one) and not has_loads(found.model, one.forms)]
     if left_out:
-        rest = (*(cause for cause in every if cause not in left_out), *found.unmodelled)
+        rest = (*(cause for cause in found.every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
         found = _told_of(settings, _settled(settings, found, forms) or found.model, forms)
@@ -337,10 +335,9 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
 
 def _unsettled(found: Decomposition, share: float = SETTLED) -> set[str]:
     """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
-    every = (*found.causes, *found.unclear)
     least = (share, SHOWS * max(found.scatter, 1.0))
-    unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in every]
-    return {one.key for one, how in zip(every, unlike, strict=True) if (np.array(how) > least).all()}
+    unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in found.every]
+    return {one.key for one, how in zip(found.every, unlike, strict=True) if (np.array(how) > least).all()}
 
 
 def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
@@ -350,7 +347,7 @@ def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:
-    return [form for cause in (*found.causes, *found.unclear, *found.unmodelled) for form in cause.forms]
+    return [form for cause in (*found.every, *found.unmodelled) for form in cause.forms]
 
 
 def _solution(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, list[Array]]:

@@ -140,7 +140,7 @@ def promised(found: Decomposition, again: Nested) -> Decomposition:
     All by the same share less than where they were chosen; never more. A fold that they make worse counts as
     one in which nothing was found: it would outweigh all others, though nobody keeps such causes.
     """
-    causes = (*found.causes, *found.unclear, *found.unmodelled)
+    causes = (*found.every, *found.unmodelled)
     told, explainable = sum(cause.closes for cause in causes), found.rms**2 - found.noise**2
     if told <= 0.0 or explainable <= 0.0:
         return found

@@ -44,7 +44,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
 
     Raises BeamstiffError when no posture can be reached.
     """
-    causes = (*found.causes, *found.unclear)
+    causes = found.every
     if not causes:
         return None
     batch = found.model.baseline.rows.batch

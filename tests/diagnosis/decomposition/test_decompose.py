@@ -10,6 +10,7 @@ import pytest
 from beamstiff import Robot, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.applied import applied, of_the_campaign
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.result import Diagnosis
@@ -203,3 +204,18 @@ def test_a_hall_that_warms_and_cools_is_named_beside_another_cause() -> None:
     assert decomposition is not None
     assert [cause.key for cause in decomposition.causes] == ["thermal-drift:null", "angle-curve:q3"]
     assert sum(cause.closes for cause in decomposition.causes) > 0.9
+
+
+def test_a_drift_that_is_undecided_is_of_its_campaign_alone() -> None:
+    """Another day has another: a robot with it would be wrong by as much again."""
+    diagnosis, _ = found("gear", "hall")
+    named = diagnosis.decomposition
+    assert named is not None
+    drift, curve = named.causes
+    undecided = replace(named, causes=(curve,), unclear=(drift,))
+    assert {one.effect for one in applied(named).effects} == {"thermal-drift", "angle-curve"}
+    (left,) = applied(undecided).effects
+    assert left.effect == "angle-curve"
+    assert left.closes == pytest.approx(curve.closes / (1.0 - drift.closes), abs=1e-3)
+    assert of_the_campaign(undecided) == [drift]
+    assert of_the_campaign(named) == []
