@@ -119,7 +119,7 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     model = open_stiffness(result.baseline)
     nothing = np.zeros(len(result.baseline.fitted))
     found: Any = SimpleNamespace(
-        causes=(), verdict=None, unclear=(tilt,), model=model, change=nothing, scatter=1.0
+        causes=(), verdict=None, unclear=(tilt,), every=(tilt,), model=model, change=nothing, scatter=1.0
     )
     result = replace(result, verdict=unknown, candidates=(unknown,), decomposition=found)
     result.__dict__["recalibration"] = None  # such a decomposition has no calibration
