@@ -18,6 +18,7 @@ from beamstiff.diagnosis.decomposition.loads import OF_THE_CLOCK, has_loads
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
+from beamstiff.diagnosis.effects.thermal_drift import by_temperature
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.camera import without_motion
@@ -42,8 +43,8 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
     """Return the robot calibrated beside the causes (`robot`, if at hand), and the causes as its effects.
 
     What is of the measured campaign alone, a slip, is no part of the robot, nor of the gap of which its
-    effects are said to close a share: other rows do not hold it. Nor is a drift that is undecided: that the
-    next campaign drifts so as well would be a guess upon a guess.
+    effects are said to close a share: other rows do not hold it. Nor is a drift with time that is not named
+    as a cause: that the next campaign drifts so as well would be a guess upon a guess.
     """
     robot = robot or calibrated_beside(found)
     gap = _lasting_gap(found)
@@ -158,22 +159,21 @@ def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:
 
 def _lasts(found: Decomposition, cause: Cause) -> bool:
     """Return whether a cause is one of the robot, not of the measured campaign alone."""
-    drifts = cause.forms[0].effect in OF_THE_CLOCK
-    named = any(cause is one for one in found.causes)
-    return (named or not drifts) and any(map(_of_the_robot, cause.forms))
+    return any(_of_the_robot(found, cause, form) for form in cause.forms)
 
 
-def _of_the_robot(form: Form) -> bool:
-    """Return whether a form is one of the robot, not of the measured postures alone."""
+def _of_the_robot(found: Decomposition, cause: Cause, form: Form) -> bool:
+    """Return whether a form is one of the robot, not of the measured campaign alone."""
+    if form.effect in OF_THE_CLOCK and not by_temperature(form.shape):
+        return any(cause is one for one in found.causes)
     return not all(item.posture_specific for item in form.shape.parameters)
 
 
 def _added(found: Decomposition, cause: Cause, told: Mapping[str, Any]) -> Iterator[AddedEffect]:
     """Yield an entry for every effect and component of a cause, with all its forms."""
     own: dict[tuple[str, str | None], list[tuple[Shape, float, Array, Array]]] = {}
-    forms = zip(cause.forms, cause.theta, cause.std, strict=True) if _lasts(found, cause) else ()
-    for form, theta, std in forms:
-        if _of_the_robot(form):
+    for form, theta, std in zip(cause.forms, cause.theta, cause.std, strict=True):
+        if _of_the_robot(found, cause, form):
             part = (form.shape, 1.0, theta * form.sizes, std * form.sizes)
             own.setdefault((form.effect, form.component), []).append(part)
     for (effect, component), shapes in own.items():

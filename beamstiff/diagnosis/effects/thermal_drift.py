@@ -74,6 +74,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     return [*result, *_cycling(baseline, shared)]
 
 
+def by_temperature(shape: Shape) -> bool:
+    """Return whether a drift follows the temperature, which comes again, and not the time of a campaign."""
+    return "temperature" in shape.name
+
+
 def _from_the_start(law: Callable[[Array], dict[str, Array]], time: Array) -> dict[str, Array]:
     """Return courses (N,) that are zero when the campaign starts."""
     start = law(np.zeros(1))

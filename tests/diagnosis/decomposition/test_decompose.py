@@ -206,8 +206,8 @@ def test_a_hall_that_warms_and_cools_is_named_beside_another_cause() -> None:
     assert sum(cause.closes for cause in decomposition.causes) > 0.9
 
 
-def test_a_drift_that_is_undecided_is_of_its_campaign_alone() -> None:
-    """Another day has another: a robot with it would be wrong by as much again."""
+def test_a_drift_with_time_that_is_not_named_is_of_its_campaign_alone() -> None:
+    """Another day has another: a robot with it would be wrong by as much again. Warmth comes again."""
     diagnosis, _ = found("gear", "hall")
     named = diagnosis.decomposition
     assert named is not None
@@ -219,3 +219,6 @@ def test_a_drift_that_is_undecided_is_of_its_campaign_alone() -> None:
     assert left.closes == pytest.approx(curve.closes / (1.0 - drift.closes), abs=1e-3)
     assert of_the_campaign(undecided) == [drift]
     assert of_the_campaign(named) == []
+    forms = tuple(replace(one, shape=replace(one.shape, name="temperature")) for one in drift.forms)
+    warmth = replace(undecided, unclear=(replace(drift, forms=forms),))
+    assert of_the_campaign(warmth) == []
