@@ -120,8 +120,11 @@ def moved_load(result: Diagnosis) -> str:
 
 def written_stiffness(result: Diagnosis) -> dict[str, tuple[float, float]]:
     """Return the fitted stiffness values: as given, and as --apply writes them, SI."""
-    found = extended(result)
-    return {name: (given, found.parameter(name)) for name, (given, _) in result.fitted_stiffness.items()}
+    found = extended(result) if result.decomposition is None else result.calibrated
+    return {
+        name: (given, given if name in result.kept else found.parameter(name))
+        for name, (given, _) in result.fitted_stiffness.items()
+    }
 
 
 def drives_table(result: Diagnosis, title: str) -> Table:
