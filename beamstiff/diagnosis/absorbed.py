@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.parameters import AXES, TURNS
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
-from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, nominal_pose
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import stiffness_parameters
@@ -90,4 +90,9 @@ def calibrated_without(
     if rows.kind != "absolute":
         return robot, rows
     shift, turn = (np.array([changes.get(f"base.{axis}", 0.0) for axis in some]) for some in (AXES, TURNS))
-    return robot, replace(rows, position=(rows.position - shift) @ rotation_from_vector(turn))
+    read = ~np.isnan(rows.position)
+    whole = rows.position
+    if not read.all():  # an axis that was read turns with one that was not
+        whole = np.where(read, whole, nominal_pose(robot, rows)[0])
+    turned = (whole - shift) @ rotation_from_vector(turn)
+    return robot, replace(rows, position=np.where(read, turned, np.nan))

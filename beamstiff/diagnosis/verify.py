@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.residual.baseline import deviation, predict
+from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import row_digests
@@ -145,12 +145,15 @@ def _in_another_frame(robot: Robot, rows: Measurements, after: float) -> float |
 def _errors(robot: Robot, rows: Measurements, refit: bool) -> Array:
     """Return measured less predicted positions (N, 3), m; NaN where not measured."""
     bare = robot.model_copy(update={"effects": (), "model": None})
-    gap = (deviation(bare, rows) - predict(robot, rows))[:, :3]
+    shift = predict(robot, rows)
+    gap = (deviation(bare, rows) - shift)[:, :3]
     if not refit:
         return gap
     measured = rows.position
-    predicted = measured - gap
     known = ~np.isnan(gap).any(axis=1)
+    predicted = measured - gap
+    if not known.all():  # an axis that was read turns with one that was not
+        predicted[~known] = (nominal_pose(bare, rows)[0] + shift[:, :3])[~known]
     motion = fit_rigid_motion(predicted[known], measured[known])
     laid_over: Array = measured - (predicted @ motion.rotation.T + motion.translation)
     return laid_over

@@ -1,5 +1,6 @@
 """Without its effects a robot is what a calibration without them finds, not what was fitted beside them."""
 
+from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
@@ -66,6 +67,10 @@ def test_rows_move_into_the_base_frame_that_would_be_found() -> None:
     angle = np.array([0.0, 0.0, 2e-3])
     moved = there.position + np.cross(angle, there.position) + [1e-3, 0.0, 0.0]
     np.testing.assert_allclose(moved, rows.position, atol=1e-5)  # (2e-3)^2 of a metre
+    part = np.where(np.arange(240).reshape(80, 3) == 8, np.nan, rows.position)  # one axis of the third row
+    _, read = calibrated_without(robot, [base], replace(rows, position=part))
+    expected = np.where(np.isnan(part), np.nan, there.position)
+    np.testing.assert_allclose(read.position, expected, atol=1e-6)  # noise of that axis, turned
 
 
 def test_nothing_absorbed_changes_nothing() -> None:

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.residual.baseline import predict
+from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
+from beamstiff.se3 import rotation_from_vector
 
 PLAY = {"effect": "backlash", "component": "q2", "scales": {"torque": 700.0}}
 
@@ -53,3 +54,22 @@ def test_rows_that_were_fitted_are_counted() -> None:
     assert verify(seen, read_again).fitted == 0
     rounded = replace(rows, displacement=rows.displacement + 1e-16)  # written and read in other units
     assert verify(seen, rounded).fitted == 5
+
+
+def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
+    """The tracker stands elsewhere; the robot is as described, and its readings are exact but for that."""
+    robot = load_robot("kr240-2")
+    rng = np.random.default_rng(2)
+    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + rng.uniform(-0.5, 0.5, (12, 6))
+    names = [one.name for one in robot.actuated]
+    plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
+    there = (nominal_pose(robot, plan)[0] + predict(robot, plan)[:, :3]) @ rotation_from_vector(
+        np.array([0.1, -0.2, 0.7])
+    ) + [1.0, 2.0, 3.0]
+    there[2, 1] = np.nan
+    found = verify(robot, replace(plan, position=there), refit_frame=True)
+    assert found.after < 1e-9
+    assert found.rows == 12
+    there[2, 0] += 1e-3
+    off = verify(robot, replace(plan, position=there), refit_frame=True)
+    assert off.after == pytest.approx(1e-3 / np.sqrt(12.0), rel=1e-6)
