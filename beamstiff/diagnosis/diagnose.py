@@ -36,7 +36,7 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
-from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict
+from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, order_taken
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
@@ -97,7 +97,10 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     rows = in_runs(every, MOST_ROWS)
     said = measured_torques(robot, rows, prior)
     found = with_next(_of_rows(robot, rows, said.informed(prior), seed, stations), seed)
-    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes))
+    several = found.decomposition
+    causes = (*several.causes, *several.unclear) if several is not None else ()
+    order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
+    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
     if doubt := shared_reading(found):
         found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):

@@ -152,6 +152,19 @@ def chosen_for(robot: Robot) -> Iterator[str]:
         )
 
 
+def order_taken(baseline: Baseline, named: set[str]) -> Iterator[str]:
+    """Yield that the order of absolute rows is taken for that of measuring, where it decides.
+
+    `named`: effects that are named, or ``unknown``: what a wrong order hides looks like nothing known.
+    """
+    decides = not named.isdisjoint({"approach-direction", "target-slip", "unknown"})
+    if decides and baseline.absolute and np.isnan(baseline.rows.time).any():
+        yield (
+            "no column t: rows are taken as measured in the order of the table. If they were sorted or "
+            "shuffled since, approach-direction and target-slip are missed or wrong"
+        )
+
+
 def undetermined_at(baseline: Baseline) -> Iterator[str]:
     """Yield where rigid parts of loops leave directions open in which no effect can be tested."""
     by_reason: dict[str, list[str]] = {}
