@@ -36,7 +36,7 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
-from beamstiff.diagnosis.notes import OUTLYING, notes
+from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, order_taken
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
@@ -97,7 +97,10 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     rows = in_runs(every, MOST_ROWS)
     said = measured_torques(robot, rows, prior)
     found = with_next(_of_rows(robot, rows, said.informed(prior), seed, stations), seed)
-    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes))
+    several = found.decomposition
+    causes = (*several.causes, *several.unclear) if several is not None else ()
+    order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
+    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
     if doubt := shared_reading(found):
         found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):
@@ -136,8 +139,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     promised = sum(cause.closes for cause in several.every)
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
-        said = tuple(note for note in found.notes if not note.startswith(OUTLYING))  # none, but for `apart`
-        return diagnosis_of(replace(several, apart=apart), said)
+        said = notes(screened, whiten(screened.baseline, screened.used))
+        return diagnosis_of(replace(several, apart=apart), tuple(said))
     return found
 
 
@@ -249,7 +252,8 @@ def _diagnosis(weighed: Weighed, may_be_outliers: bool, seed: int) -> Diagnosis:
         untestable=weighed.library.untestable,
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(
-            *notes(screened, white, verdict.effect, scale),
+            *notes(screened, white),
+            *notes_of_verdict(screened, verdict.effect, scale),
             *_unclear(judged),
             *_unmodelled(judged, found),
             *left_out,
@@ -338,7 +342,7 @@ def _features(
 def _unclear(judged: Judged) -> Iterator[str]:
     if judged.unclear:
         are = "are two causes" if judged.verdict == UNKNOWN else "is a second cause"
-        yield f"there {are}, and it is not clear which: {', '.join(judged.unclear)}"
+        yield f"there {are}, and it is not clear which: {in_words(judged.unclear)}"
 
 
 def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:

@@ -14,7 +14,6 @@ from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
 from beamstiff.robot.description import Robot
 
-OUTLYING = "left out as"  # begins the note that names rows
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
@@ -25,12 +24,8 @@ MASSLESS = (
 )
 
 
-def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> Iterator[str]:
-    """Yield what a reader of the verdict should know of the data, beside the doubts of its tables.
-
-    `verdict`: name of the effect, ``none`` or ``unknown``.
-    `scale`: of the noise that the verdict leaves, against the sigma counted with.
-    """
+def notes(screened: Screened, white: Whitened) -> Iterator[str]:
+    """Yield what a reader should know of the data whatever the verdict, beside the doubts of its tables."""
     baseline, rows = screened.baseline, screened.baseline.rows
     poses = np.unique(rows.pose).size
     yield from chosen_for(baseline.nominal)
@@ -52,16 +47,6 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
             "smaller than the stated noise are ignored"
         )
     yield from _of_repeats(screened)
-    if verdict == "unknown":
-        yield (
-            "the cause may also be in the table: joint columns in another order, loads or readings in "
-            "another frame, another tool"
-        )
-    if verdict == "none" and baseline.claimed and scale > OFF:
-        yield (
-            f"the residual is {scale:.2g} times the assumed noise: either that noise is wrong, or an effect "
-            "acts that these rows cannot show"
-        )
     yield from unloaded(baseline)
     if rows.wrench.any():
         force = rows.wrench[:, :3]
@@ -72,9 +57,27 @@ def notes(screened: Screened, white: Whitened, verdict: str, scale: float) -> It
         sizes = np.linalg.norm(loads, axis=1)
         if np.ptp(sizes[sizes > 0]) < 0.05 * sizes.max():
             yield "one load level only: nonlinear effects can hardly show"
+
+
+def notes_of_verdict(screened: Screened, verdict: str, scale: float) -> Iterator[str]:
+    """Yield what limits a verdict of one cause, or two.
+
+    `verdict`: name of the effect, ``none`` or ``unknown``.
+    `scale`: of the noise that the verdict leaves, against the sigma counted with.
+    """
+    if verdict == "unknown":
+        yield (
+            "the cause may also be in the table: joint columns in another order, loads or readings in "
+            "another frame, another tool"
+        )
+    if verdict == "none" and screened.baseline.claimed and scale > OFF:
+        yield (
+            f"the residual is {scale:.2g} times the assumed noise: either that noise is wrong, or an effect "
+            "acts that these rows cannot show"
+        )
     if count := len(screened.outliers):
-        what = "outliers" if count > 1 else "an outlier"
-        yield f"{OUTLYING} {what}: {listed([rows.place(row) for row in screened.outliers.tolist()], 3)}"
+        places = [screened.baseline.rows.place(row) for row in screened.outliers.tolist()]
+        yield f"left out as {'outliers' if count > 1 else 'an outlier'}: {listed(places, 3)}"
 
 
 def unloaded(baseline: Baseline) -> Iterator[str]:
@@ -146,6 +149,19 @@ def chosen_for(robot: Robot) -> Iterator[str]:
         yield (
             f"robot {robot.name!r}: all drives are rigid in this file, so that no stiffness is fitted; give "
             "them start values: beamstiff convert IN --joint-stiffness '1e6 N*m/rad' --out OUT"
+        )
+
+
+def order_taken(baseline: Baseline, named: set[str]) -> Iterator[str]:
+    """Yield that the order of absolute rows is taken for that of measuring, where it decides.
+
+    `named`: effects that are named, or ``unknown``: what a wrong order hides looks like nothing known.
+    """
+    decides = not named.isdisjoint({"approach-direction", "target-slip", "unknown"})
+    if decides and baseline.absolute and np.isnan(baseline.rows.time).any():
+        yield (
+            "no column t: rows are taken as measured in the order of the table. If they were sorted or "
+            "shuffled since, approach-direction and target-slip are missed or wrong"
         )
 
 

@@ -7,7 +7,7 @@ millimetres from where the robot is said to stand, and would not come there.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations, compress, product
+from itertools import combinations, compress, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ REFLECTOR_ROUNDS = 10  # of laying the robot over the positions and placing its 
 REVERSIBLE = 6  # joints of which every selection may be reversed: 64 readings
 HUGE = 30.0  # m, RMS: no robot arm reaches so far
 MIRROR = np.array([1.0, 1.0, -1.0])
+LENGTHS = {"mm": 1e-3, "inch": 0.0254, "m": 1.0}  # units that one of three columns may be in, by mistake
 ALONG = 0.9  # cosine from which an axis of the tracker is along one of the base
 
 Index = NDArray[np.intp]
@@ -165,7 +166,8 @@ def _misread(table: Measurements, robot: Robot, rows: Index) -> Iterator[tuple[f
         if not stated > AMISS * compile_kinematics(robot).size:
             continue
         left = {how: _left_by(table, robot, rows, other, placed) for how, other in _readings(robot, q)}
-        left[_mirrored(table, robot, rows)] = _left_by(table, robot, rows, q, placed, MIRROR)
+        scales = {**_in_other_units(), _mirrored(table, robot, rows): MIRROR}
+        left |= {how: _left_by(table, robot, rows, q, placed, scale) for how, scale in scales.items()}
         best = min(left.values())
         if not best < ANOTHER * min(stated, apart):
             continue
@@ -195,6 +197,8 @@ def _readings(robot: Robot, q: Array) -> Iterator[tuple[str, Array]]:
         others = {f"{turn:+d} deg": q[:, at] + np.radians(turn) for turn in (90, -90, 180, 360, -360)}
         within = np.mod(q[:, at], 2 * np.pi)
         others |= {
+            "in degrees, read in radians": np.radians(q[:, at]),
+            "in radians, read in degrees": np.degrees(q[:, at]),
             "counted from 0 to 360 deg": within,
             "counted from -180 to 180 deg": np.where(within > np.pi, within - 2 * np.pi, within),
         }
@@ -207,6 +211,16 @@ def _readings(robot: Robot, q: Array) -> Iterator[tuple[str, Array]]:
             other = q.copy()
             other[:, [one, two]] = q[:, [two, one]]
             yield f"{names[one]} and {names[two]} swapped", other
+
+
+def _in_other_units() -> dict[str, Array]:
+    """Return factors (3,) of x y z that one of them would need, in words."""
+    units = list(permutations(LENGTHS, 2))
+    return {
+        f"{axis} in {own}, read in {taken}": np.where(np.eye(3)[at], LENGTHS[own] / LENGTHS[taken], 1.0)
+        for at, axis in enumerate("xyz")
+        for own, taken in units
+    }
 
 
 def _mirrored(table: Measurements, robot: Robot, rows: Index) -> str:
@@ -242,13 +256,13 @@ def _left_by(
     rows: Index,
     q: Array | None = None,
     placed: bool = True,
-    signs: Array | float = 1.0,
+    scale: Array | float = 1.0,
 ) -> float:
     """Return the RMS distance, m, of the positions from those at q (P, A), laid over; inf: it is open.
 
-    `q`: default those of the table. `placed`: see `laid_over`. `signs`: of x y z.
+    `q`: default those of the table. `placed`: see `laid_over`. `scale`: of x y z.
     """
-    position, q = signs * table.position[rows], table.q[rows] if q is None else q
+    position, q = scale * table.position[rows], table.q[rows] if q is None else q
     try:
         return float(laid_over(table, robot, rows, q, position, placed).rms)
     except BeamstiffError:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.forms import shift_of
+from beamstiff.diagnosis.effects.external import clock
 from beamstiff.diagnosis.held_out.score import parts_of
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.tables import Table, number, table
@@ -17,8 +18,11 @@ DRIFT, PARTS = "thermal-drift", 5
 def drift_tables(result: Diagnosis) -> Iterator[Table]:
     """Yield the course of each drift that was found: its mean over each part of the campaign."""
     rows = result.baseline.rows
-    along, unit = (rows.time, "s") if np.isfinite(rows.time).all() else (rows.temperature, "degC")
-    parts = np.array_split(np.argsort(along, kind="stable"), min(PARTS, len(rows)))
+    timed = bool(np.isfinite(rows.time).all())
+    along, unit = (rows.time, "s") if timed else (rows.temperature, "degC")
+    order = clock(result.baseline) if timed else along  # each table starts its clock again
+    parts = np.array_split(np.argsort(order, kind="stable"), min(PARTS, len(rows)))
+    named = timed and len(rows.sources) > 1
     for shape, moved in _drifts(result):
         means = np.array([1e3 * moved[part, :3].mean(axis=0) for part in parts])
         if absolute := result.baseline.absolute:  # the base frame takes up what all rows have
@@ -28,7 +32,10 @@ def drift_tables(result: Diagnosis) -> Iterator[Table]:
         title = f"Course of {DRIFT} ({how}): what it adds to the {what}, mm, base frame"
         made = table(title, "from", "to", "x", "y", "z")
         for part, mean in zip(parts, means, strict=True):
-            ends = (f"{number(float(along[at]))} {unit}" for at in (part[0], part[-1]))
+            ends = (
+                f"{f'{rows.sources[rows.run[at]]}: ' if named else ''}{number(float(along[at]))} {unit}"
+                for at in (part[0], part[-1])
+            )
             made.add_row(*ends, *(f"{value + 0.0:.3f}" for value in mean.tolist()))
         yield made
 

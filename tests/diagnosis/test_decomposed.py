@@ -39,6 +39,14 @@ def test_of_readings_of_another_robot_nothing_is_named() -> None:
     assert not [one for one in alike.notes if "from its drawing" in one]
 
 
+def test_the_order_of_rows_without_times_is_told_where_it_decides() -> None:
+    def told(*effects: str) -> bool:
+        return any("no column t" in note for note in found(*effects)[0].notes)
+
+    assert told("approach", "gear")
+    assert not told("gear")
+
+
 def test_a_wrist_far_off_its_drawing_that_moves_the_tool_little_is_no_other_robot() -> None:
     robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
     wrist = corrected(robot, {"f5.alpha": 0.12}, np.zeros((1, 6)))  # the tool is 0.15 m from that axis

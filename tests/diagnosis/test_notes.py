@@ -7,7 +7,7 @@ import pytest
 from beamstiff import diagnose
 from beamstiff import predict as predicted
 from beamstiff.diagnosis.inference.library import Library
-from beamstiff.diagnosis.notes import MASSLESS, notes, unloaded, unstated_loads
+from beamstiff.diagnosis.notes import MASSLESS, notes, notes_of_verdict, unloaded, unstated_loads
 from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
 from beamstiff.diagnosis.residual.screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
@@ -40,7 +40,7 @@ def said(
         below_claim=silent,
     )
     assert isinstance(found, Screened)
-    return "\n".join(notes(found, whiten(there), verdict, scale))
+    return "\n".join([*notes(found, whiten(there)), *notes_of_verdict(found, verdict, scale)])
 
 
 def test_a_sound_campaign_lacks_repeats_at_most() -> None:
@@ -73,8 +73,6 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         notes(
             replace(found, baseline=replace(found.baseline, sigma=rows.sigma), noise=np.ones(2)),
             whiten(found.baseline),
-            "none",
-            1.0,
         )
     )
     assert "times as much as the stated position noise" in told

@@ -177,6 +177,27 @@ def test_mirrored_positions_are_refused(wrong: Callable[[Array], Array], told: s
         require_joints(replace(table, position=wrong(table.position)), robot)
 
 
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [(1 / 25.4, "in inch, read in mm"), (1e-3, "in m, read in mm"), (25.4, "in mm, read in inch")],
+)
+@pytest.mark.parametrize("axis", [0, 2])
+def test_one_axis_in_another_unit_is_named(axis: int, factor: float, told: str) -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    column = np.where(np.eye(3)[axis], factor, 1.0)
+    with pytest.raises(UnusableError, match=f"with {'xyz'[axis]} {told} "):
+        require_joints(replace(table, position=column * table.position), robot)
+
+
+def test_one_joint_in_another_unit_is_named() -> None:
+    table, robot = read("kr240-2"), load_robot("kr240-2")
+    for values, told in ((np.radians, "in radians, read in degrees"), (np.degrees, "in degrees, read in")):
+        q = table.q.copy()
+        q[:, 2] = values(q[:, 2])
+        with pytest.raises(UnusableError, match=f"q3 {told}"):
+            require_joints(replace(table, q=q), robot)
+
+
 def test_joints_that_all_turn_the_other_way_are_named() -> None:
     table, robot = read("kr240-2"), load_robot("kr240-2")
     with pytest.raises(UnusableError, match="q1, q4, q6 reversed"):

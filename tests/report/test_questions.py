@@ -158,6 +158,17 @@ def test_a_drift_is_told_over_time_and_in_its_frame() -> None:
     found = np.array([[float(cell) for cell in row[2:]] for row in told.rows])
     np.testing.assert_allclose(found, expected, atol=0.02)
     assert told.rows[0][0] == "0 s"
+    late = time > np.median(time)  # the same in two tables, each with a clock of its own
+    two = replace(
+        result.baseline.rows,
+        time=np.where(late, time - time[late].min(), time),
+        run=late.astype(np.int64),
+        sources=("a.csv", "b.csv"),
+    )
+    (again,) = drift_tables(replace(result, baseline=replace(result.baseline, rows=two)))
+    assert [row[2:] for row in again.rows] == [row[2:] for row in told.rows]
+    assert again.rows[0][0] == "a.csv: 0 s"
+    assert again.rows[-1][1].startswith("b.csv: ")
     assert "drift, turn: along and about the axes of the base frame" in " ".join(names_text(result))
     assert told.title in [getattr(part, "title", None) for part in diagnosis_tables(result)]
     assert told.title.replace("'", "&#39;") in diagnosis_html(result, provenance([], 0, []))

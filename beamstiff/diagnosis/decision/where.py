@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.effects.load_error import rising
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.measure.arrays import places_of_each
+from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 
 WORST = 5  # poses
@@ -39,8 +40,8 @@ def where(baseline: Baseline, used: NDArray[np.bool_], components: list[dict[str
         result["history"] = {
             name: _rms(size[seen & (branch == sign)]) for name, sign in (("loading", 1), ("unloading", -1))
         }
-    if np.isfinite(baseline.rows.time).all() and np.ptp(baseline.rows.time) > 0:
-        result["time"] = _by_level(baseline.rows.time, size, seen, "s")
+    if times := _by_time(baseline.rows, size, seen):
+        result["time"] = times
     result["joints"] = {
         name: _by_level(baseline.rows.q[:, k], size, seen, "")
         for k, name in enumerate(baseline.rows.variables)
@@ -77,6 +78,18 @@ def _by_level(value: Array, size: Array, seen: NDArray[np.bool_], unit: str) -> 
         if len(set(labels)) == len(parts):
             break
     return dict(zip(labels, rms, strict=True))
+
+
+def _by_time(rows: Measurements, size: Array, seen: NDArray[np.bool_]) -> dict[str, float]:
+    """Return the RMS by thirds of the time: of each table by itself, for each has a clock of its own."""
+    result: dict[str, float] = {}
+    for run in np.unique(rows.run[seen]).tolist():
+        own = seen & (rows.run == run)
+        table = f"{rows.sources[run]}: " if len(rows.sources) > 1 else ""
+        if np.ptp(rows.time[own]) > 0:  # and known: NaN is not
+            thirds = _by_level(rows.time[own], size[own], seen[own], "s")
+            result |= {f"{table}{part}": rms for part, rms in thirds.items()}
+    return result
 
 
 def _worst(baseline: Baseline, size: Array, seen: NDArray[np.bool_]) -> list[dict[str, Any]]:

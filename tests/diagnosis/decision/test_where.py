@@ -116,6 +116,18 @@ def test_a_drift_shows_in_time() -> None:
     assert max(values) > 1.2 * min(values)
 
 
+def test_times_of_two_tables_are_of_two_clocks() -> None:
+    rows = at_random(elbow(), 12, seed=1, time=np.tile(10.0 * np.arange(6), 2))
+    rows = replace(rows, run=np.repeat([0, 1], 6), sources=("a.csv", "b.csv"))
+    there = nominal(elbow(), rows)
+    seen = replace(there, measured=np.repeat([1e-3, 2e-3], 6)[:, None] * np.ones(6) + there.predicted)
+    found = where(seen, seen.used, [])["time"]
+    assert list(found) == [
+        f"{name}.csv: {part} s" for name in "ab" for part in ("0 to 10", "20 to 30", "40 to 50")
+    ]
+    assert list(found.values()) == pytest.approx(np.sqrt(3) * np.repeat([1.0, 2.0], 3))  # mm
+
+
 def test_thirds_of_what_hardly_varies_have_names_of_their_own() -> None:
     q = np.repeat([[1.23401, 0.5], [1.23402, 0.5], [1.23403, 0.5]], 4, axis=0)
     rows = at_random(elbow(), 12, seed=1, time=1.7e9 + 5.0 * np.arange(12))  # seconds since 1970

@@ -148,6 +148,7 @@ def test_a_page_opens_without_fault_wide_and_light_narrow_and_dark(
     assert all(one != other for one, other in zip(light, browser.execute_script(LOOK), strict=True))
     assert serious_faults(browser, axe) == []  # opens all tables, too
     assert browser.execute_script("return document.documentElement.scrollWidth") <= NARROW
+    assert cut(browser) == []
     right = "return [...document.querySelectorAll('.plot')].map((one) => one.getBoundingClientRect().right)"
     assert max(browser.execute_script(right)) <= NARROW
 
@@ -176,6 +177,22 @@ def overprinted(browser: Any) -> list[tuple[str, str, str]]:
     return found
 
 
+def cut(browser: Any) -> list[tuple[str, str]]:
+    """Return the texts that leave their figure: the figure, and the text."""
+    edges = (
+        "return [...document.querySelectorAll('.plot')].map((one) => one.getBoundingClientRect())"
+        ".map((box) => [box.left, box.top, box.right, box.bottom])"
+    )
+    return [
+        (figure, text)
+        for (figure, texts), box in zip(
+            browser.execute_script(BOXES), browser.execute_script(edges), strict=True
+        )
+        for text, left, top, right, bottom in texts
+        if min(left - box[0], top - box[1], box[2] - right, box[3] - bottom) < -TOUCH
+    ]
+
+
 @pytest.mark.parametrize("kind", QUICK)
 def test_no_label_overprints_another_in_other_widths(
     kind: str, browser: Any, request: pytest.FixtureRequest, tmp_path: Path
@@ -184,6 +201,7 @@ def test_no_label_overprints_another_in_other_widths(
     for width, theme in ((NARROW, "dark"), (768, "light"), (1920, "light")):
         open_page(browser, page, width, theme)
         assert overprinted(browser) == [], width
+        assert cut(browser) == [], width
         assert errors_and_requests(browser) == ([], [])
         assert figures_at_fault(browser) == []
         assert browser.execute_script("return document.documentElement.scrollWidth") <= width

@@ -82,12 +82,15 @@
     }).sort((a, b) => a.x - b.x);
     placed.forEach((one, at) => { one.side = 2 * at + 1 < placed.length ? "left" : "right"; });
     const last = { left: -Infinity, right: -Infinity };
-    const column = Math.min(0.32 * width, 190);
+    const edge = Math.min(0.48 * width, 240);  // where the columns begin and end: a long label stays in the figure
     placed.sort((a, b) => a.y - b.y).forEach(({ one, side, x, y }) => {
       last[side] = Math.max(y, last[side] + 28);
-      Object.assign(one, { ax: (side === "left" ? -column : column) - x, ay: last[side] - y - 8 });
+      Object.assign(one, { xanchor: side, ax: (side === "left" ? -edge : edge) - x, ay: last[side] - y - 8 });
     });
   };
+
+  // A title with so many characters a line at most: what is wider than its figure is cut.
+  const wrapped = (title, most) => ({ ...title, text: title.text.replace(new RegExp(`(?=.{${most + 1}})(.{1,${most}}) `, "g"), "$1<br>") });
 
   const draw = (plot) => {
     const key = plot.dataset.figure;
@@ -108,7 +111,7 @@
       layout.scene.domain = { x: [0, 1], y: [0.14, 1] };  // the bar of colours, or the legend, is below
       layout.legend = { ...layout.legend, y: 0, yanchor: "bottom" };
       (layout.scene.annotations || []).forEach((one) => { one.font = { ...one.font, size: 11 }; });
-      traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...trace.line.colorbar.title, side: "top" } }; });
+      traces.forEach((trace) => { if (trace.line && trace.line.colorbar) trace.line.colorbar = { ...trace.line.colorbar, orientation: "h", y: 0, yanchor: "bottom", len: 0.9, title: { ...wrapped(trace.line.colorbar.title, 36), side: "top" } }; });
     }
     if (figure.views) beside(layout, plot.clientWidth);
     if (narrow && layout.xaxis && !layout.xaxis.ticktext) layout.xaxis = { nticks: plot.clientWidth < 300 ? 4 : 5, tickangle: 0, ...layout.xaxis };
@@ -116,6 +119,7 @@
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => text.replace(" at ", "<br>at ").split("<br>").map(
         (line) => (line.length > 24 ? `${line.slice(0, 22)}…` : line)).join("<br>"));
       layout.yaxis.tickfont = { size: 11 };
+      layout.xaxis.title = wrapped(layout.xaxis.title, 18);
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
     if (narrow && !figure.views && layout.margin.t > 60) {  // a legend has no buttons above it then
