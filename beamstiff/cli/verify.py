@@ -25,6 +25,7 @@ NOTHING_TO_COMPARE = (
     "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
     "writes them)."
 )
+SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
 TOO_LARGE = 3  # exit code of a gap beyond --max-gap
 
 
@@ -59,7 +60,6 @@ def verify(
     from beamstiff.diagnosis.verify import MODEL
     from beamstiff.functions.robots import as_robot
     from beamstiff.functions.verify import verify as run
-    from beamstiff.report.diagnosis_text import SQUARES
     from beamstiff.report.diagnosis_words import percent
     from beamstiff.report.tables import table
     from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded

@@ -51,29 +51,15 @@ def calibrated_worse(result: Diagnosis) -> str:
     )
 
 
-def recalibration_text(changed: Recalibration, others: str = "in --json and --apply") -> list[str]:
-    """Return, in words, what the geometry beside the causes changed, and what it is worth by itself.
+def changes_text(changed: Recalibration, others: str = "in --json and --apply") -> str:
+    """Return, in words, what the geometry beside the causes changed most.
 
     `others`: where the changes stand that are not named.
     """
-    placed = ""
-    if rounded(changed.placed) != rounded(changed.before):
-        placed = f", {rounded(1e3 * changed.placed)} mm with the places of the reflectors fitted"
-    gap = (
-        f"Geometry: the robot file as it is leaves {rounded(1e3 * changed.before)} mm RMS (measuring frame "
-        f"fitted){placed}, {rounded(1e3 * changed.after)} mm with the geometry calibrated (held-out data)."
-    )
-    if changed.stiff is not None and rounded(changed.stiff) != rounded(changed.after):
-        gap += (
-            f" With the stiffness of the drives as in the robot file, not as fitted, "
-            f"{rounded(1e3 * changed.stiff)} mm would be left."
-        )
-    if not changed.changes:
-        return [gap]
     each = ", ".join(_in_words(one) for one in changed.changes[:NAMED])
     rest = len(changed.changes) - NAMED
     more = f" ({rest} more {others})" if rest > 0 else ""
-    return [gap, f"Largest changes, with standard deviations: {each}{more}."]
+    return f"Largest changes of the geometry, with standard deviations: {each}{more}."
 
 
 def changes_table(changed: Recalibration, title: str) -> Table:

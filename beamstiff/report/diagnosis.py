@@ -19,7 +19,7 @@ from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import drives_table, recalibration_text
+from beamstiff.report.calibrated_text import changes_text, drives_table
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
@@ -28,7 +28,8 @@ from beamstiff.report.diagnosis_text import (
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.tables import Column, Table, below, counted, scale_of, table, worth
+from beamstiff.report.steps import INTERVAL, steps, steps_table
+from beamstiff.report.tables import Column, Table, below, scale_of, table, worth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,12 +43,10 @@ PARTS_OF_GAP = {
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
 LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
-CAUSES = "Causes, each added to those above it"
 OUTSIDE = "a law outside the library"
-INTERVAL = "90 % interval"
 CLOSES = (
-    "Closes: share of the gap above noise, on held-out postures. Its 90 % interval says how far the share "
-    "depends on the postures."
+    "Closes: share of the squared gap above noise, on held-out postures: with 75 % closed, half the gap is "
+    "left. Its 90 % interval says how far the share depends on the postures."
 )
 # what parts of a parameter's name mean: where it occurs, how it is written, in words
 NAMES = (
@@ -79,13 +78,14 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield from first.lines()
     yield Text(summary(result))
     yield Text("")
-    if result.decomposition is not None and result.decomposition.gap_shows:
-        if result.decomposition.causes:
-            yield causes_table(result.decomposition, CAUSES)
-            yield Text("\n".join([probability_text(result.decomposition), *next_best_text(result)]))
-        yield Text(f"{remainder_text(result.decomposition)}\n")
-    if result.recalibration is not None:
-        yield Text("\n".join(recalibration_text(result.recalibration)) + "\n")
+    if result.decomposition is not None:
+        yield steps_table(result)
+        if found := by_causes(result):
+            yield Text("\n".join([probability_text(found), *next_best_text(result)]))
+        said = [remainder_text(result.decomposition)] if result.decomposition.gap_shows else []
+        if result.recalibration is not None and result.recalibration.changes:
+            said.append(changes_text(result.recalibration))
+        yield Text("".join(f"{line}\n" for line in ["", *said]))
     if not by_causes(result):
         candidates = candidates_table(result, likely(result, SHOWN), "Which effect")
         yield from (candidates, Text(f"{CLOSES}\n" if INTERVAL in candidates.columns else ""))
@@ -129,20 +129,6 @@ def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
     return [item for item in places_with_look_alikes(result) if item["share"] >= LEAST]
 
 
-def causes_table(found: Decomposition, title: str) -> Table:
-    """Return the causes of a gap that has several."""
-    made = table(title, "cause", "closes", INTERVAL, "gap after", "probability")
-    for cause in found.causes:
-        made.add_row(
-            "\n  or ".join(in_words([one]) for one in (cause.key, *cause.indistinguishable)),
-            words.percent(cause.closes),
-            words.percents(cause.closes_interval),
-            f"{1e3 * cause.rms_after:.3f} mm",
-            words.chance(cause.probability),
-        )
-    return made
-
-
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
@@ -176,23 +162,6 @@ def next_best_text(result: Diagnosis) -> list[str]:
                 f"{said} by all rows, but it predicts held-out rows just as well: it may be the true cause."
             )
     return lines
-
-
-def steps(result: Diagnosis) -> dict[str, float]:
-    """Return the position gap, m, by model: of the file, fitted, with one cause more each, and its floor."""
-    changed, found = result.recalibration, by_causes(result)
-    left = {} if changed is None else {"geometry of the file": changed.placed}
-    left["fitted model"] = result.rms
-    if found is not None:
-        for at, one in enumerate(found.causes):
-            left[f"{'and' if at else 'with'} {in_words([one.key])}"] = one.rms_after
-        if found.unclear:
-            left[f"and {counted(len(found.unclear), 'undecided cause')}"] = found.unclear[-1].rms_after
-    elif result.verdict.shrink is not None:
-        left[f"with {words.causes(result)}"] = result.verdict.shrink.after
-    if result.decomposition is None:
-        left["any elastic model"] = result.ceiling
-    return left | {"noise floor": result.noise}
 
 
 def candidates_table(result: Diagnosis, some: Sequence[Candidate], title: str) -> Table:
@@ -356,7 +325,8 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         axes[1].text(0.5, 0.5, "Where: no place accounts for the gap", ha="center")
     bars = steps(result)
     at = range(len(bars))[::-1]
-    axes[2].barh(at, [1e3 * value for value in bars.values()], color=GREEN, tick_label=list(bars))
+    names = [step.model for step in bars]
+    axes[2].barh(at, [1e3 * step.error for step in bars], color=GREEN, tick_label=names)
     axes[2].set(title="How far", xlabel="held-out position gap, RMS, mm")
     worst = result.where.get("poses", [])
     if worst:

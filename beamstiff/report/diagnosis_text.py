@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED = "Undecided"
-SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
 ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
 
 
@@ -190,7 +189,10 @@ def summary(result: Diagnosis) -> str:
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := words.several(result):
-        return f"{first}\n{_of_several(found)}{_weak(result)}"
+        effects = dict.fromkeys(one.forms[0].effect for one in found)
+        meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
+        floor = f"\nNoise floor {noise:.3f} mm{said}." if (said := _scaled(result)) else ""
+        return f"{meaning}{floor}\n{_weak(result).strip()}".strip()
     certain = words.sure(result)
     if head == UNDECIDED:
         first_ones = ", ".join(
@@ -240,7 +242,7 @@ def summary(result: Diagnosis) -> str:
         text += (
             f"\nWith {'it' if also is None else 'both'}, {1e3 * verdict.shrink.after:.3f} mm are left on "
             f"held-out postures: {share} of the gap above noise is closed{interval}. This holds for postures "
-            f"and load directions as measured.\n{SQUARES}{_weak(result)}"
+            f"and load directions as measured.{_weak(result)}"
         )
     others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
@@ -296,15 +298,6 @@ def headline(result: Diagnosis) -> str:
     if max(no_cause, default=0.0) > verdict.probability:
         return UNDECIDED
     return f"Likeliest cause{plural}: {words.causes(result)}"
-
-
-def _of_several(found: Sequence[Cause]) -> str:
-    """Return, in words, what several causes mean and what each closes."""
-    effects = dict.fromkeys(one.forms[0].effect for one in found)
-    meaning = "\n".join(f"{effect}: {EFFECTS[effect].meaning}" for effect in effects)
-    them = "all of them" if len(found) > 1 else "it"
-    left = f"With {them}, {1e3 * found[-1].rms_after:.3f} mm are left on held-out data. {SQUARES}"
-    return f"{meaning}\n{left}"
 
 
 def _factor(result: Diagnosis) -> float:

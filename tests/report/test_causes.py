@@ -7,11 +7,9 @@ import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.result import Candidate, Estimate
-from beamstiff.report.calibrated_text import calibrated_worse, recalibration_text
+from beamstiff.report.calibrated_text import calibrated_worse, changes_text
 from beamstiff.report.diagnosis import (
-    CAUSES,
     by_causes,
-    causes_table,
     diagnosis_figure,
     diagnosis_tables,
     names_text,
@@ -20,7 +18,6 @@ from beamstiff.report.diagnosis import (
     places_table,
     probability_text,
     sizes_table,
-    steps,
 )
 from beamstiff.report.diagnosis_text import (
     headline,
@@ -33,6 +30,7 @@ from beamstiff.report.diagnosis_words import hardly_checked, percent, sure, unre
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.next_action import separations
+from beamstiff.report.steps import TITLE, steps, steps_table
 from beamstiff.report.tables import worth
 from beamstiff.report.verdict import rounded
 from tests.diagnosis.decomposition.test_decompose import SLIP, SLIPS_AT, found, machine_changes
@@ -42,14 +40,18 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
     assert several is not None
-    rows = causes_table(several, CAUSES).rows
-    assert sorted(row[0] for row in rows) == ["angle-curve at q3", "approach-direction at q2", "target-slip"]
-    closes = [int(row[1].removesuffix(" %")) for row in rows]
+    rows = [row for row in steps_table(result).rows if row[2]]
+    assert sorted(row[0] for row in rows) == [
+        "and angle-curve at q3",
+        "and approach-direction at q2",
+        "and target-slip",
+    ]
+    closes = [int(row[2].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     # the posture at which it slipped is not told while it is held out
     assert sum(closes) in (97, 98, 99)
     assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
-    assert CAUSES in [getattr(item, "title", None) for item in diagnosis_tables(result)]
+    assert TITLE in [getattr(item, "title", None) for item in diagnosis_tables(result)]
 
 
 def test_a_cause_that_few_searches_find_is_said_to_be_one() -> None:
@@ -91,7 +93,7 @@ def test_a_cause_has_one_probability_in_summary_table_and_page() -> None:
     assert told.verdict.probability != pytest.approx(0.89)
     assert sure(told) == "89 %"
     assert "(probability 89 %)" in summary(told)
-    assert causes_table(less, CAUSES).rows[0][4] == "89 %"
+    assert next(row for row in steps_table(told).rows if row[2])[4] == "89 %"
     assert "89 %" in diagnosis_html(told, provenance([], 0, []))
 
 
@@ -119,12 +121,12 @@ def test_an_unrealistic_size_reaches_headline_and_next_action() -> None:
 
 def test_the_page_has_them_too() -> None:
     result, _ = found("approach", "gear", "slip")
-    assert CAUSES in diagnosis_html(result, provenance([], 0, []))
+    assert TITLE in diagnosis_html(result, provenance([], 0, []))
 
 
 def test_where_there_is_no_gap_no_causes_are_shown() -> None:
     result, _ = found()
-    assert CAUSES not in [getattr(item, "title", None) for item in diagnosis_tables(result)]
+    assert [one.head for one in steps_table(result).heads] == ["model", "error"]
 
 
 def test_causes_that_close_the_gap_together_are_the_headline_where_none_makes_most_of_it() -> None:
@@ -139,7 +141,7 @@ def test_causes_that_close_the_gap_together_are_the_headline_where_none_makes_mo
     assert "Undecided" not in text
     for cause in several.causes:
         assert f"{percent(cause.closes)}" in verdict(result).causes
-    assert f"With all of them, {1e3 * several.causes[-1].rms_after:.3f} mm are left" in text
+    assert several.causes[-1].rms_after in [step.error for step in steps(result)]
 
 
 def test_each_of_several_causes_is_told_with_its_size_and_its_check() -> None:
@@ -162,7 +164,7 @@ def test_table_page_and_figure_draw_the_same_causes_and_steps() -> None:
     assert len(which.patches) == len(several.causes)
     assert sorted(bar.get_width() for bar in which.patches) == sorted(one.closes for one in several.causes)
     drawn = [bar.get_width() for bar in how_far.patches]
-    assert drawn == [1e3 * value for value in steps(result).values()]
+    assert drawn == [1e3 * step.error for step in steps(result)]
     assert 1e3 * several.causes[-1].rms_after in drawn  # what is left in the end
 
 
@@ -274,16 +276,20 @@ def test_what_the_calibration_changed_is_told() -> None:
     changed = result.recalibration
     assert changed is not None
     assert changed.after == result.rms < changed.placed <= changed.before
-    gap, largest = recalibration_text(changed)
-    assert f"as it is leaves {rounded(1e3 * changed.before)} mm RMS" in gap
-    assert f", {rounded(1e3 * changed.placed)} mm with the places of the reflectors fitted" in gap
+    assert changed.stiff is None
+    assert [(step.model, step.error) for step in steps(result)[:3]] == [
+        ("robot file, measuring frame fitted", changed.before),
+        ("and places of the reflectors", changed.placed),
+        ("and geometry", changed.after),
+    ]
     assert ", geometry calibrated, " in verdict(result).headline
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
+    largest = changes_text(changed)
     along = f"{first.parameter.name} (shift along x)"
     assert f": {along} {'+' * (first.by > 0)}{value} ± {std} mm, " in largest
     held = replace(changed, changes=(replace(first, std=0.0),))
-    assert "±" not in recalibration_text(held)[1]  # it was not sought
+    assert "±" not in changes_text(held)  # it was not sought
     told = result.to_dict()["calibration"]
     assert told["before_mm"] == 1e3 * changed.before
     assert told["changes"][first.parameter.name]["std"] == first.std
@@ -355,7 +361,7 @@ def test_no_share_above_all_is_written_and_an_open_end_is_told_as_at_least() -> 
     assert written["closes"] == 1.0
     assert written["closes_interval"] == [0.35, 1.0]
     assert told.decomposition is not None
-    assert causes_table(told.decomposition, CAUSES).rows[0][2] == "at least 35 %"
+    assert next(row for row in steps_table(told).rows if row[2])[3] == "at least 35 %"
 
 
 def test_places_of_look_alikes_stand_beside_the_place_of_their_cause() -> None:

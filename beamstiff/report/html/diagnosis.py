@@ -10,7 +10,7 @@ from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import changes_table, drives_table, recalibration_text
+from beamstiff.report.calibrated_text import changes_table, changes_text, drives_table
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.charts import SHARE, bars
@@ -22,6 +22,7 @@ from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
+from beamstiff.report.steps import steps, steps_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
 
@@ -35,18 +36,18 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     baseline = result.baseline
     without, beside = predictions(result)
     compared = Compared(baseline.nominal, baseline.rows, baseline.measured, without, baseline.used, beside)
-    changed = []
-    if result.recalibration is not None:
-        changed = recalibration_text(result.recalibration, "under Fitted parameters")
+    said = summary(result).splitlines()
     if result.decomposition is not None and result.decomposition.gap_shows:
-        changed = [*remainder_text(result.decomposition).splitlines(), *changed]
+        said += remainder_text(result.decomposition).splitlines()
+    if result.recalibration is not None and result.recalibration.changes:
+        said.append(changes_text(result.recalibration, "under Fitted parameters"))
     with_them = "with the causes" if result.decomposition is not None else f"with {words.causes(result)}"
     rows = row_figures(compared, ("fitted model", with_them))
     return Page(
         title="Diagnosis",
         robot=baseline.nominal.name,
         verdict=verdict(result),
-        summary=[*minded(baseline.rows, baseline.nominal), *summary(result).splitlines(), *changed],
+        summary=[*minded(baseline.rows, baseline.nominal), *said],
         facts=list(_facts(result)),
         view=_view(result),
         sections=[
@@ -116,7 +117,7 @@ def _which(result: Diagnosis) -> Section:
         drawn = bars(names, values, "blue", "share of the gap closed", ends, **SHARE)
         said = " ".join([shown.probability_text(found), *shown.next_best_text(result)])
         caption = f"What each cause closes, added to those above it. {said}"
-        figure = Figure("which", "Causes", caption, *drawn, shown.causes_table(found, shown.CAUSES))
+        figure = Figure("which", "Causes", caption, *drawn, steps_table(result))
     else:
         first = shown.likely(result, shown.SHOWN)
         names = [shown.in_full(one, result) for one in first]
@@ -174,15 +175,17 @@ def _how_far(result: Diagnosis) -> Section:
     if words.one_posture(result):
         text = "All rows are of one posture: none can be held out to test the reduction."
         return Section("how-far", "How far the gap closes", [text])
-    left = {name: 1e3 * value for name, value in shown.steps(result).items()}
-    drawn = bars(list(left), list(left.values()), "green", "RMS gap, mm", rangemode="tozero")
+    names, left = zip(*((step.model, 1e3 * step.error) for step in steps(result)), strict=True)
+    drawn = bars(names, left, "green", "RMS gap, mm", rangemode="tozero")
     caption = "Position gap on held-out data."
     if result.decomposition is None:
         caption += (
             " Any elastic model: compliance of every kind at every place at once, less than which no cause "
             "can be expected to leave."
         )
-    table = Table("What is left", ("model", "mm"), [[name, f"{value:.4f}"] for name, value in left.items()])
+    table = Table(
+        "What is left", ("model", "mm"), [[step.model, f"{1e3 * step.error:.4f}"] for step in steps(result)]
+    )
     figure = Figure("how-far", "What is left", caption, *drawn, table)
     return Section("how-far", "How far the gap closes", figures=[figure])
 
