@@ -166,11 +166,13 @@ def remainder_text(found: Decomposition) -> str:
         share, names = words.closed(found.unclear), in_words([one.key for one in found.unclear])
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
         if found.causes:
-            past = of_the_campaign(found)
-            but = f", but for what is of this campaign alone ({in_words([one.key for one in past])})"
-            but, lasting = (but, " without that") if past else ("", "")
-            share = words.percent(written_share(found))
-            said += f" --apply writes these too{but}: {share} of the gap{lasting} then closes."
+            share, past = words.percent(written_share(found)), of_the_campaign(found)
+            alone = f"what is of this campaign alone ({in_words([one.key for one in past])})"
+            said += (
+                f" --apply leaves out {alone}; what it writes closes {share} of the rest of the gap."
+                if past
+                else f" --apply writes these too: {share} of the gap then closes."
+            )
     if found.unmodelled:
         each = [
             f"{one.forms[0].component} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
