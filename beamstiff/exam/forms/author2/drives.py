@@ -235,17 +235,17 @@ def _disc(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved
 
 
 FORMS = (
-    wind_up("backlash", "arctan", _arctan, drives1.draw_backlash),
-    curve("backlash", "planets", _planets, drives1.draw_backlash, spread=evenly(0.3, 0.8)),
+    wind_up("backlash", "arctan", _arctan, drives1.BACKLASH),
+    curve("backlash", "planets", _planets, drives1.BACKLASH, spread=evenly(0.3, 0.8)),
     wind_up("hardening", "hertz", _hertz, drives1.draw_hardening),
     curve("hardening", "cubic", _cubic, drives1.draw_hardening),
     law("joint-compliance", "hertz", _contacts,
         drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
     law("joint-compliance", "preloaded", lambda p, _, __: curved(partial(slackening, p, p["stiffness"])),
         drives1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
-    law("hysteresis", "dahl", _dahl, drives1.draw_friction, arrived=_ARRIVED),
+    law("hysteresis", "dahl", _dahl, drives1.FRICTION, arrived=_ARRIVED),
     law("hysteresis", "maxwell-slip", _maxwell_slip,
-        drives1.draw_friction, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
+        drives1.FRICTION, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
     built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
     built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
     built("joint-coupling", "bracket", _bracket, **_COUPLED),

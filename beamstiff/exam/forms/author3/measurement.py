@@ -7,7 +7,7 @@ import numpy as np
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import drive_of
-from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
+from beamstiff.exam.draws import PHASE, SEED, always, around, direction, evenly, product, signed, sized, whole
 from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
@@ -89,12 +89,6 @@ _LOOSE: dict[str, Draw] = {
 }  # fmt: skip
 
 
-def _draw_stations(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*measurement1.FRAME_ANGLE)
-    found = request.direction(angle) | request.direction(angle, "uvw")
-    return found | {"after": request.uniform(0.3, 0.7)}
-
-
 def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
     """Return values of a tracker that is moved once, either station aligned by itself, each wrongly."""
     share, pose = measurement1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
@@ -103,14 +97,6 @@ def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
     R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), turn(share * vector(p)))
     moved = (R @ values[:, :3, None])[..., 0]
     return np.concatenate([moved, measurement1.seen_turned(R, seen, values)], axis=1)
-
-
-def _draw_lens(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*measurement1.FRAME_ANGLE)
-    found = request.direction(angle)
-    around, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 5.0)
-    found |= named(np.array([away * np.cos(around), away * np.sin(around), request.uniform(0.8, 1.8)]), "uvw")
-    return found | {"barrel": SEEN * angle * request.sign() * request.uniform(0.5, 1.0)}
 
 
 def distorted(points: Array, camera: Array, barrel: float) -> Array:
@@ -224,7 +210,7 @@ def _run(p: Parameters, seen: Seen, values: Array) -> Array:
     return values
 
 
-_DRIFT = sized(*measurement1.DRIFT)
+_ANGLE, _DRIFT = sized(*measurement1.FRAME_ANGLE), sized(*measurement1.DRIFT)
 
 
 FORMS = (
@@ -234,8 +220,10 @@ FORMS = (
           direction(), **_LOOSE, tilt=evenly(0.03, 0.12)),
     built("payload-error", "liquid", partial(_payload, (1, 2)),
           direction(), **_LOOSE, tilt=evenly(0.3, 0.8)),
-    reading("frame-misalignment", "lens", _lens, _draw_lens),
-    reading("frame-misalignment", "stations", _stations, _draw_stations),
+    reading("frame-misalignment", "lens", _lens, direction(_ANGLE), around(evenly(3.0, 5.0)),
+            w=evenly(0.8, 1.8), barrel=signed(product(always(SEEN), _ANGLE, evenly(0.5, 1.0)))),
+    reading("frame-misalignment", "stations", _stations,
+            direction(_ANGLE), direction(_ANGLE, "uvw"), after=evenly(0.3, 0.7)),
     load("load-error", "rope", _rope, _draw_rope),
     load("load-error", "discs", _discs, _draw_discs),
     reading("thermal-drift", "thermostat", _thermostat, direction(),

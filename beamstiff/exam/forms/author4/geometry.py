@@ -7,7 +7,20 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
+from beamstiff.exam.draws import (
+    PHASE,
+    always,
+    around,
+    by_ratio,
+    by_reach,
+    direction,
+    each,
+    evenly,
+    product,
+    signed,
+    sized,
+    whole,
+)
 from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author4.measurement import times
 from beamstiff.exam.machine import Machine, stroke
@@ -65,24 +78,12 @@ def _turned(truth: Truth, reality: Reality) -> Reality:
     return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
 
 
-def _draw_pin(request: DrawRequest) -> dict[str, float]:
-    length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
-    return request.direction(length) | request.direction(length * request.uniform(0.1, 0.4), STILL)
-
-
 def _pin(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads of which a pull sits at one end of a pin in its clevis, a push at the other."""
     half, axes, force = vector(p), seen.tool_axes, wrench[:, :3]
     pull = np.einsum("pij,j,pi->p", axes, half / np.linalg.norm(half), force)
     end = np.tanh(pull / np.maximum(ROUND * np.linalg.norm(force, axis=1), 1e-12))
     return seen.with_arm(wrench, (axes @ (vector(p, STILL) + end[:, None] * half)[..., None])[..., 0])
-
-
-def _draw_box(request: DrawRequest) -> dict[str, float]:
-    way, off = request.uniform(0.0, 2.0 * np.pi), by_reach(evenly(0.12, 0.4))(request)
-    found = {"mass": request.sized(0.01, 0.4) * _capacity(request)}
-    found |= {"x": off * float(np.cos(way)), "y": off * float(np.sin(way))}
-    return found | {"z": -by_reach(evenly(0.02, 0.3))(request)}
 
 
 def _capacity(request: DrawRequest) -> float:
@@ -206,6 +207,7 @@ def came_to_rest(truth: Truth, rows: int) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
+_LONG = by_reach(sized(3e-3, 0.15))  # half a pin
 _START, _WIDTH, _SLIPS = evenly(-1.0, 1.0), sized(1e-5, 4e-4), direction(by_reach(sized(6e-5, 2.5e-3)))
 
 
@@ -214,11 +216,14 @@ FORMS = (
     form("geometry-error", "stacked-zeros", _geometry, _stacked),
     form("tool-offset", "turned-on-flange", _turned,
          off=by_reach(evenly(0.06, 0.25)), way=PHASE, turned=signed(sized(0.015, 0.8))),
-    load("tool-offset", "pin-in-clevis", _pin, _draw_pin),
+    load("tool-offset", "pin-in-clevis", _pin,
+         direction(_LONG), direction(product(_LONG, evenly(0.1, 0.4)), STILL)),
     built("payload-error", "half-empty", _half_empty, each(share=signed(sized(0.015, 0.7))),
           direction(by_reach(evenly(0.05, 0.2))), usual=_capacity),
     built("payload-error", "box-beside", lambda p, machine, _: machine.plus(
-              masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),)), _draw_box),
+              masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),)),
+          around(by_reach(evenly(0.12, 0.4)), "xy"), mass=product(sized(0.01, 0.4), _capacity),
+          z=product(always(-1.0), by_reach(evenly(0.02, 0.3)))),
     form("angle-curve", "cardan", _curve,
          tilt=sized(0.012, 0.06), phase=evenly(0.0, np.pi), once=evenly(0.1, 0.5), once_phase=PHASE),
     form("angle-curve", "scar", _curve,

@@ -14,6 +14,7 @@ from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
 QUICK, SLOW = ([f"{name}_{axis}" for axis in "xyz"] for name in ("quick", "slow"))
+MARKS = [f"{axis}{at}" for at in range(3) for axis in "xyz"]
 PAUSE = 30.0  # s between rows where the campaign gives no time
 TRACKER = 0.01  # an absolute range is this much better than the gain of a displacement
 BALLS = np.array([[0.5, 0.3, 0.0], [-0.5, 0.3, 0.0], [0.0, -0.6, 0.0]])  # m: base marks
@@ -55,12 +56,6 @@ def _draw_sight(request: DrawRequest) -> dict[str, float]:
     return {"turned": turned, "gain": gain} | request.drawn(bearing=PHASE, distance=evenly(3.0, 9.0))
 
 
-def _marks(request: DrawRequest) -> dict[str, float]:
-    size = request.sized(8e-4, 3e-2)
-    drawn = request.rng.standard_normal(9)
-    return {f"{axis}{at}": size * float(drawn[3 * at + i]) for at in range(3) for i, axis in enumerate("xyz")}
-
-
 def by_marks(errors: Array) -> tuple[Array, Array]:
     """Return the rotation vector and the shift (3,) that fit errors (3, 3) of the three base marks best."""
     rows = np.concatenate([np.concatenate([-cross_matrix(mark), np.eye(3)], axis=1) for mark in BALLS])
@@ -73,7 +68,7 @@ def _turned(R: Array, seen: Seen, values: Array) -> Array:
 
 
 def _base_marks(p: Parameters, seen: Seen, values: Array) -> Array:
-    vector_, shift = by_marks(np.array([[p[f"{axis}{at}"] for axis in "xyz"] for at in range(3)]))
+    vector_, shift = by_marks(vector(p, MARKS).reshape(3, 3))
     R = turn(vector_)
     place = values[:, :3] @ R.T + (shift if seen.absolute else 0.0)
     return np.concatenate([place, _turned(R, seen, values)], axis=1)
@@ -147,7 +142,8 @@ FORMS = (
     load("load-error", "untared-hook", _hook, weight=lambda r: r.sized(3.0, 200.0) / slender(r.robot)),
     load("load-error", "fixed-anchor", _anchor, distance=by_reach(sized(80.0, 3.0))),
     reading("frame-misalignment", "line-of-sight", _sight, _draw_sight),
-    reading("frame-misalignment", "base-marks", _base_marks, _marks),
+    reading("frame-misalignment", "base-marks", _base_marks,
+            **dict.fromkeys(MARKS, lambda r: r.sized(8e-4, 3e-2) * r.rng.standard_normal())),
     reading("thermal-drift", "two-warmings", partial(_drift, _two_warmings), _draw_warmings),
     reading("thermal-drift", "hall-gate",
             partial(_drift, lambda p, t: hall(t, p["period"], p["phase"], p["open"])[:, None] * vector(p)),
