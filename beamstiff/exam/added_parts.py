@@ -42,10 +42,7 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
     """Return the machine cut open before its TCP and what hangs on that alone, and the node left there."""
     flange = machine.free_name("flange")
     tcp = machine.tcp
-    ties = machine.ties
-    held = set(machine.fixed)
-    for _ in machine.nodes:
-        held |= {n for tie in ties if tcp not in tie and held & set(tie) for n in tie}
+    held = machine.held(but=tcp)
 
     def moved(nodes: tuple[str, str]) -> tuple[str, str]:
         if tcp in nodes and held & set(nodes):

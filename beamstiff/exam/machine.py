@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Self
 
+import networkx as nx
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
@@ -192,26 +193,19 @@ class Machine:
 
     def bodies(self) -> dict[str, int]:
         """Return the body of every node: those that rigids join are one, those that are fixed are body 0."""
-        names = [node.name for node in self.nodes]
-        above = {name: name for name in names}
+        joined: nx.Graph[str] = nx.Graph()
+        joined.add_nodes_from([self.fixed[0], *(node.name for node in self.nodes)])  # the ground comes first
+        joined.add_edges_from(nodes for _, nodes in self.rigids)
+        nx.add_path(joined, self.fixed)
+        return {name: at for at, body in enumerate(nx.connected_components(joined)) for name in body}
 
-        def root(name: str) -> str:
-            while above[name] != name:
-                name = above[name]
-            return name
-
-        for a, b in [nodes for _, nodes in self.rigids] + [(self.fixed[0], f) for f in self.fixed[1:]]:
-            above[root(a)] = root(b)
-        number = {root(self.fixed[0]): 0}
-        for name in names:
-            number.setdefault(root(name), len(number))
-        return {name: number[root(name)] for name in names}
-
-    @property
-    def ties(self) -> list[tuple[str, str]]:
-        """Nodes that something holds to one another."""
-        found = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
-        return found + [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
+    def held(self, *, but: str | None = None) -> set[str]:
+        """Return the nodes that parts hold to the ground, those parts left out that end at one node."""
+        ties = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
+        ties += [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
+        tied: nx.Graph[str] = nx.Graph([nodes for nodes in ties if but not in nodes])
+        nx.add_path(tied, self.fixed)
+        return set(nx.node_connected_component(tied, self.fixed[0]))
 
 
 def machine_of(robot: Robot) -> Machine:

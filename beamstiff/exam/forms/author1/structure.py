@@ -59,10 +59,7 @@ def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     body = rest.bodies()
     if body[nodes[0]] == body[nodes[1]]:
         return False
-    ties = rest.ties
-    held = set(rest.fixed)
-    for _ in machine.nodes:
-        held |= {n for tie in ties if held & set(tie) for n in tie}
+    held = rest.held()
     return machine.tcp not in held or set(nodes) <= held
 
 
@@ -168,7 +165,8 @@ def _bearing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     if "strain" in p:
         laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
     if p.get("offset", 0.0):
-        k = _moved(k, p["offset"])
+        springs = np.diag(np.where(np.isinf(k), STIFF, k))
+        k = seen_from_foot(np.array([p["offset"], 0.0, 0.0]), springs)
     axes = hinge.axes @ about_x(p["turned"])
     return machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
 
@@ -183,13 +181,6 @@ def with_tilting(
         if d != own and 0.0 < k < math.inf:
             machine = machine.with_law(joint, d, curved(partial(curve, p, k)))
     return machine
-
-
-def _moved(k: Array, offset: float) -> Array:
-    """Return the stiffness of springs (6,) that sit `offset` along the axis from the joint's node."""
-    X = np.eye(6)
-    X[1, 5], X[2, 4] = offset, -offset  # displacement at the springs: t + r x (offset, 0, 0)
-    return np.asarray(X.T @ np.diag(np.where(np.isinf(k), STIFF, k)) @ X)
 
 
 def _contact(k: float, strain: float, e: Array) -> Curved:
@@ -214,8 +205,13 @@ def _bolts(p: Parameters, machine: Machine, _: str) -> Machine:
     )
     shares = np.array([p[f"bolt{i}"] for i in range(4)])
     k = 1.0 / (p["tilt"] * np.sum(shares * corners[:, 1] ** 2))
-    each = np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])
-    feet = [seen_from_foot(at, np.diag(k * share * each)) for at, share in zip(corners, shares, strict=True)]
+    return on_feet(machine, corners, shares * k, p["across"])
+
+
+def on_feet(machine: Machine, places: Array, upright: Array, across: float) -> Machine:
+    """Return the machine on feet at places (n, 3), of an upright stiffness (n,), N/m; `across`: over it."""
+    ways = np.array([across, across, 1.0, 0.0, 0.0, 0.0])
+    feet = [seen_from_foot(at, np.diag(k * ways)) for at, k in zip(places, upright, strict=True)]
     return on_pedestal(machine, np.sum(feet, axis=0))
 
 

@@ -18,7 +18,7 @@ from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Machine, Profile, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
-from beamstiff.exam.rotations import cross_matrix, turn
+from beamstiff.exam.rotations import turn
 
 STIFF = structure1.STIFF
 NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
@@ -29,11 +29,7 @@ def _three_feet(p: Parameters, machine: Machine, _: str) -> Machine:
     feet = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
     shares = np.array([p[f"foot{i}"] for i in range(3)])
     k = 1.0 / (p["tilt"] * float(shares @ feet[:, 1] ** 2))
-    K = np.zeros((6, 6))
-    for foot, share in zip(feet, shares, strict=True):
-        X = np.concatenate([np.eye(3), -cross_matrix(foot)], axis=1)  # what the foot moves by
-        K += X.T @ np.diag(k * share * np.array([p["across"], p["across"], 1.0])) @ X
-    return on_pedestal(machine, K)
+    return structure1.on_feet(machine, feet, shares * k, p["across"])
 
 
 def _rubber(stiffness: float, p: Parameters, e: Array) -> Curved:
