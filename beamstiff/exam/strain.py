@@ -125,17 +125,15 @@ def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, A
     return longer, rod_rates, along, length
 
 
-def row_rates(topology: Topology, strain: Strain, row: int) -> Array:
-    """Return the rates (P, 6 B) of one strain by the motion of all bodies."""
-    members = len(topology.members)
-    if row < 6 * members:
-        ends, rates = topology.members[row // 6], strain.rates[:, row // 6, row % 6]
-    else:
-        ends, rates = topology.rods[row - 6 * members], strain.rod_rates[:, row - 6 * members]
-    result = np.zeros((len(rates), topology.bodies, 6))
-    for body, some in zip(ends, np.split(rates, 2, axis=1), strict=True):
-        result[:, body] += some
-    return result.reshape(len(rates), -1)
+def row_rates(topology: Topology, strain: Strain, rows: Integers) -> Array:
+    """Return the rates (P, R, 6 B) of some strains by the motion of all bodies."""
+    poses, members = len(strain.rows), 6 * len(topology.members)
+    ends = np.concatenate([np.repeat(topology.members, 6, axis=0), topology.rods])
+    rates = np.concatenate([strain.rates.reshape(poses, members, 12), strain.rod_rates], axis=1)[:, rows]
+    result = np.zeros((poses, len(rows), topology.bodies, 6))
+    for body, some in zip(ends[rows].T, np.split(rates, 2, axis=2), strict=True):
+        result[:, np.arange(len(rows)), body] += some
+    return result.reshape(poses, len(rows), 6 * topology.bodies)
 
 
 def resisting(topology: Topology, strain: Strain, force: Array) -> Array:
@@ -192,8 +190,8 @@ def add_stiffness(
         _add_rods(system, topology, layout, state, strain, force[:, 6 * members :], tangent)
     n = 6 * topology.bodies
     for row, other, its_slope in tangent.between:
-        its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
-        system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
+        its, others = np.split(row_rates(topology, strain, np.array([row, other])), 2, axis=1)
+        system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * np.swapaxes(its, -1, -2) * others
 
 
 def _add_rods(
