@@ -171,7 +171,7 @@ class Machine:
     def with_node(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
         """Return the machine with a new node at a place (3,) in a frame, rigidly on others, and its name."""
         name = self.free_name(wanted)
-        node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
+        node = Node(name=name, frame=frame, at=tuple(at.tolist()))
         ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
         return self.plus(nodes=(node,), rigids=ties), name
 
@@ -237,14 +237,14 @@ def machine_of(robot: Robot) -> Machine:
     return Machine(robot, tuple(robot.nodes), rigids, tuple(hinges), tuple(bars), rods, (), *held)
 
 
-def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
+def tapered(rigidity: Array, size: Callable[[Array], Array], bending: float = 4.0) -> Profile:
     """Return the profile of a beam whose cross-section changes its linear size, from 0 to 1 along it.
 
     `rigidity`: (6,) array; EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
     `bending`: power of the size that bending and twist grow with; stretch and shear grow with half of it.
     """
     stations = 0.5 * (GAUSS[0] + 1.0)
-    scale = np.asarray(size(stations))[:, None]  # type: ignore[operator]
+    scale = size(stations)[:, None]
     powers = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0]) * bending
     with np.errstate(divide="ignore"):
         return Profile(stations, 0.5 * GAUSS[1][:, None] / (rigidity * scale**powers))

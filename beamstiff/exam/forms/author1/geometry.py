@@ -125,8 +125,7 @@ def _payload(p: Parameters, machine: Machine, _: str) -> Machine:
     rest = [mass for mass in machine.masses if mass.node != machine.tcp]
     kilograms = sum(mass.mass for mass in carried)
     centre = sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / (kilograms or 1.0)
-    at = tuple(map(float, centre + vector(p)))
-    payload = Mass(node=machine.tcp, mass=kilograms + p["mass"], at=at)  # type: ignore[arg-type]
+    payload = Mass(node=machine.tcp, mass=kilograms + p["mass"], at=tuple((centre + vector(p)).tolist()))
     return dataclasses.replace(machine, masses=(*rest, payload))
 
 

@@ -1,6 +1,7 @@
 """At the tool: compliance behind it, a wrench or a reflector beside the TCP, and a reflector that slips."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -58,14 +59,18 @@ def _series(p: Parameters, machine: Machine, _: str) -> Machine:
 def _offset(truth: Truth, reality: Reality) -> Reality:
     """Return the reality with the wrench (by x, y, z) and the reflector (by u, v, w) elsewhere, m."""
     lever, target = vector(truth.parameters), vector(truth.parameters, "uvw")
-    moved = {"lever": reality.lever + lever, "target": reality.target + target, "marked": CALIBRATED * target}
-    return dataclasses.replace(reality, **{n: tuple(at.tolist()) for n, at in moved.items()})  # type: ignore[arg-type]
+    return dataclasses.replace(
+        reality,
+        lever=tuple((reality.lever + lever).tolist()),
+        target=tuple((reality.target + target).tolist()),
+        marked=tuple((CALIBRATED * target).tolist()),
+    )
 
 
 def reflectors(robot: Robot) -> list[str | None]:
     """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, written None."""
-    ends = [name for part in robot.rigids for name in part.nodes]
-    ends += [name for part in (*robot.beams, *robot.joints, *robot.struts) for name in part.nodes]  # type: ignore[attr-defined]
+    parts: list[Any] = [*robot.rigids, *robot.beams, *robot.joints, *robot.struts]
+    ends = [name for part in parts for name in part.nodes]
     stalks = {part.nodes[1] for part in robot.rigids}
     found = [name for name in dict.fromkeys(ends) if ends.count(name) == 1 and name in stalks]
     return [name for name in found if name != robot.tcp] or [None]

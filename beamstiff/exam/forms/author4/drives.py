@@ -225,7 +225,7 @@ def _balance(truth: Truth, reality: Reality) -> Reality:
 
     usual = np.sin(p["angle"]) / long(p["angle"])
 
-    def curve(strain: Array, situation: Situation, torque: float) -> Curved:
+    def curve(torque: float, strain: Array, situation: Situation) -> Curved:
         warmth = (situation.temperature + DEGC) / ROOM
         angle = p["angle"] + (situation.values[variable] + strain + 1j * STEP) - middle
         stretch = (long(angle) - long(p["angle"])) / p["crank"]
@@ -234,8 +234,7 @@ def _balance(truth: Truth, reality: Reality) -> Reality:
 
     for name, own in joints_of(robot, variable):
         torque = _heavy_side(machine, name) * p["torque"] * TORQUE * own_stiffness(robot, name, own)
-        law = posed(lambda e, situation, torque=torque: curve(e, situation, torque), heats)  # type: ignore[misc]
-        machine = beside(machine, name, own, law)
+        machine = beside(machine, name, own, posed(partial(curve, torque), heats))
     return reality.with_machine(machine)
 
 

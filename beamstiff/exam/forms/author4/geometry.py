@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -74,8 +75,8 @@ def _turned(truth: Truth, reality: Reality) -> Reality:
     before, after = p["way"], p["way"] + p["turned"]
     move = p["off"] * np.array([np.cos(after) - np.cos(before), np.sin(after) - np.sin(before), 0.0])
     share = {"lever": 1.0, "target": 1.0, "marked": MARKED}
-    there = {n: tuple(map(float, getattr(reality, n) + part * move)) for n, part in share.items()}
-    return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
+    there: dict[str, Any] = {n: tuple((getattr(reality, n) + k * move).tolist()) for n, k in share.items()}
+    return dataclasses.replace(reality, **there)
 
 
 def _pin(p: Parameters, seen: Seen, wrench: Array) -> Array:
@@ -102,8 +103,8 @@ def _half_empty(p: Parameters, machine: Machine, _: str) -> Machine:
 
     masses = [filled(mass) if mass.node == machine.tcp else mass for mass in machine.masses]
     if all(mass.node != machine.tcp for mass in masses):
-        at = tuple(map(float, vector(p)))
-        masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))  # type: ignore[arg-type]
+        at = (p["x"], p["y"], p["z"])
+        masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))
     return dataclasses.replace(machine, masses=tuple(masses))
 
 
