@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, turned, with_balancer
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import PHASE, SIGN, always, at_joint, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
@@ -35,6 +35,11 @@ def slackening(p: Parameters, k: float, e: Array) -> Curved:
     x4 = (e / at) ** 4
     held, slope = e / (1.0 + x4) ** 0.25, (1.0 + x4) ** -1.25
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
+
+
+def _two_way(p: Parameters, k: float, e: Array) -> Curved:
+    root = np.hypot(e, p["blunt"])
+    return k * (e + p["uneven"] * (root - p["blunt"])), k * (1.0 + p["uneven"] * e / root)
 
 
 def _arctan(p: Parameters, k: float, torque: Array) -> Curved:
@@ -255,4 +260,7 @@ FORMS = (
           levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
     in_pose("gravity-compensator", "disc", _disc,
             levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
+    curve("uneven-drive", "two-way", _two_way, uneven=signed(sized(0.05, 0.8)), blunt=at_joint(always(2e-5))),
+    curve("softening-drive", "slackening", slackening,
+          loose=sized(0.9, 0.2), **{"from": at_joint(by_ratio(5e-5, 5e-4))}),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Further forms of soft structure, base to tool, and a load that finds its own place."""
+"""Further forms of soft structure, base to tool, a load that finds its own place, and a tether."""
 
 import dataclasses
 import math
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung, tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
@@ -153,6 +153,11 @@ def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
     return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
 
 
+def _tether(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Something elastic that ties the tool to the ground one way, a taut cable or a steady."""
+    return tied_to_ground(machine, "tether", vector(p), np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
 def _shackle(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads in a shackle, whose eye slides to where the ring about the TCP is nearest them."""
     force, normal = wrench[:, :3], seen.tool_axes @ vector(p)
@@ -200,4 +205,5 @@ FORMS = (
           later=evenly(1.0, 2.5), loose=evenly(0.25, 0.6)),
     load("tool-offset", "shackle", _shackle, _AWAY, direction()),
     load("tool-offset", "strap", _strap, _AWAY),
+    built("tether", "straight", _tether, direction(), stiffness=sized(2e4, 4e6)),
 )  # fmt: skip
