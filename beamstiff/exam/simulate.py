@@ -17,7 +17,7 @@ from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
 from beamstiff.exam.machine import drives_of, joints_of, machine_of
 from beamstiff.exam.placing import Placed, place, skeleton_of
-from beamstiff.exam.rotations import apply, turned_by
+from beamstiff.exam.rotations import turned_by
 from beamstiff.exam.strain import State
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
@@ -91,7 +91,7 @@ def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Arr
     arm = solved.layout.arms[np.arange(len(point)), point] + away
     body = solved.topology.body[point]
     every = np.arange(len(point))
-    loaded, unloaded = (_moved(state, every, body, arm) for state in (solved.loaded, solved.unloaded))
+    loaded, unloaded = (state.point(body, arm, every) for state in (solved.loaded, solved.unloaded))
     if campaign.kind == "displacement":
         turned = solved.loaded.turned[every, body] @ np.swapaxes(solved.unloaded.turned[every, body], -1, -2)
         values = np.concatenate([loaded - unloaded, turned_by(turned)], axis=1)
@@ -146,7 +146,7 @@ def solve(
         placed = some(near.placed, row)
     layout, placed = some(lay_out(topology, placed), row_of), some(placed, row_of)
     load = _load(reality, topology, campaign, placed, layout)
-    first, state_of, state_pose, turn_of = _states(campaign)
+    first, state_of, state_pose, turn_of = campaign.states()
     situation = _situation(campaign, placed, first, turn_of)
     states = Problem(topology, rows_of(topology), some(layout, first), some(load, first), situation)
     laws = [law for _, law in states.rows.laws]
@@ -200,10 +200,6 @@ def _from(state: State, rows: Integers, other: State) -> State:
     return found
 
 
-def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
-    return state.moved[rows, body] + apply(state.turned[rows, body] - np.eye(3), arm)
-
-
 def _load(
     reality: Reality, topology: Topology, campaign: SimulatedCampaign, placed: Placed, layout: Layout
 ) -> Load:
@@ -220,15 +216,6 @@ def _load(
     )
     arm = layout.arms[np.arange(len(node)), node] + lever
     return Load(topology.body[node], arm, wrench)
-
-
-def _states(campaign: SimulatedCampaign) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return states' first rows, rows' states, states' poses and turns in these; by pose, then step."""
-    keys = np.stack([campaign.pose, campaign.step], axis=1)
-    states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    pose = states[:, 0]
-    turn = np.arange(len(pose)) - np.searchsorted(pose, pose)
-    return first, state_of.reshape(-1), pose, turn
 
 
 def _situation(campaign: SimulatedCampaign, placed: Placed, first: Integers, turn: Integers) -> Situation:

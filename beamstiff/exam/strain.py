@@ -21,9 +21,9 @@ class State:
     turned: Array  # (P, B, 3, 3): rotation of the bodies
     hold: Array  # (P, C): N and N m; forces that keep rigid directions closed
 
-    def point(self, body: Integers, arm: Array) -> Array:
-        """Return the displacement of points of bodies."""
-        return self.moved[:, body] + apply(self.turned[:, body] - np.eye(3), arm)
+    def point(self, body: Integers, arm: Array, states: Integers | slice = slice(None)) -> Array:
+        """Return the displacement of points of bodies, in all states or in one for each point."""
+        return self.moved[states, body] + apply(self.turned[states, body] - np.eye(3), arm)
 
 
 @dataclass(frozen=True, eq=False)

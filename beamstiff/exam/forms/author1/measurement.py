@@ -60,21 +60,11 @@ def _pulley(p: Parameters, seen: Seen, wrench: Array) -> Array:
 
 def _growing(campaign: SimulatedCampaign, wrench: Array) -> Array:
     """Return 1 where the load grew since the state before in its pose, -1 where it shrank, (N,)."""
-    size = np.linalg.norm(wrench, axis=1)
-    growing = np.ones(len(size))
-    order = np.lexsort((campaign.step, campaign.pose))
-    last: dict[int, tuple[int, float, float, float]] = {}
-    for row in order:  # rows, not states: a few hundred cheap steps
-        pose, step = int(campaign.pose[row]), int(campaign.step[row])
-        known = last.get(pose)
-        if known is None:
-            last[pose] = (step, size[row], 0.0, 1.0)
-            continue
-        before = known[1] if known[0] != step else known[2]
-        way = known[3] if size[row] == before else float(np.sign(size[row] - before))
-        growing[row] = way
-        last[pose] = (step, size[row], before, way)
-    return growing
+    first, state_of, _, turn = campaign.states()
+    size = np.linalg.norm(wrench[first], axis=1)
+    way = np.where(turn == 0, 1.0, np.sign(np.diff(size, prepend=0.0)))
+    last = np.maximum.accumulate(np.where(way == 0.0, 0, np.arange(len(way))))  # a load that stays: as before
+    return np.asarray(way[last][state_of])
 
 
 def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
@@ -145,11 +135,9 @@ def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
     """Return a drift (N,) less that at the pose's first row, where its rows share that unloaded reading."""
     if not (campaign.shared_unloaded and campaign.kind == "displacement"):
         return share
-    order = np.lexsort((campaign.step, campaign.pose))
-    _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)
-    result = np.empty(len(share))
-    result[order] = share[order][first][back.reshape(-1)]
-    return np.asarray(share - result)
+    first, state_of, _, turn = campaign.states()
+    start = np.arange(len(turn)) - turn  # each pose's first state
+    return np.asarray(share - share[first[start][state_of]])
 
 
 def _outliers(spikes: bool, p: Parameters, seen: Seen, values: Array) -> Array:
