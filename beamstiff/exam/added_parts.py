@@ -30,10 +30,9 @@ NONE: Mapping[int, Law] = {}
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
     """Return the machine with its fixed nodes on one body, held by springs (6,) or (6, 6) in their middle."""
-    placed, fixed = in_the_middle(machine.robot), machine.fixed
-    foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
+    foot = machine.places(*machine.fixed).mean(axis=0)
     machine, ground = machine.with_node("ground", "base", foot)
-    machine, body = machine.with_node("foot", "base", foot, *fixed)
+    machine, body = machine.with_node("foot", "base", foot, *machine.fixed)
     hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
     return dataclasses.replace(machine.plus(hinges=(hinge,)), fixed=(ground,))
 

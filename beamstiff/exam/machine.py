@@ -185,11 +185,10 @@ class Machine:
         """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
         return np.asarray(in_the_middle(self.robot).rotations[self.node(node).frame][0].T @ way)
 
-    def ends(self, nodes: tuple[str, str]) -> tuple[Array, Array]:
-        """Return where a link's nodes are in the middle of the range, (3,) each, base frame."""
+    def places(self, *names: str) -> Array:
+        """Return where nodes are in the middle of the range, (n, 3), base frame."""
         placed = in_the_middle(self.robot)
-        a, b = (placed.node(self.node(name))[0] for name in nodes)
-        return a, b
+        return np.array([placed.node(self.node(name))[0] for name in names])
 
     def bodies(self) -> dict[str, int]:
         """Return the body of every node: those that rigids join are one, those that are fixed are body 0."""

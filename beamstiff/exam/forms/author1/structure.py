@@ -96,7 +96,7 @@ def _link(
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     return machine.seen_from(nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
 
 
@@ -119,7 +119,7 @@ def _hinged(p: Parameters, rigidity: Array) -> Profile:
 
 def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
     machine, elbow = machine.with_node_at("elbow", machine.node(nodes[0]).frame, corner)
     up, rigidity = up_of(machine, nodes), rigidity_of(p)

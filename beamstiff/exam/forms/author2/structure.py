@@ -96,7 +96,7 @@ def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
     profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     along = machine.seen_from(nodes[0], b - a) / np.linalg.norm(b - a)
     up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
     return machine.plus(bars=(Bar(name, nodes, profile, up),))

@@ -121,7 +121,7 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    a, b = machine.ends(bar.nodes)
+    a, b = machine.places(*bar.nodes)
     away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
     for end, place in zip(bar.nodes, (a, b), strict=True):

@@ -12,7 +12,7 @@ from beamstiff.exam.components import main_stiffness, stiffness_of, turns
 from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, product, signed, sized
 from beamstiff.exam.effect import Drive, Reality, built, curve, form, in_pose, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, ramp, rubbing, varying, winding
-from beamstiff.exam.machine import Machine, Mesh, drives_of, in_the_middle, joints_of, own_stiffness, stroke
+from beamstiff.exam.machine import Machine, Mesh, drives_of, joints_of, own_stiffness, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 
 ROUND = 0.08  # of a play's width: its corners
@@ -204,7 +204,7 @@ def _lever(
 def _heavy_side(machine: Machine, joint: str) -> float:
     """Return the sense in which what hangs on a joint would turn it, in the middle of its range."""
     axis, point = axis_in_the_middle(machine, joint)
-    tool = in_the_middle(machine.robot).node(machine.node(machine.tcp))[0]
+    (tool,) = machine.places(machine.tcp)
     return 1.0 if axis @ np.cross(tool - point, [0.0, 0.0, -1.0]) >= 0.0 else -1.0
 
 

@@ -9,7 +9,6 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, by_reach, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, load, places_of, reading
-from beamstiff.exam.machine import in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
@@ -26,11 +25,6 @@ def times(campaign: SimulatedCampaign) -> Array:
     return np.asarray(time - time.min())
 
 
-def _middle(seen: Seen) -> Array:
-    """Return where the tool is in the middle of the range, (3,), m."""
-    return np.asarray(in_the_middle(seen.machine.robot).node(seen.machine.node(seen.machine.tcp))[0])
-
-
 def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads with a hook that was not tared: it hangs wherever a load does."""
     down = np.array(seen.machine.robot.gravity, dtype=np.float64)
@@ -44,8 +38,9 @@ def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:
 def _anchor(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads by a rope that runs to where it was anchored for the middle posture."""
     size = np.linalg.norm(wrench[:, :3], axis=1)
-    here = places_of(seen.machine, seen.campaign.load_point, seen.placed)
-    rope = _middle(seen) - here + p["distance"] * wrench[:, :3] / np.maximum(size, 1e-12)[:, None]
+    machine, campaign = seen.machine, seen.campaign
+    away = machine.places(machine.tcp) - places_of(machine, campaign.load_point, seen.placed)
+    rope = away + p["distance"] * wrench[:, :3] / np.maximum(size, 1e-12)[:, None]
     force = size[:, None] * rope / np.linalg.norm(rope, axis=1, keepdims=True)
     return np.concatenate([force, wrench[:, 3:]], axis=1)
 
@@ -79,7 +74,7 @@ def _sight(p: Parameters, seen: Seen, values: Array) -> Array:
     place, R = values[:, :3], turn(np.array([0.0, 0.0, p["turned"]]))
     way = np.array([np.cos(p["bearing"]), np.sin(p["bearing"]), 0.0])
     if seen.absolute:
-        stand = _middle(seen) + p["distance"] * way
+        stand = seen.machine.places(seen.machine.tcp) + p["distance"] * way
         far = np.linalg.norm(place - stand, axis=1, keepdims=True)
         # bent air: the range errs with its square
         place = stand + ((place - stand) * (1.0 + TRACKER * p["gain"] * far / p["distance"])) @ R.T

@@ -10,7 +10,7 @@ from beamstiff.exam.components import nowhere, slender
 from beamstiff.exam.draws import PHASE, around, by_ratio, by_reach, evenly, product, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
-from beamstiff.exam.machine import Machine, Rod, drives_of, in_the_middle
+from beamstiff.exam.machine import Machine, Rod, drives_of
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
 
@@ -47,7 +47,7 @@ def bedding_in(p: Parameters, stiffness: float, _: str) -> Law:
 
 def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
-    at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
+    (at,) = machine.places(elbow)
     at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
     machine, crane = machine.with_node("crane", "base", at, machine.fixed[0])
     law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])

@@ -78,7 +78,7 @@ def _bend(
 ) -> Machine:
     old = next((bar for bar in machine.bars if bar.name == link), None)
     nodes = dict(machine.rigids)[link] if old is None else old.nodes
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     length, along = float(np.linalg.norm(b - a)), (b - a) / np.linalg.norm(b - a)
     u = np.eye(3)[np.argmin(np.abs(along))]
     u = u - (u @ along) * along
