@@ -232,7 +232,7 @@ def _step(problem: Problem, state: State) -> tuple[Array, Array]:
     held[:, rigid] = state.hold
     count = int(rigid.sum())
     system = np.zeros((poses, n + count, n + count))
-    add_stiffness(system, topology, layout, state, strain, held, tangent)
+    add_stiffness(system, topology, layout, strain, held, tangent)
     arms = apply(state.turned[:, topology.loads], layout.load_arm)
     turning = cross_matrix(layout.load) @ cross_matrix(arms)
     for at, body in enumerate(topology.loads):

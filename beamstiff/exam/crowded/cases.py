@@ -276,14 +276,13 @@ def in_order(gap: Array, parts: Array) -> tuple[list[int], list[float]]:
     return order, [(before - after) / (squares[0] or 1.0) for before, after in pairwise(squares)]
 
 
+Rows = Callable[[Sequence[Truth]], Array]  # what a machine with some effects reads
+
+
 def _draw_effects(
-    rng: np.random.Generator,
-    robot: Robot,
-    rows: Callable[[Sequence[Truth]], Array],
-    outside: bool,
-    exam: CrowdedExam,
+    rng: np.random.Generator, robot: Robot, rows: Rows, outside: bool, exam: CrowdedExam
 ) -> list[Truth]:
-    """Return effects, each at a place of its own, the largest first, from what a machine with some reads."""
+    """Return effects, each at a place of its own, the largest first."""
     still = rows(())
 
     def contribution(truth_of: Callable[[float], Truth], size: float) -> float:

@@ -187,14 +187,11 @@ def _slotted(p: Parameters, half: float, way: Array) -> Array:
     return slotted(p["angle"] + p["swing"] * most * way)
 
 
-def _lever(
-    share: Callable[[Parameters, float, Array], Array],
-    p: Parameters,
-    drive: Drive,
-    e: Array,
-    situation: Situation,
-) -> Curved:
-    """Return the drive through a lever, whose share of stiffness is from half the range and the way in it."""
+Share = Callable[[Parameters, float, Array], Array]  # of stiffness, from half the range and the way in it
+
+
+def _lever(share: Share, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive through a lever."""
     middle, half = stroke(drive.robot, drive.component)
     way = np.clip((situation.values[drive.component] - middle) / half, -1.05, 1.05)
     k = drive.k * share(p, half, way) / float(share(p, half, np.zeros(1))[0])
