@@ -44,9 +44,8 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
     held = machine.held(but=tcp)
 
     def moved(nodes: tuple[str, str]) -> tuple[str, str]:
-        if tcp in nodes and held & set(nodes):
-            return flange if nodes[0] == tcp else nodes[0], flange if nodes[1] == tcp else nodes[1]
-        return nodes
+        a, b = (flange if name == tcp and held & set(nodes) else name for name in nodes)
+        return a, b
 
     node = machine.node(tcp).model_copy(update={"name": flange})
     cut = dataclasses.replace(

@@ -33,15 +33,12 @@ def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
         size = abs(plain["error"])
         if request.form == "eccentric":
-            return plain | {
-                "runout": size * request.uniform(0.3, 0.8),
-                "phase": request.uniform(0.0, 2.0 * np.pi),
-            }
+            return plain | {"runout": size * request.uniform(0.3, 0.8), "phase": PHASE(request)}
         return plain | {"scale": size * request.sign() * request.uniform(0.1, 0.4)}
     if request.robot.loops:  # a rigid loop would not close with other errors
         return plain
     if request.form == "eccentric":
-        return plain | {"runout": angle, "phase": request.uniform(0.0, 2.0 * np.pi)}
+        return plain | {"runout": angle, "phase": PHASE(request)}
     own = component.rsplit(".", 1)[1]
     for parameter in ("d", "r", "alpha", "beta"):
         if parameter != own:

@@ -22,7 +22,8 @@ from beamstiff.exam.draws import (
     sized,
     whole,
 )
-from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
+from beamstiff.exam.effect import Reality, Seen, built, form, load, places_of, reading
+from beamstiff.exam.forms.author1.measurement import since_rest
 from beamstiff.exam.forms.author4.measurement import times
 from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
@@ -153,20 +154,18 @@ def dragged(angle: Array, form: str, p: Parameters) -> Array:
 def _approach(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
     if not seen.absolute:  # loaded and unloaded state came the same way
         return values
-    campaign, robot = seen.campaign, seen.machine.robot
-    column = [v.name for v in robot.actuated].index(str(seen.component))
-    nodes, skeleton = {node.name: node for node in robot.nodes}, skeleton_of(robot)
+    campaign, machine, robot = seen.campaign, seen.machine, seen.machine.robot
+    column, skeleton = [v.name for v in robot.actuated].index(str(seen.component)), skeleton_of(robot)
     order = np.argsort(times(campaign), kind="stable")
     q, stays = np.array(campaign.q, dtype=np.float64), np.empty(len(campaign))
     stays[order] = dragged(q[order, column], form, p)
     q[:, column] -= p["half_width"] * stays
     here, there = place(skeleton, campaign.q), place(skeleton, q)
-    points = [nodes[str(name)] for name in campaign.point]
-    moved = [there.node(point)[row] - here.node(point)[row] for row, point in enumerate(points)]
-    frame = nodes[robot.tcp].frame
+    moved = places_of(machine, campaign.point, there) - places_of(machine, campaign.point, here)
+    frame = machine.node(robot.tcp).frame
     turned = there.rotations[frame] @ np.swapaxes(here.rotations[frame], -1, -2)
     rotation = turned_by(turned @ turn(values[:, 3:]))
-    return np.concatenate([values[:, :3] + np.array(moved), rotation], axis=1)
+    return np.concatenate([values[:, :3] + moved, rotation], axis=1)
 
 
 def _share(form: str, p: Parameters, turn_of: Array, rows: int) -> Array:
@@ -187,12 +186,7 @@ def _slip(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
     turn_of[np.argsort(times(campaign), kind="stable")] = np.arange(rows)
     slipped = _share(form, p, turn_of, rows)
     if not seen.absolute:  # from where it was before the pose, or the row
-        before = np.empty(rows)
-        for pose in np.unique(campaign.pose):
-            its = campaign.pose == pose
-            first = slipped[its][np.argmin(turn_of[its])]
-            before[its] = first if campaign.shared_unloaded else slipped[its]
-        slipped = slipped - before
+        slipped = since_rest(campaign, slipped) if campaign.shared_unloaded else np.zeros(rows)
     away = seen.placed.rotations[node.frame] @ vector(p) * slipped[:, None]
     away = np.where((campaign.point == node.name)[:, None], away, 0.0)
     return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
