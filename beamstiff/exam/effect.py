@@ -150,9 +150,10 @@ def in_pose(effect: str, name: str, of: PosedSpring, *draws: Draw, **by_name: Dr
     return form(effect, name, impose, *draws, **by_name)
 
 
-def built(
-    effect: str, name: str, of: Callable[[Parameters, Machine, str], Machine], *draws: Draw, **by_name: Draw
-) -> Form:
+MachineOf = Callable[..., Machine]  # from parameters, the machine, and where the effect sits
+
+
+def built(effect: str, name: str, of: MachineOf, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form that changes the machine's parts, from parameters, machine and component."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
@@ -161,9 +162,7 @@ def built(
     return form(effect, name, impose, *draws, **by_name)
 
 
-def built_at_joints(
-    effect: str, name: str, of: Callable[..., Machine], *draws: Draw, **by_name: Draw
-) -> Form:
+def built_at_joints(effect: str, name: str, of: MachineOf, *draws: Draw, **by_name: Draw) -> Form:
     """Return the same, from parameters, machine, each joint of the component and its own direction."""
 
     def change(p: Parameters, machine: Machine, component: str) -> Machine:

@@ -225,7 +225,7 @@ def machine_of(robot: Robot) -> Machine:
         Ay, Az = (math.inf if area is None else area for area in (section.Ay, section.Az))
         E, G = material.E, material.G
         rigidity = [E * section.A, G * Ay, G * Az, G * section.J, E * section.Iy, E * section.Iz]
-        profile = tapered(np.array(rigidity), lambda x: np.ones_like(x))
+        profile = tapered(np.array(rigidity), np.ones_like)
         up = None if beam.up is None else np.array(beam.up, dtype=np.float64)
         bars.append(Bar(beam.name, beam.nodes, profile, up, material.density * section.A))
     if sprung := [strut.name for strut in robot.struts if strut.EA is not None]:

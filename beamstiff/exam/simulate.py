@@ -211,9 +211,8 @@ def _load(
         raise BeamstiffError(f"campaign: found the node {unknown[0]!r}, which the robot does not have")
     node = np.array([topology.index[name] for name in campaign.load_point])
     axes = axes_of(reality.machine, campaign.load_point, placed)
-    lever = np.where(
-        (campaign.load_point == reality.machine.tcp)[:, None], axes @ np.array(reality.lever), 0.0
-    )
+    on_tool = (campaign.load_point == reality.machine.tcp)[:, None]
+    lever = np.where(on_tool, axes @ np.array(reality.lever), 0.0)
     arm = layout.arms[np.arange(len(node)), node] + lever
     return Load(topology.body[node], arm, wrench)
 
@@ -232,10 +231,8 @@ def _noise(campaign: SimulatedCampaign, rng: np.random.Generator) -> Array:
     sigma = np.repeat([campaign.sigma_position, campaign.sigma_rotation], 3)
     noise: Array = rng.standard_normal((len(campaign), 6)) * sigma
     if campaign.shared_unloaded and campaign.kind == "displacement":
-        keys = np.array(
-            [f"{pose} {point}" for pose, point in zip(campaign.pose, campaign.point, strict=True)]
-        )
-        _, group = np.unique(keys, return_inverse=True)
+        pairs = zip(campaign.pose, campaign.point, strict=True)
+        _, group = np.unique([f"{pose} {point}" for pose, point in pairs], return_inverse=True)
         tare = rng.standard_normal((int(group.max()) + 1, 6)) * sigma
         noise = (noise - tare[group]) / np.sqrt(2.0)
     return noise

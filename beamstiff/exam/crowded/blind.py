@@ -84,13 +84,10 @@ def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
         float(np.hypot(1e3 * drawn.left_by([*some]), label.noise_mm))
         for some in (real | {cause for cause in label.library if cause.hidden}, real)
     ]
-    reply = replace(reply, least_mm=ends[0], left_mm=ends[1])
-    if not reply.named:
-        return reply
-    return replace(
-        reply,
-        closing=0.0 if shifts is None else true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts),
-    )
+    closing = 0.0 if reply.named else None
+    if shifts is not None:
+        closing = true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts)
+    return replace(reply, least_mm=ends[0], left_mm=ends[1], closing=closing)
 
 
 def true_closing(truth: Array, kind: str, shifts: Shifts) -> float:

@@ -133,13 +133,10 @@ def draw_bearing(request: DrawRequest) -> dict[str, float]:
     joints = joints_of(request.robot, str(request.component))
     own = [own_stiffness(request.robot, *joint) for joint in joints]
     drive = min(own)
+    least, most = BEARING_TILT
     # a wrist's bearings are smaller, as its drives are
-    softest = (
-        BEARING_TILT[1] * slender(request.robot)
-        if drive in (0.0, math.inf)
-        else max(BEARING_TILT[1], 1.0 / drive)
-    )
-    tilt = request.sized(BEARING_TILT[0], softest)
+    softest = most * slender(request.robot) if drive in (0.0, math.inf) else max(most, 1.0 / drive)
+    tilt = request.sized(least, softest)
     radial = tilt * RADIAL * request.uniform(0.3, 1.0)
     found = {
         "tilt": tilt,
@@ -193,16 +190,13 @@ def _block(p: Parameters, machine: Machine, _: str) -> Machine:
     """Springs at an elastic centre beside the machine's foot; `shift`, m: of the translations, as a lever."""
     about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
     along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
-    return on_pedestal(
-        machine, seen_from_foot(vector(p), np.diag(np.concatenate([1.0 / along, 1.0 / about])))
-    )
+    springs = np.diag(np.concatenate([1.0 / along, 1.0 / about]))
+    return on_pedestal(machine, seen_from_foot(vector(p), springs))
 
 
 def _bolts(p: Parameters, machine: Machine, _: str) -> Machine:
     """Four bolted feet, none as stiff as the other."""
-    corners = (
-        0.5 * p["span"] * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    )
+    corners = 0.5 * p["span"] * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     shares = np.array([p[f"bolt{i}"] for i in range(4)])
     k = 1.0 / (p["tilt"] * np.sum(shares * corners[:, 1] ** 2))
     return on_feet(machine, corners, shares * k, p["across"])

@@ -138,9 +138,8 @@ def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
     one, two, first, second = pair_of(machine, pair)
     gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
     soft = np.diag([1.0 / first, 1.0 / second]) + strong_of(p) / first * np.outer(gives, gives)
-    return machine.plus(
-        crosses=(Cross(one, two, np.asarray(np.linalg.inv(soft) - np.diag([first, second]))),)
-    )
+    added = np.asarray(np.linalg.inv(soft) - np.diag([first, second]))
+    return machine.plus(crosses=(Cross(one, two, added),))
 
 
 def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:

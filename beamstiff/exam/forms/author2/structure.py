@@ -118,7 +118,7 @@ def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
     machine = machine.without(name)
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
-    even = tapered(rigidity, lambda x: np.ones_like(x))
+    even = tapered(rigidity, np.ones_like)
     rest = Profile(even.stations, (1.0 - p["joint"]) * even.compliance)
     profile = _with_joint(p, rest, p["joint"] * (1.0 / rigidity))
     return machine.plus(bars=(Bar(name, nodes, profile, structure1.up_of(machine, nodes)),))

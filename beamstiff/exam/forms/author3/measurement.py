@@ -55,9 +55,9 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     component, p = str(truth.component), truth.parameters
     errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
     reality = reality.with_errors({component: p["error"]} | errors)
-    drive = drive_of(reality.machine.robot, component)
-    kinds = {variable.name: variable.kind for variable in reality.machine.robot.actuated}
-    if drive is None or "oval" not in p or kinds[drive] != "angle":
+    robot = reality.machine.robot
+    drive = drive_of(robot, component)
+    if drive is None or "oval" not in p or geometry1.kind_of(robot, drive) != "angle":
         return reality
     return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
 

@@ -82,9 +82,8 @@ def eccentric_mesh(p: Parameters, drive: Drive, e: Array, situation: Situation) 
 def _usual(request: DrawRequest) -> float:
     """Return a stiffness, by the geometric mean of the other drives'."""
     robot, place = request.robot, request.component
-    like = [
-        stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name) == turns(robot, place)
-    ]
+    names = [name for name in drives_of(robot) if turns(robot, name) == turns(robot, place)]
+    like = [stiffness_of(robot, name) for name in names]
     usual = float(np.exp(np.mean(np.log(like)))) if like else main_stiffness(robot)
     return usual / request.sized(0.03, 1.2)
 

@@ -23,13 +23,14 @@ from beamstiff.exam.draws import (
     whole,
 )
 from beamstiff.exam.effect import Reality, Seen, built, form, load, places_of, reading
+from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1.measurement import since_rest
 from beamstiff.exam.forms.author4.measurement import times
 from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.rotations import turn, turned_by
-from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
+from beamstiff.robot.parts import Mass
 
 MOST = 0.25  # of the main error: each of those beside it
 MARKED = 0.02  # of a tool's offset: where positions are read, the tool was measured with more care
@@ -39,9 +40,7 @@ RIPPLE = 0.15  # of a scar's depth: of the teeth around it
 
 
 def _amount(request: DrawRequest) -> float:
-    frame, _, parameter = str(request.component).partition(".")
-    kinds = {v.name: v.kind for v in request.robot.variables}
-    length = (FRAME_PARAMETERS[parameter] if parameter else kinds[frame]) == "length"
+    length = geometry1.kind_of(request.robot, str(request.component)) == "length"
     return request.sign() * (request.sized(6e-5, 3e-3) if length else request.sized(5e-5, 2.5e-3))
 
 
