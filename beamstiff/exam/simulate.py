@@ -195,9 +195,7 @@ def solve(
 def _from(state: State, rows: Integers, other: State) -> State:
     """Return some rows' states to start from; what holds rigid directions from another if they are others."""
     found: State = some(state, rows)
-    if found.hold.shape != other.hold.shape:
-        return State(found.moved, found.turned, other.hold)
-    return found
+    return found if found.hold.shape == other.hold.shape else replace(found, hold=other.hold)
 
 
 def _load(
