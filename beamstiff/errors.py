@@ -123,7 +123,7 @@ class _Short(reprlib.Repr):
         self.maxlevel, self.maxdict, self.maxlist, self.maxtuple = 3, 6, 6, 6
         self.maxstring, self.maxother = 60, 60
 
-    def repr_int(self, value: int, level: int) -> str:  # noqa: ARG002
+    def repr_int(self, value: int, level: int) -> str:  # noqa: ARG002 (reprlib's)
         """Return a whole number; Python refuses to write those of thousands of digits."""
         return repr(value) if value.bit_length() < 200 else "a whole number of more than 60 digits"
 

@@ -230,12 +230,15 @@ def in_si(magnitude: float, unit: str, kind: str) -> float:
     >>> 473.0 * 0.001 == 0.473
     False
     """
-    factor, offset = unit_factor(unit, kind)
-    result = magnitude * factor + offset
+    return number(scaled(magnitude, *unit_factor(unit, kind)))
+
+
+def scaled(magnitude: Any, factor: float, offset: float) -> Any:
+    """Return a number or an array in SI: times the factor, plus the offset."""
     # 473 * 0.001 is 0.47300000000000003: where the factor is one over a whole number, dividing rounds once
     if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
-        result = magnitude / inverse
-    return number(result)
+        return magnitude / inverse
+    return magnitude * factor + offset
 
 
 def with_unit(text: object) -> tuple[float, str]:

@@ -30,10 +30,9 @@ NONE: Mapping[int, Law] = {}
 
 def on_pedestal(machine: Machine, stiffness: Array, laws: Mapping[int, Law] = NONE) -> Machine:
     """Return the machine with its fixed nodes on one body, held by springs (6,) or (6, 6) in their middle."""
-    placed, fixed = in_the_middle(machine.robot), machine.fixed
-    foot = np.mean([placed.node(machine.node(name))[0] for name in fixed], axis=0)
+    foot = machine.places(*machine.fixed).mean(axis=0)
     machine, ground = machine.with_node("ground", "base", foot)
-    machine, body = machine.with_node("foot", "base", foot, *fixed)
+    machine, body = machine.with_node("foot", "base", foot, *machine.fixed)
     hinge = Hinge(body, (ground, body), "base", np.eye(3), stiffness, laws)
     return dataclasses.replace(machine.plus(hinges=(hinge,)), fixed=(ground,))
 
@@ -42,15 +41,11 @@ def behind_flange(machine: Machine) -> tuple[Machine, str]:
     """Return the machine cut open before its TCP and what hangs on that alone, and the node left there."""
     flange = machine.free_name("flange")
     tcp = machine.tcp
-    ties = machine.ties
-    held = set(machine.fixed)
-    for _ in machine.nodes:
-        held |= {n for tie in ties if tcp not in tie and held & set(tie) for n in tie}
+    held = machine.held(but=tcp)
 
     def moved(nodes: tuple[str, str]) -> tuple[str, str]:
-        if tcp in nodes and held & set(nodes):
-            return flange if nodes[0] == tcp else nodes[0], flange if nodes[1] == tcp else nodes[1]
-        return nodes
+        a, b = (flange if name == tcp and held & set(nodes) else name for name in nodes)
+        return a, b
 
     node = machine.node(tcp).model_copy(update={"name": flange})
     cut = dataclasses.replace(

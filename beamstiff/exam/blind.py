@@ -29,11 +29,9 @@ class Diagnosis(Protocol):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, as in the format ``beamstiff-diagnosis/1``."""
-        ...
 
     def predict_shift(self, measurements: Measurements) -> tuple[Array, Array]:
         """Return what the fitted baseline, and it with the verdict's effects, say of new rows, (N, 6)."""
-        ...
 
 
 class Diagnose(Protocol):
@@ -43,7 +41,6 @@ class Diagnose(Protocol):
         self, robot: Robot, measurements: Measurements, *, without: Sequence[str] = (), seed: int = 0
     ) -> Diagnosis:
         """Return the diagnosis."""
-        ...
 
 
 # a plain method: model, rows and what is withheld in, ``effect:component``, ``none`` or a report out; on
@@ -69,10 +66,10 @@ class Examiner:
     reports: Path | None = None  # folder for every report, as ``case-000012.json``
 
 
-def keep_report(examiner: Examiner, case: int, report: dict[str, Any]) -> None:
+def keep_report(examiner: Examiner, name: str, report: dict[str, Any]) -> None:
     """Write a report into the examiner's folder, if there is one."""
     if examiner.reports is not None:
-        write_output(examiner.reports / report_name(case), json.dumps(report, indent=1) + "\n")
+        write_output(examiner.reports / name, json.dumps(report, indent=1) + "\n")
 
 
 def report_name(case: int) -> str:

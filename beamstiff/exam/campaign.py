@@ -62,6 +62,14 @@ class SimulatedCampaign:
     def __len__(self) -> int:
         return len(self.q)
 
+    def states(self) -> tuple[Integers, Integers, Integers, Integers]:
+        """Return states' first rows, rows' states, states' poses and turns in these; by pose, then step."""
+        keys = np.stack([self.pose, self.step], axis=1)
+        states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        pose = states[:, 0]
+        turn = np.arange(len(pose)) - np.searchsorted(pose, pose)
+        return first, state_of.reshape(-1), pose, turn
+
     def at(self, rows: Any) -> Self:
         """Return the campaign of some of the rows, in any order, or as often as they are named."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})

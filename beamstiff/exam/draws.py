@@ -1,5 +1,6 @@
 """Draws of the parameters of effects, of one or of several by their names."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,6 +34,11 @@ def signed(draw: Draw) -> Draw:
     return lambda request: request.sign() * draw(request)
 
 
+def product(*draws: Draw) -> Draw:
+    """Draw numbers, in this order, and multiply them."""
+    return lambda request: math.prod(draw(request) for draw in draws)
+
+
 def at_joint(draw: Draw) -> Draw:
     """Draw a strain of the component: m where it slides, a tenth of the radians."""
     return lambda request: draw(request) * (1.0 if turns(request.robot, request.component) else 0.1)
@@ -51,6 +57,16 @@ def always(value: float) -> Draw:
 def direction(length: Draw | None = None, names: Sequence[str] = "xyz") -> Draw:
     """Draw a vector in a direction drawn evenly, by its components; of length 1 by default."""
     return lambda request: request.direction(1.0 if length is None else length(request), names)
+
+
+def around(away: Draw, names: Sequence[str] = "uv") -> Draw:
+    """Draw a place (x, y) that far from the origin, to a side drawn evenly."""
+
+    def draw(request: DrawRequest) -> dict[str, float]:
+        angle, far = request.uniform(0.0, 2.0 * np.pi), away(request)
+        return dict(zip(names, (float(far * np.cos(angle)), float(far * np.sin(angle))), strict=True))
+
+    return draw
 
 
 SIGN: Draw = DrawRequest.sign

@@ -71,6 +71,9 @@ def axes_of(machine: Machine, nodes: NDArray[np.str_], placed: Placed) -> Array:
     return np.stack([placed.rotations[frame][row] for row, frame in enumerate(frames)])
 
 
+Impose = Callable[[Truth, Reality], Reality]  # a reality with the effect
+
+
 @dataclass(frozen=True)
 class Form:
     """A constitutive form of an effect."""
@@ -78,12 +81,10 @@ class Form:
     effect: str
     name: str
     draw: Callable[[DrawRequest], dict[str, float]]  # parameters; a joint's own stiffness is the machine's
-    impose: Callable[[Truth, Reality], Reality]  # a reality with the effect
+    impose: Impose
 
 
-def form(
-    effect: str, name: str, impose: Callable[[Truth, Reality], Reality], *draws: Draw, **by_name: Draw
-) -> Form:
+def form(effect: str, name: str, impose: Impose, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form whose parameters are drawn in this order."""
     return Form(effect, name, lambda request: request.drawn(*draws, **by_name), impose)
 
@@ -96,10 +97,11 @@ def at_joints(truth: Truth, reality: Reality, law_of: Callable[[float], Law]) ->
     return reality.with_machine(machine)
 
 
-def law(
-    effect: str, name: str, of: Callable[[Parameters, float, str], Law], *draws: Draw, **by_name: Draw
-) -> Form:
-    """Return a form that is a law in a component's own direction, of parameters, stiffness and component."""
+LawOf = Callable[[Parameters, float, str], Law]  # from parameters, the joint's stiffness and the component
+
+
+def law(effect: str, name: str, of: LawOf, *draws: Draw, **by_name: Draw) -> Form:
+    """Return a form that is a law in a component's own direction."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
         return at_joints(truth, reality, lambda k: of(truth.parameters, k, str(truth.component)))
@@ -133,13 +135,10 @@ class Drive:
     k: float
 
 
-def in_pose(
-    effect: str,
-    name: str,
-    of: Callable[[Parameters, Drive, Array, Situation], Curved],
-    *draws: Draw,
-    **by_name: Draw,
-) -> Form:
+PosedSpring = Callable[[Parameters, Drive, Array, Situation], Curved]
+
+
+def in_pose(effect: str, name: str, of: PosedSpring, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form that is a drive's force and slope at a strain in a situation."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
@@ -151,9 +150,10 @@ def in_pose(
     return form(effect, name, impose, *draws, **by_name)
 
 
-def built(
-    effect: str, name: str, of: Callable[[Parameters, Machine, str], Machine], *draws: Draw, **by_name: Draw
-) -> Form:
+MachineOf = Callable[..., Machine]  # from parameters, the machine, and where the effect sits
+
+
+def built(effect: str, name: str, of: MachineOf, *draws: Draw, **by_name: Draw) -> Form:
     """Return a form that changes the machine's parts, from parameters, machine and component."""
 
     def impose(truth: Truth, reality: Reality) -> Reality:
@@ -162,9 +162,7 @@ def built(
     return form(effect, name, impose, *draws, **by_name)
 
 
-def built_at_joints(
-    effect: str, name: str, of: Callable[..., Machine], *draws: Draw, **by_name: Draw
-) -> Form:
+def built_at_joints(effect: str, name: str, of: MachineOf, *draws: Draw, **by_name: Draw) -> Form:
     """Return the same, from parameters, machine, each joint of the component and its own direction."""
 
     def change(p: Parameters, machine: Machine, component: str) -> Machine:

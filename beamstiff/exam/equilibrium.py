@@ -16,7 +16,7 @@ from beamstiff.exam.laws import Law, Memory, Situation
 from beamstiff.exam.layout import Layout, Topology
 from beamstiff.exam.machine import Cross, Mesh, Weight
 from beamstiff.exam.rotations import apply, cross, cross_matrix, turn
-from beamstiff.exam.strain import State, Strain, Tangent, add_stiffness, resisting, strain_of
+from beamstiff.exam.strain import State, Strain, Tangent, add_stiffness, resisting, row_rates, strain_of
 
 STILL = 1e-11  # m or rad: largest correction of the last step
 SMALL = 1e-5  # m or rad: corrections from which the next one is foreseen
@@ -232,7 +232,7 @@ def _step(problem: Problem, state: State) -> tuple[Array, Array]:
     held[:, rigid] = state.hold
     count = int(rigid.sum())
     system = np.zeros((poses, n + count, n + count))
-    add_stiffness(system, topology, layout, state, strain, held, tangent)
+    add_stiffness(system, topology, layout, strain, held, tangent)
     arms = apply(state.turned[:, topology.loads], layout.load_arm)
     turning = cross_matrix(layout.load) @ cross_matrix(arms)
     for at, body in enumerate(topology.loads):
@@ -244,7 +244,10 @@ def _step(problem: Problem, state: State) -> tuple[Array, Array]:
     system[every[:, None, None], spin[:, :, None], spin[:, None]] -= turning
     for body in np.flatnonzero(topology.locked):
         system[:, 6 * body + 3 : 6 * body + 6, 6 * body + 3 : 6 * body + 6] += HOLD_SCALE * np.eye(3)
-    _add_holds(system, problem, strain)
+    # the rows and columns of the rigid directions follow the 6 B of the bodies
+    system[:, n:, :n] = HOLD_SCALE * row_rates(topology, strain, np.flatnonzero(rigid))
+    system[:, :n, n:] = np.swapaxes(system[:, n:, :n], -1, -2)
+    system[:, n:, n:] = -SLACK * HOLD_SCALE * np.eye(count)
     unbalanced = _unbalanced(problem, state, strain, force)
     right = np.concatenate([unbalanced, -HOLD_SCALE * strain.rows[:, rigid]], axis=1)
     try:
@@ -254,19 +257,3 @@ def _step(problem: Problem, state: State) -> tuple[Array, Array]:
     moves = np.zeros((poses, topology.bodies, 6))
     moves[:, 1:] = solution[:, : n - 6].reshape(poses, -1, 6)
     return moves, HOLD_SCALE * solution[:, n - 6 :]
-
-
-def _add_holds(system: Array, problem: Problem, strain: Strain) -> None:
-    """Add the rows and columns of the rigid directions, after the 6 B of the bodies."""
-    topology, rigid = problem.topology, np.flatnonzero(problem.rows.rigid)
-    n, members = 6 * topology.bodies, 6 * len(topology.members)
-    of_member, of_rod = rigid[rigid < members], rigid[rigid >= members] - members
-    ends = np.concatenate([topology.members[of_member // 6], topology.rods[of_rod]])
-    rates = np.concatenate(
-        [strain.rates[:, of_member // 6, of_member % 6], strain.rod_rates[:, of_rod]], axis=1
-    )
-    holding = np.arange(n, n + len(rigid))
-    for body, rate in zip(ends.T, np.split(HOLD_SCALE * rates, 2, axis=2), strict=True):
-        system[:, holding[:, None], 6 * body[:, None] + np.arange(6)] += rate
-    system[:, :n, n:] = np.swapaxes(system[:, n:, :n], -1, -2)
-    system[:, holding, holding] = -SLACK * HOLD_SCALE

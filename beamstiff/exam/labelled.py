@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.blind import Examiner, control_verdict, diagnosed
+from beamstiff.exam.blind import Examiner, control_verdict, diagnosed, keep_report
 from beamstiff.exam.names import EFFECTS, NONE, key_of
 from beamstiff.exam.record import Kind, Label, Record, sha256
 from beamstiff.files import read_text
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
-from beamstiff.outputs import write_output
 from beamstiff.parallel import parallel_map
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import load_robot
@@ -33,8 +32,7 @@ def examine_folder(
     records: dict[int, Record] = {}
     step = partial(_examined, examiner)
     for at, (record, report) in parallel_map(step, sets, processes=processes, scheduler=scheduler):
-        if examiner.reports is not None:
-            write_output(examiner.reports / f"{names[at]}.json", json.dumps(report, indent=1) + "\n")
+        keep_report(examiner, f"{names[at]}.json", report)
         records[at] = record
     return [records[at] for at in range(len(names))]
 

@@ -53,16 +53,12 @@ def curved(curve: Callable[[Array], Curved]) -> Law:
     return posed(lambda strain, _: curve(strain))
 
 
-def varying(
-    stiffness: Callable[[Situation], Array],
-    preload: Callable[[Situation], Array] | None = None,
-    changes: bool = False,
-) -> Law:
-    """Return a spring from its stiffness, and its force at the rest length, (P,) each, in a situation."""
+def varying(stiffness: Callable[[Situation], Array], changes: bool = False) -> Law:
+    """Return a spring from its stiffness, (P,), in a situation."""
 
     def curve(strain: Array, situation: Situation) -> Curved:
         k = stiffness(situation)
-        return k * strain if preload is None else k * strain + preload(situation), k
+        return k * strain, k
 
     return posed(curve, changes)
 

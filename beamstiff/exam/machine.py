@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Self
 
+import networkx as nx
 import numpy as np
 
 from beamstiff.errors import BeamstiffError
@@ -170,7 +171,7 @@ class Machine:
     def with_node(self, wanted: str, frame: str, at: Array, *hosts: str) -> tuple[Self, str]:
         """Return the machine with a new node at a place (3,) in a frame, rigidly on others, and its name."""
         name = self.free_name(wanted)
-        node = Node(name=name, frame=frame, at=tuple(map(float, at)))  # type: ignore[arg-type]
+        node = Node(name=name, frame=frame, at=tuple(at.tolist()))
         ties = tuple((f"{host} {name}", (host, name)) for host in hosts)
         return self.plus(nodes=(node,), rigids=ties), name
 
@@ -184,34 +185,26 @@ class Machine:
         """Return a way (3,) of the base frame as a node's frame has it in the middle of the range."""
         return np.asarray(in_the_middle(self.robot).rotations[self.node(node).frame][0].T @ way)
 
-    def ends(self, nodes: tuple[str, str]) -> tuple[Array, Array]:
-        """Return where a link's nodes are in the middle of the range, (3,) each, base frame."""
+    def places(self, *names: str) -> Array:
+        """Return where nodes are in the middle of the range, (n, 3), base frame."""
         placed = in_the_middle(self.robot)
-        a, b = (placed.node(self.node(name))[0] for name in nodes)
-        return a, b
+        return np.array([placed.node(self.node(name))[0] for name in names])
 
     def bodies(self) -> dict[str, int]:
         """Return the body of every node: those that rigids join are one, those that are fixed are body 0."""
-        names = [node.name for node in self.nodes]
-        above = {name: name for name in names}
+        joined: nx.Graph[str] = nx.Graph()
+        joined.add_nodes_from([self.fixed[0], *(node.name for node in self.nodes)])  # the ground comes first
+        joined.add_edges_from(nodes for _, nodes in self.rigids)
+        nx.add_path(joined, self.fixed)
+        return {name: at for at, body in enumerate(nx.connected_components(joined)) for name in body}
 
-        def root(name: str) -> str:
-            while above[name] != name:
-                name = above[name]
-            return name
-
-        for a, b in [nodes for _, nodes in self.rigids] + [(self.fixed[0], f) for f in self.fixed[1:]]:
-            above[root(a)] = root(b)
-        number = {root(self.fixed[0]): 0}
-        for name in names:
-            number.setdefault(root(name), len(number))
-        return {name: number[root(name)] for name in names}
-
-    @property
-    def ties(self) -> list[tuple[str, str]]:
-        """Nodes that something holds to one another."""
-        found = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
-        return found + [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
+    def held(self, *, but: str | None = None) -> set[str]:
+        """Return the nodes that parts hold to the ground, those parts left out that end at one node."""
+        ties = [nodes for _, nodes in self.rigids] + [hinge.nodes for hinge in self.hinges]
+        ties += [bar.nodes for bar in self.bars] + [rod.nodes for rod in self.rods]
+        tied: nx.Graph[str] = nx.Graph([nodes for nodes in ties if but not in nodes])
+        nx.add_path(tied, self.fixed)
+        return set(nx.node_connected_component(tied, self.fixed[0]))
 
 
 def machine_of(robot: Robot) -> Machine:
@@ -232,7 +225,7 @@ def machine_of(robot: Robot) -> Machine:
         Ay, Az = (math.inf if area is None else area for area in (section.Ay, section.Az))
         E, G = material.E, material.G
         rigidity = [E * section.A, G * Ay, G * Az, G * section.J, E * section.Iy, E * section.Iz]
-        profile = tapered(np.array(rigidity), lambda x: np.ones_like(x))
+        profile = tapered(np.array(rigidity), np.ones_like)
         up = None if beam.up is None else np.array(beam.up, dtype=np.float64)
         bars.append(Bar(beam.name, beam.nodes, profile, up, material.density * section.A))
     if sprung := [strut.name for strut in robot.struts if strut.EA is not None]:
@@ -243,14 +236,14 @@ def machine_of(robot: Robot) -> Machine:
     return Machine(robot, tuple(robot.nodes), rigids, tuple(hinges), tuple(bars), rods, (), *held)
 
 
-def tapered(rigidity: Array, size: object, bending: float = 4.0) -> Profile:
+def tapered(rigidity: Array, size: Callable[[Array], Array], bending: float = 4.0) -> Profile:
     """Return the profile of a beam whose cross-section changes its linear size, from 0 to 1 along it.
 
     `rigidity`: (6,) array; EA, G Ay, G Az (infinite: stiff in shear), GJ, E Iy, E Iz where `size` is 1.
     `bending`: power of the size that bending and twist grow with; stretch and shear grow with half of it.
     """
     stations = 0.5 * (GAUSS[0] + 1.0)
-    scale = np.asarray(size(stations))[:, None]  # type: ignore[operator]
+    scale = size(stations)[:, None]
     powers = np.array([0.5, 0.5, 0.5, 1.0, 1.0, 1.0]) * bending
     with np.errstate(divide="ignore"):
         return Profile(stations, 0.5 * GAUSS[1][:, None] / (rigidity * scale**powers))

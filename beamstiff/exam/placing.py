@@ -57,8 +57,7 @@ class Skeleton:
 def skeleton_of(robot: Robot, errors: Mapping[str, float] | None = None) -> Skeleton:
     """Return the skeleton, with errors added to frame parameters by name (``f3.d``), rad or m."""
     errors = errors or {}
-    kinds = {v.name: v.kind for v in robot.variables if v.type is not None}
-    kinds |= {v.name: "angle" for v in robot.variables if v.type is None}
+    kinds = {v.name: v.kind for v in robot.variables}
     frames, known, waiting = [], {"base"}, list(robot.frames)
     while waiting:
         frame = next(f for f in waiting if f.parent in known)

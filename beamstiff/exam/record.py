@@ -117,16 +117,13 @@ def answer_of(report: Mapping[str, Any]) -> Answer:
     """
     verdict = report["verdict"]
     key = key_of(verdict["effect"], verdict["component"])
-    also = verdict.get("also") or ()
+    second = verdict.get("also")
     candidates = {key_of(c["effect"], c["component"]): c for c in report["which"]}
     promised = candidates[key]["shrink"] if is_named(key) and key in candidates else None
     return Answer(
         verdict=key,
         probability=float(verdict["probability"]),
-        also=tuple(
-            key_of(second["effect"], second["component"])
-            for second in ([also] if isinstance(also, Mapping) else also)
-        ),
+        also=(key_of(second["effect"], second["component"]),) if second else (),
         indistinguishable=tuple(normal(text) for text in verdict.get("indistinguishable") or ()),
         probabilities={k: float(c["probability"]) for k, c in candidates.items() if c["probability"] > 1e-6},
         promised=None if promised is None else float(promised),

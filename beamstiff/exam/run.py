@@ -12,7 +12,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 from pydantic import TypeAdapter
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.exam.blind import Examiner, examined, keep_report
+from beamstiff.exam.blind import Examiner, examined, keep_report, report_name
 from beamstiff.exam.cases import Exam, draw_case
 from beamstiff.exam.crowded.blind import examined_crowded
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
@@ -100,7 +100,7 @@ def run_cases(
             elif isinstance(done, tuple):
                 record, report = done
                 if report is not None:
-                    keep_report(examiner, record.label.case, report)
+                    keep_report(examiner, report_name(record.label.case), report)
                 write({"record": record.to_dict()})
                 found[record.label.case] = record
                 progress(record)
@@ -122,7 +122,7 @@ def _step(procedure: Procedure[R], exam: Exam | CrowdedExam, examiner: Examiner,
 def check_results(path: Path) -> None:
     """Refuse, by the line that is none, a file that is there and holds no results of an exam."""
     if path.exists() and not is_device(path) and path.stat().st_size:
-        _whole_lines(path)
+        _whole(path)
 
 
 @contextmanager
@@ -169,8 +169,7 @@ def _line(value: dict[str, Any]) -> str:
 
 def _taken_up(results: Path, mine: dict[str, Any]) -> tuple[dict[int, Any], int]:
     """Return what a file holds of this exam, and how many bytes of it are whole lines."""
-    size = _whole_lines(results)
-    settings, items = read_results(results, size)
+    settings, items, size = _whole(results)
     if settings != mine:
         other = next(name for name in (*mine, *settings) if settings.get(name) != mine.get(name))
         raise BeamstiffError(
@@ -180,16 +179,15 @@ def _taken_up(results: Path, mine: dict[str, Any]) -> tuple[dict[int, Any], int]
     return items, size
 
 
-def _whole_lines(path: Path) -> int:
-    """Return how many bytes of a file are whole lines of results, having checked that it holds such."""
+def _whole(path: Path) -> tuple[dict[str, Any], dict[int, Any], int]:
+    """Return the results of a file that holds nothing else, and how many bytes of it are whole lines."""
     read_text(path)
     data = path.read_bytes()
     size = data.rfind(b"\n") + 1
     tail = data[size:]
     if not size or not any(tail[: len(begin)] == begin[: len(tail)] for begin in _BEGINNINGS):
         _fail(path, data.count(b"\n") + 1, tail.decode("utf-8", "replace"))
-    read_results(path, size)
-    return size
+    return *read_results(path, size), size
 
 
 # how a line may begin that a kill cut short; the first is written in one step with its file

@@ -197,14 +197,14 @@ def control_exact(records: Records, name: str) -> Figure:
     return rate(record.controls[name] == record.truth for record in records if name in record.controls)
 
 
-def shuffled(records: Records, seed: int = 0, times: int = 200) -> Figure:
-    """Return the share of exact verdicts with the labels dealt anew `times` times, and 95 % of the deals."""
+def shuffled(records: Records) -> Figure:
+    """Return the share of exact verdicts with the labels dealt anew 200 times, and 95 % of the deals."""
     truths = np.array([record.truth for record in records])
     verdicts = np.array([record.named[0] if len(record.named) == 1 else "" for record in records])
     if not truths.size:
         return Figure(None, None, None, 0)
-    rng = np.random.default_rng(seed)
-    rates = [float((rng.permutation(truths) == verdicts).mean()) for _ in range(times)]
+    rng = np.random.default_rng(0)
+    rates = [float((rng.permutation(truths) == verdicts).mean()) for _ in range(200)]
     low, high = np.quantile(rates, [0.025, 0.975])
     return Figure(float(np.mean(rates)), float(low), float(high), truths.size)
 
@@ -235,29 +235,29 @@ def judged(records: Sequence[Record]) -> list[Record]:
     return [r for r in records if r.label.kind != "pair" and effect_of(r.answer.verdict) != FAILED]
 
 
-def reliability(records: Sequence[Record], bins: int = BINS) -> list[Bin]:
+def reliability(records: Records) -> list[Bin]:
     """Return how many verdicts are right, in filled bins of equal width by their probability."""
     cases = judged(records)
     said = np.array([record.answer.probability for record in cases])
-    at = np.clip((said * bins).astype(int), 0, bins - 1)
+    at = np.clip((said * BINS).astype(int), 0, BINS - 1)
     return [
         Bin(
-            low=k / bins,
-            high=(k + 1) / bins,
+            low=k / BINS,
+            high=(k + 1) / BINS,
             said=float(said[at == k].mean()),
             right=rate(is_right(record) for record, b in zip(cases, at, strict=True) if b == k),
         )
-        for k in range(bins)
+        for k in range(BINS)
         if (at == k).any()
     ]
 
 
-def calibration_error(records: Sequence[Record], bins: int = BINS) -> Figure:
+def calibration_error(records: Records) -> Figure:
     """Return the expected calibration error: mean over verdicts of |share right - mean probability| by bin.
 
     Naeini, Cooper, Hauskrecht (2015), "Obtaining well calibrated probabilities using Bayesian binning".
     """
-    filled = reliability(records, bins)
+    filled = reliability(records)
     count = sum(item.right.count for item in filled)
     if not count:
         return Figure(None, None, None, 0)

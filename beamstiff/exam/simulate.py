@@ -17,7 +17,7 @@ from beamstiff.exam.laws import Situation
 from beamstiff.exam.layout import Layout, Topology, lay_out, topology_of
 from beamstiff.exam.machine import drives_of, joints_of, machine_of
 from beamstiff.exam.placing import Placed, place, skeleton_of
-from beamstiff.exam.rotations import apply, turned_by
+from beamstiff.exam.rotations import turned_by
 from beamstiff.exam.strain import State
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
@@ -91,7 +91,7 @@ def read(reality: Reality, campaign: SimulatedCampaign, solved: Solution) -> Arr
     arm = solved.layout.arms[np.arange(len(point)), point] + away
     body = solved.topology.body[point]
     every = np.arange(len(point))
-    loaded, unloaded = (_moved(state, every, body, arm) for state in (solved.loaded, solved.unloaded))
+    loaded, unloaded = (state.point(body, arm, every) for state in (solved.loaded, solved.unloaded))
     if campaign.kind == "displacement":
         turned = solved.loaded.turned[every, body] @ np.swapaxes(solved.unloaded.turned[every, body], -1, -2)
         values = np.concatenate([loaded - unloaded, turned_by(turned)], axis=1)
@@ -146,7 +146,7 @@ def solve(
         placed = some(near.placed, row)
     layout, placed = some(lay_out(topology, placed), row_of), some(placed, row_of)
     load = _load(reality, topology, campaign, placed, layout)
-    first, state_of, state_pose, turn_of = _states(campaign)
+    first, state_of, state_pose, turn_of = campaign.states()
     situation = _situation(campaign, placed, first, turn_of)
     states = Problem(topology, rows_of(topology), some(layout, first), some(load, first), situation)
     laws = [law for _, law in states.rows.laws]
@@ -195,13 +195,7 @@ def solve(
 def _from(state: State, rows: Integers, other: State) -> State:
     """Return some rows' states to start from; what holds rigid directions from another if they are others."""
     found: State = some(state, rows)
-    if found.hold.shape != other.hold.shape:
-        return State(found.moved, found.turned, other.hold)
-    return found
-
-
-def _moved(state: State, rows: Integers, body: Integers, arm: Array) -> Array:
-    return state.moved[rows, body] + apply(state.turned[rows, body] - np.eye(3), arm)
+    return found if found.hold.shape == other.hold.shape else replace(found, hold=other.hold)
 
 
 def _load(
@@ -215,20 +209,10 @@ def _load(
         raise BeamstiffError(f"campaign: found the node {unknown[0]!r}, which the robot does not have")
     node = np.array([topology.index[name] for name in campaign.load_point])
     axes = axes_of(reality.machine, campaign.load_point, placed)
-    lever = np.where(
-        (campaign.load_point == reality.machine.tcp)[:, None], axes @ np.array(reality.lever), 0.0
-    )
+    on_tool = (campaign.load_point == reality.machine.tcp)[:, None]
+    lever = np.where(on_tool, axes @ np.array(reality.lever), 0.0)
     arm = layout.arms[np.arange(len(node)), node] + lever
     return Load(topology.body[node], arm, wrench)
-
-
-def _states(campaign: SimulatedCampaign) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return states' first rows, rows' states, states' poses and turns in these; by pose, then step."""
-    keys = np.stack([campaign.pose, campaign.step], axis=1)
-    states, first, state_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    pose = states[:, 0]
-    turn = np.arange(len(pose)) - np.searchsorted(pose, pose)
-    return first, state_of.reshape(-1), pose, turn
 
 
 def _situation(campaign: SimulatedCampaign, placed: Placed, first: Integers, turn: Integers) -> Situation:
@@ -245,10 +229,8 @@ def _noise(campaign: SimulatedCampaign, rng: np.random.Generator) -> Array:
     sigma = np.repeat([campaign.sigma_position, campaign.sigma_rotation], 3)
     noise: Array = rng.standard_normal((len(campaign), 6)) * sigma
     if campaign.shared_unloaded and campaign.kind == "displacement":
-        keys = np.array(
-            [f"{pose} {point}" for pose, point in zip(campaign.pose, campaign.point, strict=True)]
-        )
-        _, group = np.unique(keys, return_inverse=True)
+        pairs = zip(campaign.pose, campaign.point, strict=True)
+        _, group = np.unique([f"{pose} {point}" for pose, point in pairs], return_inverse=True)
         tare = rng.standard_normal((int(group.max()) + 1, 6)) * sigma
         noise = (noise - tare[group]) / np.sqrt(2.0)
     return noise

@@ -21,9 +21,9 @@ class State:
     turned: Array  # (P, B, 3, 3): rotation of the bodies
     hold: Array  # (P, C): N and N m; forces that keep rigid directions closed
 
-    def point(self, body: Integers, arm: Array) -> Array:
-        """Return the displacement of points of bodies."""
-        return self.moved[:, body] + apply(self.turned[:, body] - np.eye(3), arm)
+    def point(self, body: Integers, arm: Array, states: Integers | slice = slice(None)) -> Array:
+        """Return the displacement of points of bodies, in all states or in one for each point."""
+        return self.moved[states, body] + apply(self.turned[states, body] - np.eye(3), arm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +39,7 @@ class Strain:
     from_first: Array
     bent: Array  # (P, E, 6): strains before bending shortens
     rod_rates: Array  # (P, S, 12): of the rods' change of length
+    rod_arms: Array  # (2, P, S, 3): current arms of their ends
     along: Array  # (P, S, 3): of the rods
     length: Array  # (P, S)
 
@@ -103,39 +104,34 @@ def strain_of(topology: Topology, layout: Layout, state: State) -> Strain:
         shortened[:, -bars:, 0] += 0.5 * np.sum(slope * e[:, -bars:], axis=-1)
         rates[:, -bars:, 0] += (slope[..., None, :] @ plain[:, -bars:])[..., 0, :]
 
-    longer, rod_rates, along, length = _rods_of(topology, layout, state)
+    longer, rod_rates, rod_arms, along, length = _rods_of(topology, layout, state)
     rows = np.concatenate([shortened.reshape(poses, -1), longer], axis=1)
-    return Strain(rows, rates, plain, axes, rate, second, from_first, e, rod_rates, along, length)
+    return Strain(rows, rates, plain, axes, rate, second, from_first, e, rod_rates, rod_arms, along, length)
 
 
-def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array]:
-    """Return the rods' change of length, its rates, and their present directions and lengths."""
+def _rods_of(topology: Topology, layout: Layout, state: State) -> tuple[Array, Array, Array, Array, Array]:
+    """Return the rods' change of length, its rates, and their present arms, directions and lengths."""
     c, d = topology.rods.T
-    poses = len(state.moved)
     stretch = state.point(d, layout.rod_second) - state.point(c, layout.rod_first)
     span = layout.rod + stretch
     length = np.linalg.norm(span, axis=-1)
     rest = np.linalg.norm(layout.rod, axis=-1)
     along = span / length[..., None]
     longer = np.sum((2.0 * layout.rod + stretch) * stretch, axis=-1) / (length + rest)
-    rod_rates = np.zeros((poses, len(c), 12))
-    for bodies, arm, sign, at in ((c, layout.rod_first, -1.0, 0), (d, layout.rod_second, 1.0, 6)):
-        rod_rates[..., at : at + 3] = sign * along
-        rod_rates[..., at + 3 : at + 6] = sign * np.cross(apply(state.turned[:, bodies], arm), along)
-    return longer, rod_rates, along, length
+    first, second = apply(state.turned[:, c], layout.rod_first), apply(state.turned[:, d], layout.rod_second)
+    rates = np.concatenate([-along, -np.cross(first, along), along, np.cross(second, along)], axis=-1)
+    return longer, rates, np.stack([first, second]), along, length
 
 
-def row_rates(topology: Topology, strain: Strain, row: int) -> Array:
-    """Return the rates (P, 6 B) of one strain by the motion of all bodies."""
-    members = len(topology.members)
-    if row < 6 * members:
-        ends, rates = topology.members[row // 6], strain.rates[:, row // 6, row % 6]
-    else:
-        ends, rates = topology.rods[row - 6 * members], strain.rod_rates[:, row - 6 * members]
-    result = np.zeros((len(rates), topology.bodies, 6))
-    for body, some in zip(ends, np.split(rates, 2, axis=1), strict=True):
-        result[:, body] += some
-    return result.reshape(len(rates), -1)
+def row_rates(topology: Topology, strain: Strain, rows: Integers) -> Array:
+    """Return the rates (P, R, 6 B) of some strains by the motion of all bodies."""
+    poses, members = len(strain.rows), 6 * len(topology.members)
+    ends = np.concatenate([np.repeat(topology.members, 6, axis=0), topology.rods])
+    rates = np.concatenate([strain.rates.reshape(poses, members, 12), strain.rod_rates], axis=1)[:, rows]
+    result = np.zeros((poses, len(rows), topology.bodies, 6))
+    for body, some in zip(ends[rows].T, np.split(rates, 2, axis=2), strict=True):
+        result[:, np.arange(len(rows)), body] += some
+    return result.reshape(poses, len(rows), 6 * topology.bodies)
 
 
 def resisting(topology: Topology, strain: Strain, force: Array) -> Array:
@@ -153,13 +149,7 @@ def resisting(topology: Topology, strain: Strain, force: Array) -> Array:
 
 
 def add_stiffness(
-    system: Array,
-    topology: Topology,
-    layout: Layout,
-    state: State,
-    strain: Strain,
-    force: Array,
-    tangent: Tangent,
+    system: Array, topology: Topology, layout: Layout, strain: Strain, force: Array, tangent: Tangent
 ) -> None:
     """Add to a system (P, n, n) how bodies' forces change with their motion, of members' forces (P, M)."""
     poses, members = layout.axes.shape[:2]
@@ -189,29 +179,19 @@ def add_stiffness(
     for at, (i, j) in enumerate(topology.members):
         _add(system, i, j, block[:, at])
     if len(topology.rods):
-        _add_rods(system, topology, layout, state, strain, force[:, 6 * members :], tangent)
+        _add_rods(system, topology, strain, force[:, 6 * members :], tangent)
     n = 6 * topology.bodies
     for row, other, its_slope in tangent.between:
-        its, others = row_rates(topology, strain, row), row_rates(topology, strain, other)
-        system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * its[:, :, None] * others[:, None]
+        its, others = np.split(row_rates(topology, strain, np.array([row, other])), 2, axis=1)
+        system[:, :n, :n] += np.reshape(its_slope, (-1, 1, 1)) * np.swapaxes(its, -1, -2) * others
 
 
-def _add_rods(
-    system: Array,
-    topology: Topology,
-    layout: Layout,
-    state: State,
-    strain: Strain,
-    pull: Array,
-    tangent: Tangent,
-) -> None:
-    c, d = topology.rods.T
+def _add_rods(system: Array, topology: Topology, strain: Strain, pull: Array, tangent: Tangent) -> None:
     across = np.eye(3) - strain.along[..., :, None] * strain.along[..., None, :]
     K = (pull / strain.length)[..., None, None] * across
     N = cross_matrix(pull[..., None] * strain.along)
-    A = cross_matrix(apply(state.turned[:, c], layout.rod_first))
-    B = cross_matrix(apply(state.turned[:, d], layout.rod_second))
-    rod = np.zeros((len(pull), len(c), 12, 12))
+    A, B = cross_matrix(strain.rod_arms)
+    rod = np.zeros((*pull.shape, 12, 12))
     ends = ((slice(0, 3), slice(3, 6), A, -1.0), (slice(6, 9), slice(9, 12), B, 1.0))
     for u, r, arm, sign in ends:
         for v, t, other, way in ends:

@@ -31,7 +31,7 @@ def _joint_blocks(structure: Structure, geometry: Geometry) -> Array:
 
 
 def _strut_blocks(structure: Structure, geometry: Geometry) -> Array:
-    along = strut_directions(structure, geometry, structure.struts)
+    along, _ = strut_directions(structure, geometry, structure.struts)
     stiffness, block = strut_stiffness(structure, geometry), np.zeros((*along.shape[:2], 6, 6))
     block[..., :3, :3] = stiffness[..., None, None] * along[..., :, None] * along[..., None, :]
     return _between_ends(block)

@@ -65,7 +65,7 @@ def beam_rows(structure: Structure, geometry: Geometry, beam: int) -> Array:
 def strut_row(structure: Structure, geometry: Geometry, strut: int) -> Array:
     """Return the elongation of a strut as a row on the unknowns, (P, 1, n)."""
     a, b = (structure.kinematics.node_index[name] for name in structure.robot.struts[strut].nodes)
-    along = strut_directions(structure, geometry, np.array([strut]))
+    along, _ = strut_directions(structure, geometry, np.array([strut]))
     relative = (node_map(structure, geometry, b) - node_map(structure, geometry, a))[:, :3]
     return along @ relative
 

@@ -19,7 +19,7 @@ from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_i
 from beamstiff.fem.geometry import Geometry, node_terms, strut_directions
 from beamstiff.fem.initial_stress import beam_initial_stress, joint_initial_stress, strut_initial_stress
 from beamstiff.fem.response import solve_constrained
-from beamstiff.fem.structure import Index, Structure
+from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture
@@ -119,7 +119,7 @@ def _strains(structure: Structure, geometry: Geometry, displacement: Array) -> A
     beams, chords = len(structure.robot.beams), len(structure.chords)
     ends = np.concatenate([displacement[:, structure.elements[:, end]] for end in (0, 1)], axis=-1)
     of_beams, of_chords, of_struts = np.split(ends, [beams, beams + chords], axis=1)
-    along, length = _struts(structure, geometry, structure.struts)
+    along, length = strut_directions(structure, geometry, structure.struts)
     stretch = _form(strut_initial_stress(along, length, np.ones_like(length)), of_struts)
     struts = np.concatenate([stretch[..., None] * along, np.zeros_like(along)], axis=-1)
     turn, span = rotate_screw(geometry.beam_rotation), geometry.beam_length
@@ -135,15 +135,6 @@ def _strains(structure: Structure, geometry: Geometry, displacement: Array) -> A
 
 def _joint_strains(ends: Array) -> Array:
     return _form(joint_initial_stress(UNIT_WRENCHES), ends[..., None, :])
-
-
-def _struts(structure: Structure, geometry: Geometry, struts: Index) -> tuple[Array, Array]:
-    """Return directions (P, S, 3) and lengths (P, S) of struts."""
-    index, positions = structure.kinematics.node_index, geometry.posture.node_positions
-    nodes = [[index[name] for name in structure.robot.struts[at].nodes] for at in struts]
-    first, second = np.array(nodes, dtype=np.int64).reshape(-1, 2).T
-    length = np.linalg.norm(positions[:, second] - positions[:, first], axis=-1)
-    return strut_directions(structure, geometry, struts), length
 
 
 def _form(matrix: Array, ends: Array) -> Array:
@@ -170,7 +161,7 @@ def _gaps(structure: Structure, geometry: Geometry, linear: Array, curved: Array
         gaps.append(local[:, rigid])
     rigid_struts = np.array([at for at, strut in enumerate(robot.struts) if strut.rigid], dtype=np.int64)
     for at in rigid_struts:
-        along, length = _struts(structure, geometry, np.array([at]))
+        along, length = strut_directions(structure, geometry, np.array([at]))
         a, b = (index[name] for name in robot.struts[at].nodes)
         ends = np.concatenate([linear[:, a], linear[:, b]], axis=-1)
         form = strut_initial_stress(along[:, 0], length[:, 0], np.ones(len(linear)))

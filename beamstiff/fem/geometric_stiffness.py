@@ -73,16 +73,14 @@ def loaded_compliance(
     return np.concatenate(parts)
 
 
-def loaded_displacement(
-    structure: Structure, posture: Posture, loads: Array, gravity: bool = False, chunk: int = CHUNK
-) -> Array:
+def loaded_displacement(structure: Structure, posture: Posture, loads: Array, gravity: bool = False) -> Array:
     """Return the displacement of all nodes (P, N, 6) under loads that also stiffen or soften: ``K_t z = f``.
 
     Arguments as of `loaded_compliance`; the posture is that without any load. This is the equilibrium to
     second order in the loads (`finite_displacement`), and exact in the axial forces of straight beams.
     """
     parts = []
-    for geometry, some in _chunks(structure, posture, loads, chunk):
+    for geometry, some in _chunks(structure, posture, loads, CHUNK):
         unknowns = _loaded_unknowns(structure, geometry, some, gravity)
         parts.append(finite_displacement(structure, geometry, unknowns))
     return np.concatenate(parts)
@@ -175,10 +173,7 @@ def _add_elements(
     turn = np.zeros((*rotation.shape[:2], 12, 12))
     for at in (0, 6):
         turn[..., at : at + 6, at : at + 6] = rotate_screw(rotation)
-    along = strut_directions(structure, geometry, structure.struts)
-    strut_ends = structure.elements[beams + chords :]
-    positions = geometry.posture.node_positions
-    strut_length = np.linalg.norm(positions[:, strut_ends[:, 1]] - positions[:, strut_ends[:, 0]], axis=-1)
+    along, strut_length = strut_directions(structure, geometry, structure.struts)
     strut_pull = np.einsum("psa,psa->ps", along, forces[:, beams + chords :, 1, :3])
     blocks = [
         turn @ local @ turn.swapaxes(-1, -2),
@@ -245,13 +240,11 @@ def _add_constraints(
         wrenches[:, a] -= wrench
         _add_between(stress, a, b, joint_initial_stress(wrench))
     for at in rigid_struts:
-        along = strut_directions(structure, geometry, np.array([at]))[:, 0]
+        (along, length), pull = strut_directions(structure, geometry, np.array([at])), next(parts)
         a, b = (index[name] for name in robot.struts[at].nodes)
-        pull = next(parts)
-        wrenches[:, b, :3] += pull * along
-        wrenches[:, a, :3] -= pull * along
-        length = np.linalg.norm(positions[:, b] - positions[:, a], axis=-1)
-        _add_between(stress, a, b, strut_initial_stress(along, length, pull[:, 0]))
+        wrenches[:, b, :3] += pull * along[:, 0]
+        wrenches[:, a, :3] -= pull * along[:, 0]
+        _add_between(stress, a, b, strut_initial_stress(along[:, 0], length[:, 0], pull[:, 0]))
     return wrenches
 
 

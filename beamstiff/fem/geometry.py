@@ -150,15 +150,14 @@ def _strut_ways(structure: Structure, posture: Posture, struts: Index) -> Array:
     return posture.node_positions[:, ends[:, 1]] - posture.node_positions[:, ends[:, 0]]
 
 
-def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> Array:
-    """Return the unit vectors along struts, first to second node, (P, S, 3), base frame."""
+def strut_directions(structure: Structure, geometry: Geometry, struts: Index) -> tuple[Array, Array]:
+    """Return unit vectors along struts, first to second node, (P, S, 3), base frame, and lengths (P, S)."""
     along = _strut_ways(structure, geometry.posture, struts)
-    length = np.linalg.norm(along, axis=-1, keepdims=True)
-    if (wrong := _first_where(length[..., 0] < SHORTEST)) is not None:
+    length = np.linalg.norm(along, axis=-1)
+    if (wrong := _first_where(length < SHORTEST)) is not None:
         strut = structure.robot.struts[struts[wrong[1]]]
         raise BeamstiffError(
             f"strut {strut.name!r} has zero length at pose {geometry.number[wrong[0]]}: its nodes "
             f"{strut.nodes[0]!r} and {strut.nodes[1]!r} coincide"
         )
-    unit: Array = along / length
-    return unit
+    return along / length[..., None], length

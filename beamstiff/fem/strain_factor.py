@@ -138,7 +138,7 @@ def strain_forces(structure: Structure, geometry: Geometry, strains: Array) -> t
     far = np.zeros_like(local)
     turns = np.concatenate([geometry.beam_rotation[0], geometry.joint_rotation[0, structure.chords]])
     far[: beams + chords] = (rotate_screw(turns) @ local[: beams + chords, :, None])[..., 0]
-    along = strut_directions(structure, geometry, structure.struts)[0]
+    along = strut_directions(structure, geometry, structure.struts)[0][0]
     far[beams + chords :, :3] = local[beams + chords :, :1] * along
     first, second_end = structure.elements.T
     positions = geometry.posture.node_positions[0]

@@ -14,6 +14,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from networkx.utils import UnionFind
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
@@ -146,14 +147,7 @@ def _spanning_forest(
 
     Rigids come first, then joints with many rigid directions: the fewer constraint rows are left for loops.
     """
-    parent = list(range(len(robot.nodes)))
-
-    def find(node: int) -> int:
-        while parent[node] != node:
-            parent[node] = parent[parent[node]]
-            node = parent[node]
-        return node
-
+    joined: UnionFind[int] = UnionFind()
     tree: list[list[tuple[int, int, int]]] = [[] for _ in robot.nodes]
     tree_joints: list[int] = []
     chords: tuple[list[int], list[int]] = ([], [])
@@ -163,10 +157,10 @@ def _spanning_forest(
     edges += [(at, at, robot.joints[at].nodes) for at in by_rigidity]
     for at, joint, (first, second) in edges:
         a, b = index[first], index[second]
-        if find(a) == find(b):
+        if joined[a] == joined[b]:
             chords[joint >= 0].append(at)
             continue
-        parent[find(a)] = find(b)
+        joined.union(a, b)
         # a joint's relative displacement is that of its second node against its first
         tree[a].append((b, joint, 1))
         tree[b].append((a, joint, -1))

@@ -22,8 +22,8 @@ def one_of(name: str, value: object, known: Sequence[str]) -> None:
 
 def whole(name: str, value: object, least: int, most: int | None = None) -> None:
     """Refuse what is no whole number between two ends."""
-    is_whole = isinstance(value, int) and not isinstance(value, bool)
-    if not is_whole or value < least or (most is not None and value > most):  # type: ignore[operator]
+    largest = float("inf") if most is None else most
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= largest:
         span = f"{least} or more" if most is None else f"{least} to {most}"
         raise OptionError(name, f"found {shown(value)}, expected {span}")
 

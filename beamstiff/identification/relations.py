@@ -26,7 +26,7 @@ class Spring:
         """Return its stiffness."""
         return values[self.name]
 
-    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002
+    def slopes(self, values: Mapping[str, float]) -> dict[str, float]:  # noqa: ARG002 (as of `Joined`)
         """Return the derivative of its stiffness by each member's."""
         return {self.name: 1.0}
 

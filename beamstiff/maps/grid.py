@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.planning.poses import growing
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Kinematics, actuated_values, pose_of, posture
 from beamstiff.se3 import Array
@@ -94,7 +95,7 @@ def make_grid(
             "a map needs axes, all of them joint variables or all of them x, y, z; found "
             f"{listed(over) or 'none'}"
         )
-    axes = tuple(_axis(name, values) for name, values in over.items())
+    axes = tuple(growing(name, values) for name, values in over.items())
     q = actuated_values(robot, held)[0]
     if joints:
         if orientation is not None:
@@ -118,16 +119,6 @@ def make_grid(
     if grid.count > MOST_POSES:
         raise BeamstiffError(f"found a grid of {grid.count:.2g} poses, expected at most {MOST_POSES:.0e}")
     return grid
-
-
-def _axis(name: str, values: ArrayLike) -> Array:
-    try:
-        axis = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise BeamstiffError(f"{name}: found {str(values)[:60]!r}, expected numbers") from None
-    if axis.ndim != 1 or axis.size < 2 or not (np.isfinite(axis).all() and (np.diff(axis) > 0).all()):
-        raise BeamstiffError(f"{name}: expected at least two growing values, found {axis.tolist()!s:.60}")
-    return axis
 
 
 def _rotation(orientation: ArrayLike | str) -> Array:

@@ -28,10 +28,9 @@ def as_tables(
     `robot`: whose joint variables the columns are. `require_measured`: refuse tables that hold loads alone.
     `what`: the argument, for messages.
     """
-    single = isinstance(data, Measurements | str | os.PathLike)
-    if not single and not isinstance(data, Sequence):
+    given = [data] if isinstance(data, Measurements | str | os.PathLike) else data
+    if not isinstance(given, Sequence):
         raise _refused(data, what)
-    given: Sequence[TableLike] = [data] if single else list(data)  # type: ignore[list-item, arg-type]
     if not given:
         raise BeamstiffError(f"{what}: found no table, expected at least one")
     read = set[Path]()

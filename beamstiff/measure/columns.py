@@ -14,7 +14,7 @@ from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Ki
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
-from beamstiff.units import unit_factor
+from beamstiff.units import scaled, unit_factor
 
 # kind of quantity of every column that is no joint variable
 QUANTITIES: dict[str, str] = {
@@ -230,11 +230,5 @@ def to_si(values: Array, column: Column) -> Array:
     """Return the values of a column in SI; a column without a unit is in SI already (temperature in degC)."""
     if not column.unit:
         return values
-    factor, offset = unit_factor(column.unit, column.quantity)
-    # as `units.quantity` does: 13 mm is 0.013 m and not 0.013000000000000001
-    if 0 < factor < 1 and offset == 0.0 and (inverse := round(1 / factor)) * factor == 1.0:
-        result: Array = np.asarray(values / inverse)
-    else:
-        with np.errstate(over="ignore"):
-            result = np.asarray(values * factor + offset)
-    return result
+    with np.errstate(over="ignore"):
+        return np.asarray(scaled(values, *unit_factor(column.unit, column.quantity)))

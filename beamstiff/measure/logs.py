@@ -4,8 +4,6 @@ Clocks are brought together (`clock_lag`), windows found in which the machine st
 the readings of each averaged, with the standard deviation of the mean.
 """
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +16,7 @@ from beamstiff.measure.clock_lag import ClockLag, LagError, clock_lag
 from beamstiff.measure.plateaus import SHORTEST, Window, still_windows
 from beamstiff.measure.signals import LEAST_NOISE, Signal
 from beamstiff.measure.wrench import wrench_from_sensor
+from beamstiff.measure.writer import table_text
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
@@ -129,12 +128,8 @@ def table_of_log(
     notes += _of_the_windows(windows)
     torques = next((one for one in signals if one.kind == "torques"), None)
     columns, count = _columns(moved, torques, kept, nodes, robot, name, notes)
-    out = io.StringIO()
-    out.write(f"# source: {name}\n")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return LogTable(out.getvalue(), count, tuple(notes), tuple(windows), lags, tuple(moved))
+    text = table_text([f"source: {name}"], columns)
+    return LogTable(text, count, tuple(notes), tuple(windows), lags, tuple(moved))
 
 
 def _smooth(wrench: Signal) -> Signal:

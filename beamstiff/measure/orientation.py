@@ -27,15 +27,21 @@ class Orientation(Protocol):
     @property
     def count(self) -> int:
         """How many numbers an orientation takes."""
-        ...
 
     def rotations(self, values: Array) -> Array:
         """Return rotation matrices (N, 3, 3) of numbers (N, count); raises what is wrong with one of them."""
-        ...
 
     def numbers(self, rotations: Array, like: Array) -> Array:
         """Return numbers (N, count) of rotation matrices (N, 3, 3), the nearest to `like` (N, count)."""
-        ...
+
+
+def _unit_length(values: Array, what: str) -> Array:
+    """Return the lengths of vectors, (N,), refused where they are not about 1."""
+    length: Array = np.linalg.norm(values, axis=1)
+    if (wrong := np.abs(length - 1) > NORM_TOLERANCE).any():
+        row = int(np.argmax(wrong))
+        raise RowError(row, f"found {what} of length {length[row]:.6g}, expected 1")
+    return length
 
 
 @dataclass(frozen=True)
@@ -66,10 +72,7 @@ class Quaternion:
 
     def rotations(self, values: Array) -> Array:
         """Return rotation matrices (N, 3, 3)."""
-        length = np.linalg.norm(values, axis=1)
-        if (wrong := np.abs(length - 1) > NORM_TOLERANCE).any():
-            row = int(np.argmax(wrong))
-            raise RowError(row, f"found a quaternion of length {length[row]:.6g}, expected 1")
+        _unit_length(values, "a quaternion")
         ordered = values if self.scalar_last else np.roll(values, -1, axis=1)
         return np.asarray(Rotation.from_quat(ordered).as_matrix())
 
@@ -137,11 +140,7 @@ class ToolAxis:
 
     def rotations(self, values: Array) -> Array:
         """Return rotation matrices (N, 3, 3)."""
-        length = np.linalg.norm(values, axis=1)
-        if (wrong := np.abs(length - 1) > NORM_TOLERANCE).any():
-            row = int(np.argmax(wrong))
-            raise RowError(row, f"found a tool axis of length {length[row]:.6g}, expected 1")
-        z = -values / length[:, None]
+        z = -values / _unit_length(values, "a tool axis")[:, None]
         along = np.where((np.abs(z[:, :1]) > 0.9), [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
         x = along - np.sum(along * z, axis=1, keepdims=True) * z
         x /= np.linalg.norm(x, axis=1, keepdims=True)

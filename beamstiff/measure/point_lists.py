@@ -1,7 +1,6 @@
 """A list of points, read by its profile (`measure.profiles`), as a table of measurements."""
 
 import csv
-import io
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from beamstiff.measure.registration import Registration, register
 from beamstiff.measure.signals import Signal, SignalKind
 from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable, RowError, numbers, split_table
+from beamstiff.measure.writer import table_text
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.units import UNITS, quantity, unit_factor
 
@@ -83,14 +83,11 @@ def parse_points(
         columns = _joined(columns, joints, name)
     elif not any(key in values for key in values if key not in QUANTITIES):
         notes.append("without joint values (columns of their own, or --joints) this is a list of points only")
-    out = io.StringIO()
+    metadata = []
     if profile.sigma_position is not None:
         quantity(profile.sigma_position, "length")
-        out.write(f"# sigma_position: {profile.sigma_position}\n")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return PointTable(out.getvalue(), len(at), tuple(notes))
+        metadata = [f"sigma_position: {profile.sigma_position}"]
+    return PointTable(table_text(metadata, columns), len(at), tuple(notes))
 
 
 def signals_of(text: str, profile: Profile, name: str = "<log>") -> list[Signal]:

@@ -3,7 +3,7 @@
 import csv
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -68,9 +68,13 @@ def measurements_to_csv(measurements: Measurements, robot: Robot) -> str:
             raise BeamstiffError(
                 f"{measurements.source}: {name}: found {unknown[0]!r}, expected a node of {robot.name!r}"
             )
-    columns = dict(_columns(measurements, robot))
+    return table_text(_metadata(measurements), dict(_columns(measurements, robot)))
+
+
+def table_text(metadata: Iterable[str], columns: Mapping[str, Sequence[str]]) -> str:
+    """Return a table as CSV: lines of metadata, which follow a ``#``, and columns by their heads."""
     out = io.StringIO()
-    out.writelines(f"# {line}\n" for line in _metadata(measurements))
+    out.writelines(f"# {line}\n" for line in metadata)
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))

@@ -32,7 +32,6 @@ class Model(Protocol):
         BeamstiffError
             Where the model has no answer.
         """
-        ...
 
 
 @dataclass(frozen=True)

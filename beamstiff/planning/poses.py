@@ -48,17 +48,23 @@ def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, f
         raise BeamstiffError(f"a map needs two joint variables, found {listed(names) or 'none'}")
     if twice := [name for name in names if name in held]:
         raise BeamstiffError(f"{twice[0]} is on an axis of the map and held: expected one of the two")
-    axes = []
-    for name in names:
-        axis = np.asarray(over[name], dtype=np.float64)
-        if axis.ndim != 1 or axis.size < 2 or not (np.diff(axis) > 0).all():
-            raise BeamstiffError(f"{name}: expected at least two growing values, found {axis.tolist()!s:.60}")
-        axes.append(axis)
+    axes = [growing(name, values) for name, values in over.items()]
     first, second = (values.reshape(-1) for values in np.meshgrid(*axes, indexing="ij"))
     q = actuated_values(robot, {**held, names[0]: first, names[1]: second})
     kinds = {variable.name: variable.kind for variable in robot.actuated}
     turns = (kinds[names[0]] == "angle", kinds[names[1]] == "angle")
     return Grid((names[0], names[1]), axes[0], axes[1], q, turns)
+
+
+def growing(name: str, values: ArrayLike) -> Array:
+    """Return the values of an axis of a map, refused where they do not grow."""
+    try:
+        axis = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BeamstiffError(f"{name}: found {str(values)[:60]!r}, expected numbers") from None
+    if axis.ndim != 1 or axis.size < 2 or not (np.isfinite(axis).all() and (np.diff(axis) > 0).all()):
+        raise BeamstiffError(f"{name}: expected at least two growing values, found {axis.tolist()!s:.60}")
+    return axis
 
 
 def closed_posture(kinematics: Kinematics, q: Array) -> tuple[Posture, Mask]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NoReturn
 
+import networkx as nx
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
@@ -328,7 +329,6 @@ def _ordered(tree: LinkTree) -> tuple[TreeLink, list[TreeJoint]]:
         links[link.name] = link
     seen: set[str] = set()
     carrier: dict[str, TreeJoint] = {}
-    leaving: dict[str, list[TreeJoint]] = {}
     for joint in tree.joints:
         if joint.name in seen:
             joint.fail("found a second joint of this name, expected one")
@@ -342,17 +342,13 @@ def _ordered(tree: LinkTree) -> tuple[TreeLink, list[TreeJoint]]:
                 "tree of links cannot say; describe the loop in a robot file (loops:)"
             )
         carrier[joint.child] = joint
-        leaving.setdefault(joint.parent, []).append(joint)
     roots = [name for name in links if name not in carrier]
     if len(roots) != 1:
         found = f"{len(roots)} links without a parent ({listed(roots)})" if roots else "a cycle of joints"
         raise BeamstiffError(f"{tree.source}: found {found}, expected one base link that all others hang on")
-    order: list[TreeJoint] = []
-    waiting = list(reversed(leaving.get(roots[0], [])))
-    while waiting:
-        joint = waiting.pop()
-        order.append(joint)
-        waiting += reversed(leaving.get(joint.child, []))
+    carried: nx.DiGraph[str] = nx.DiGraph([(joint.parent, joint.child) for joint in tree.joints])
+    carried.add_node(roots[0])
+    order = [carrier[name] for name in nx.dfs_preorder_nodes(carried, roots[0]) if name in carrier]
     if len(order) < len(tree.joints):
         lost = next(joint for joint in tree.joints if joint not in order)
         lost.fail(f"is part of a cycle of joints that does not hang on the base link {roots[0]!r}")

@@ -55,14 +55,11 @@ def bare(robot: Robot) -> Robot:
     masses = list(robot.masses)
     for effect in robot.effects:
         parameters = _numbers(effect)
-        if (
-            effect.effect == "payload-error"
-            and set(parameters) <= {"mass", *_LEVERS}
-            and "mass" in parameters
-        ):
+        known = {"mass"} <= set(parameters) <= {"mass", *_LEVERS}
+        if effect.effect == "payload-error" and known:
             mass = parameters["mass"]
-            lever = [parameters.get(name, 0.0) / mass for name in _LEVERS]
-            masses.append(Mass(node=robot.tcp, mass=mass, at=tuple(lever)))  # type: ignore[arg-type]
+            x, y, z = (parameters.get(name, 0.0) / mass for name in _LEVERS)
+            masses.append(Mass(node=robot.tcp, mass=mass, at=(x, y, z)))
     return robot.model_copy(update={"masses": tuple(masses)})
 
 

@@ -28,7 +28,7 @@ SAME = 1e-9  # of a stiffness: not worth an edit
 LEAST_INERTIAL = '<inertial pos="0 0 0" mass="{0}" diaginertia="{0} {0} {0}"/>'.format(repr(LEAST_MASS))
 
 
-def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tuple[str, tuple[str, ...]]:
+def mjcf_like(robot: Robot, text: str, file: str) -> tuple[str, tuple[str, ...]]:
     """Return an MJCF text with the compliance of a robot in it, and what of the robot it does not say.
 
     `file`: the path of the text, from which MuJoCo finds meshes and included files.
@@ -70,11 +70,11 @@ def mjcf_like(robot: Robot, text: str, file: str, settle: float = SETTLE) -> tup
                 continue
             at_home, axis = there[:3, :3] @ spring.at + there[:3, 3], there[:3, :3] @ spring.axis
             moved = replace(spring, at=at_home, axis=axis, rest=0.0)  # the balancer's tendon is not written
-            added.setdefault(place, []).append(joint_text(moved, settle, 0.0))
+            added.setdefault(place, []).append(joint_text(moved, SETTLE, 0.0))
     edits += [
         Edit(at, at, "".join(around.format(line) for line in lines)) for (at, around), lines in added.items()
     ]
-    edits += _at_tool(robot, tree, root, data, elements, settle, lost)
+    edits += _at_tool(robot, tree, root, data, elements, lost)
     result = apply_edits(data, edits) if edits else text
     return result, tuple(lost)
 
@@ -151,13 +151,7 @@ def _restiffened(data: bytes, element: Element, spring: BodyJoint) -> Edit:
 
 
 def _at_tool(
-    robot: Robot,
-    tree: BodyTree,
-    root: Element,
-    data: bytes,
-    elements: dict[str, Element],
-    settle: float,
-    lost: list[str],
+    robot: Robot, tree: BodyTree, root: Element, data: bytes, elements: dict[str, Element], lost: list[str]
 ) -> Iterator[Edit]:
     """Yield the edit that puts the TCP's site into a body behind the springs of the tool."""
     tools = [(number, body) for number, body in enumerate(tree.bodies) if body.name == "tool-compliance"]
@@ -178,7 +172,7 @@ def _at_tool(
         lines = [f'<body name="{body.name}">', f"  {LEAST_INERTIAL}"]
         for joint in body.joints:
             at, axis = there[:3, :3] @ joint.at + there[:3, 3], there[:3, :3] @ joint.axis
-            lines.append(f"  {joint_text(replace(joint, at=at, axis=axis), settle, 0.0)}")
+            lines.append(f"  {joint_text(replace(joint, at=at, axis=axis), SETTLE, 0.0)}")
         lines += [f"  {data[site.start : site.end].decode()}", "</body>"]
         yield Edit(site.start, site.end, f"\n{indent}".join(lines))
 

@@ -112,11 +112,14 @@ def _pose(mujoco: Any, position: Array, quaternion: Array) -> Array:
     return transform(rotation.reshape(3, 3), np.array(position))
 
 
+KINDS: dict[int, Kind] = {2: "prismatic", 3: "revolute"}
+
+
 def _joint(joint: Any, parent: str, frame: Array, mimics: dict[str, Mimic]) -> TreeJoint | None:
     """Return a joint at its anchor; its zero is the file's posture less `ref`."""
-    kind: Kind | None = {2: "prismatic", 3: "revolute"}.get(int(joint.type[0]))  # type: ignore[assignment]
-    if kind is None:
+    if (number := int(joint.type[0])) not in KINDS:
         return None
+    kind = KINDS[number]
     name, axis = joint.name or f"joint_{joint.id}", np.array(joint.axis)
     at, start = transform(np.eye(3), np.array(joint.pos)), float(joint.qpos0[0])
     placed = frame @ at

@@ -49,7 +49,7 @@ def poses(seed: int, count: int = 40, straight: bool = False) -> Measurements:
 
 
 def fitted(rows: Measurements, **options: object) -> Calibration:
-    return calibrate(ROBOT, rows, ["base"], compliances=SPRINGS, folds=0, **options)  # type: ignore[arg-type]
+    return calibrate(ROBOT, rows, ["base"], compliances=SPRINGS, folds=0, **options)
 
 
 def told(found: Calibration) -> tuple[np.ndarray, np.ndarray]:

@@ -189,7 +189,7 @@ def test_tangent_is_the_derivative_of_the_forces(name: str) -> None:
 
     tangent = np.zeros((2, 6 * bodies, 6 * bodies))
     constant = Tangent(np.zeros_like(layout.stiffness), np.zeros((2, len(topology.rods))), [])
-    add_stiffness(tangent, topology, layout, state, strain_of(topology, layout, state), force, constant)
+    add_stiffness(tangent, topology, layout, strain_of(topology, layout, state), force, constant)
     for column in rng.choice(6 * bodies, 12, replace=False):
         step = np.zeros((2, bodies, 6))
         step.reshape(2, -1)[:, column] = 1e-6

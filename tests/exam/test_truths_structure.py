@@ -77,7 +77,7 @@ def opening(p: Parameters) -> Rates:
 
 def unloading(p: Parameters) -> Rates:
     """Return that one row of a bearing is left once the other is unloaded."""
-    at = p["strain"] / p["tilt"]
+    at = p["from"] / p["tilt"]
     rows: Rates = []
     for axis, c in ((4, p["tilt"]), (3, p["other"] * p["tilt"])):  # not turned: y is the first way across
         rows += [(axis, 0.0, 1e-2 * at, c, 2e-3), (axis, 40.0 * at, 1e-2 * at, c / p["loose"], 2e-2)]

@@ -15,7 +15,7 @@ def test_the_same_is_told_in_less_time_for_moving() -> None:
     for name in ROBOTS:
         for seed in range(3):
             asked = {"moment": 300.0, "sigma_rotation": 5e-5, "candidates": 100, "seed": seed}
-            best, sooner = plan(name, **asked), plan(name, speed=["30 deg/s"], **asked)  # type: ignore[arg-type]
+            best, sooner = plan(name, **asked), plan(name, speed=["30 deg/s"], **asked)
             assert sooner.moving is not None
             told = sooner.campaign.design.value / best.campaign.design.value
             assert told >= 1.0 - SLACK - 1e-9
@@ -33,16 +33,16 @@ def test_speeds_that_the_robot_states_are_as_good_as_those_that_are_given() -> N
     asked = {"moment": 300.0, "candidates": 60, "tests": 8}
     robot = load_robot("kr500")
     stated = tuple(one.model_copy(update={"speed": 0.5 if one.actuated else None}) for one in robot.variables)
-    own = plan(robot.model_copy(update={"variables": stated}), **asked)  # type: ignore[arg-type]
-    given = plan(robot, speed=["0.5 rad/s"], **asked)  # type: ignore[arg-type]
+    own = plan(robot.model_copy(update={"variables": stated}), **asked)
+    given = plan(robot, speed=["0.5 rad/s"], **asked)
     assert own.moving == given.moving
     assert own.to_csv() == given.to_csv()
 
 
 def test_a_slow_joint_moves_less() -> None:
     asked = {"moment": 300.0, "sigma_rotation": 5e-5, "candidates": 100}
-    even = plan("kr500", speed=["30 deg/s"], **asked)  # type: ignore[arg-type]
-    slow = plan("kr500", speed=["30 deg/s", "q1=2 deg/s"], **asked)  # type: ignore[arg-type]
+    even = plan("kr500", speed=["30 deg/s"], **asked)
+    slow = plan("kr500", speed=["30 deg/s", "q1=2 deg/s"], **asked)
     way = [np.abs(np.diff(one.campaign.tests.q[:, 0])).sum() for one in (even, slow)]
     assert way[1] < 0.7 * way[0]
 

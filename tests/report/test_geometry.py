@@ -53,6 +53,6 @@ def test_what_the_robot_file_gives_no_place_for_has_no_nominal_value() -> None:
             Found(Parameter("q2", "offset", "rad", 1e-3, 1), 0.0, 1e-3, 1e-5),
         )
 
-    rows = parameters_table(Sought(), "found").rows  # type: ignore[arg-type]
+    rows = parameters_table(Sought(), "found").rows
     assert [row[1] for row in rows] == ["-", "50.0000", "0.0000", "0.0000"]
     assert [row[3] for row in rows] == ["-", "1.0000", "1.0000", "0.0573"]

@@ -58,11 +58,12 @@ def test_a_robot_with_other_stiffness_loads_and_predicts_the_same(what: tuple[st
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", sorted(name for name, robot in BUNDLED.items() if robot.identify))
+# a beam is never rigid: robots whose first value is that of a joint
+@pytest.mark.parametrize(
+    "name", sorted(n for n, robot in BUNDLED.items() if robot.identify and robot.identify[0][-2:] != ".E")
+)
 def test_what_became_rigid_is_not_to_be_identified_any_more(name: str) -> None:
     gone, *left = BUNDLED[name].identify
-    if gone.endswith(".E"):
-        pytest.skip("a beam is never rigid")
     robot = BUNDLED[name].with_parameters({gone: RIGID})
     assert saved(robot).identify == tuple(left)
 

@@ -64,14 +64,11 @@ def test_weight_and_load_together(name: str) -> None:
     assert max(errors(robot, pushes(robot, 10.0))) < 2e-3
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", [0, 2, 4, 6, 7, 8, 12, 15])  # the others up to 15 are mechanisms
 def test_random_structures_of_all_kinds_of_parts(seed: int) -> None:
     robot = weightless(machine_frame(seed, more=4, loops=2).robot())
     push = make_measurements([], [[]], tcp=robot.tcp, wrench=[[1e-3, 2e-3, 3e-3, 1e-4, 2e-4, 3e-4]])
-    try:
-        ours = predict_displacements(robot, push, True)
-    except BeamstiffError:
-        pytest.skip("a mechanism")
+    ours = predict_displacements(robot, push, True)
     theirs = mujoco_deflection(robot, push)[0]
     np.testing.assert_allclose(theirs, ours, rtol=1e-5, atol=1e-13)
 

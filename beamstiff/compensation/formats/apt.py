@@ -33,7 +33,7 @@ def read(text: str, source: str) -> Program:
     places: list[Place] = []
     left: dict[str, list[int]] = {}
     moved: StatedFrame | None = None
-    unit, axis = 1e-3, (0.0, 0.0, 1.0)
+    unit, axis = 1e-3, tuple[float, ...]((0.0, 0.0, 1.0))
     for number, at, statement in _statements(text):
         match = _WORD.match(statement)
         if match is None or _TEXT.match(statement):
@@ -48,7 +48,7 @@ def read(text: str, source: str) -> Program:
             slots = _numbers(tail, at + match.end(), source, number, name, unit)
             place = Place(name, number, slots[:3], slots[3:], () if slots[3:] else axis, base=moved)
             if place.orientation:
-                axis = tuple(slot.value for slot in place.orientation)  # type: ignore[assignment]
+                axis = tuple(slot.value for slot in place.orientation)
             places.append(place)
         elif word in ("GODLTA", "CIRCLE", "FROM", "ARC", "MOVARC"):
             left.setdefault(word, []).append(number)

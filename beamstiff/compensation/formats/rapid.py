@@ -47,9 +47,9 @@ def read(text: str, source: str) -> Program:
         items = found if count else [found]
         for number, item in enumerate(items, start=1):
             label = f"{name}{{{number}}}" if count else name
-            places.append(_target(item, label, code, at, text, source, travelling))
+            places.append(_target(item, label, code, at, source, travelling))
     for start, stop in zip(ends[::2], [*ends[1::2], len(code)], strict=True):
-        places += _elsewhere(code, start, stop, text, source, travelling)
+        places += _elsewhere(code, start, stop, source, travelling)
     places.sort(key=lambda place: place.position[0].start)
     if not places:
         raise BeamstiffError(
@@ -80,17 +80,13 @@ def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
     yield from sorted(found, key=lambda item: item[1])
 
 
-def _elsewhere(
-    code: str, start: int, stop: int, text: str, source: str, travelling: list[int]
-) -> Iterator[Place]:
+def _elsewhere(code: str, start: int, stop: int, source: str, travelling: list[int]) -> Iterator[Place]:
     """Yield the targets of a part of the text that are only assigned or passed on."""
     for match in _NESTED.finditer(code, start, stop):
         try:
             found, _ = _bracket(code, match.start(), source, "")
             name = _NAME.search(code, max(start, match.start() - 100), match.start())
-            yield _target(
-                found, name[1] if name else "robtarget", code, match.start(), text, source, travelling
-            )
+            yield _target(found, name[1] if name else "robtarget", code, match.start(), source, travelling)
         except BeamstiffError:
             continue  # other data: tools, work objects, poses
 
@@ -132,9 +128,7 @@ def _bracket(code: str, at: int, source: str, name: str) -> tuple[list[object], 
     _fail(source, code, at, name, "found '[' without its ']'")
 
 
-def _target(
-    item: object, name: str, code: str, at: int, text: str, source: str, travelling: list[int]
-) -> Place:
+def _target(item: object, name: str, code: str, at: int, source: str, travelling: list[int]) -> Place:
     """Return the target of a literal; its line goes to `travelling` where external axes are not at 0."""
     if not isinstance(item, list) or len(item) != 4 or not all(isinstance(part, list) for part in item):
         count = len(item) if isinstance(item, list) else 1
@@ -147,7 +141,7 @@ def _target(
         if len(part) != size or not all(isinstance(number, tuple) for number in part):
             where = part[0][0] if part and isinstance(part[0], tuple) else at
             _fail(source, code, where, name, f"found {len(part)} numbers for the {what}, expected {size}")
-    line = line_of(text, item[0][0][0])
+    line = line_of(code, item[0][0][0])
     if any(0.0 < abs(float(number)) < NO_AXIS for _, number in item[3]):
         travelling.append(line)
     units = (MILLIMETRE, 1.0)

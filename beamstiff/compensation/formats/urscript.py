@@ -162,11 +162,9 @@ def _meanings(script: _Script, match: re.Match[str], line: int) -> list[tuple[st
     goals = [place for place, use in uses if use == "target"]
     if not goals:
         kinds = {use for _, use in uses}
-        return (
-            []
-            if kinds & {"frame", "tool"}
-            else [("relative" if "relative" in kinds else "unused", Place(name, line))]
-        )
+        if kinds & {"frame", "tool"}:
+            return []
+        return [("relative" if "relative" in kinds else "unused", Place(name, line))]
     base, tool = (
         common_frame([where(goal) for goal in goals], name, line) for where in (script.frame, script.tool)
     )

@@ -19,7 +19,6 @@ class Process(Protocol):
         order gives the direction of travel, its columns all else. Returns (N, 6) array: ``[f, m]`` on the
         tool at its tip, base frame, N and N m.
         """
-        ...
 
 
 @dataclass(frozen=True)

@@ -172,11 +172,11 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         lags = [Quantity(_name(one), unit_of(axis), size, positive=True) for one in ways]
 
         def every(limits: Sequence[tuple[float, float]], then: str = "", of: Array | None = None) -> Term:
-            held = held_shares(baseline, axis, ways, wound, limits, of, way)  # noqa: B023
+            held = held_shares(baseline, axis, ways, wound, limits, of, way)  # noqa: B023 (called in this turn)
             return by_slips(-axis.shift, held.reshape(len(held), -1)), tuple(
                 replace(one, name=f"{one.name}_{_limit(limit)}{then}", size=0.5 * one.size)
                 for limit in limits
-                for one in lags  # noqa: B023
+                for one in lags  # noqa: B023 (called in this turn)
             )
 
         steady = every(STEADY)

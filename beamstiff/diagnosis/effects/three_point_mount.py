@@ -7,7 +7,7 @@ others, and softer to one side of each: no compliance, and no law by axis, does 
 not known beforehand: they are taken where they explain most of the gap, and the choice is paid for.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -102,8 +102,8 @@ def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
     )
     turned = tilt @ seats.directions.T  # (N, 6, 3)
     columns = []
-    for law in _laws():
-        given = law(loaded) - (0.0 if baseline.absolute else law(dead))
+    for by_load, by_weight in zip(_laws(loaded), _laws(dead), strict=True):
+        given = by_load - (0.0 if baseline.absolute else by_weight)
         columns += [
             np.einsum("nas,ns->na", turned, given),
             place.shift[:, :, 2] * given.mean(axis=1)[:, None],
@@ -111,11 +111,11 @@ def by_seats(baseline: Baseline, place: Place, seats: Seats) -> Array:
     return np.stack(columns, -1)
 
 
-def _laws() -> Iterator[Callable[[Array], Array]]:
-    yield np.abs
+def _laws(force: Array) -> Iterator[Array]:
+    yield np.abs(force)
     for knee in KNEES:
-        yield lambda force, at=knee: np.maximum(force - at, 0.0) / (1.0 - at)  # type: ignore[misc]
-        yield lambda force, at=knee: np.minimum(force + at, 0.0) / (1.0 - at)  # type: ignore[misc]
+        yield np.maximum(force - knee, 0.0) / (1.0 - knee)
+        yield np.minimum(force + knee, 0.0) / (1.0 - knee)
 
 
 def _stated(baseline: Baseline) -> Seats | None:

@@ -1,6 +1,7 @@
 """States that could be measured next: load cycles at postures, and where else a reflector could sit."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,8 +158,8 @@ def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns:
     """Return states (R, A) under wrenches (R, 6) at the TCP, of the kind of a table, nothing measured."""
     kind = "position" if like.kind == "absolute" else "displacement"
     nothing = np.full((len(q), 3 if kind == "position" else 6), np.nan)
-    more = {kind: nothing, **columns}
-    return make_measurements(list(like.variables), q, tcp=tcp, wrench=wrench, source="<next>", **more)  # type: ignore[arg-type]
+    more: dict[str, Any] = {kind: nothing, **columns}
+    return make_measurements(list(like.variables), q, tcp=tcp, wrench=wrench, source="<next>", **more)
 
 
 def reflector_nodes(baseline: Baseline) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,9 @@ def examined_crowded(
     seal, robot = drawn.label.digest(), drawn.robot
     rows = drawn.measured(np.random.default_rng([exam.seed, drawn.label.case, 4]))
     asked: dict[str, Callable[[], Any]] = {
-        EXAMINED: lambda: examiner.diagnose(robot, rows, without=(), seed=0)
+        EXAMINED: partial(examiner.diagnose, robot, rows, without=(), seed=0)
     }
-    for name, control in examiner.controls.items():
-        asked[name] = lambda control=control: control(robot, rows, ())  # type: ignore[misc]
+    asked |= {name: partial(control, robot, rows, ()) for name, control in examiner.controls.items()}
     answers = {name: _answer(ask, drawn) for name, ask in asked.items()}
     reports = {name: dict(report) for name, (_, report, _) in answers.items()}
     promises = {name: shifts and plain(shifts) for name, (_, _, shifts) in answers.items()}
@@ -84,13 +84,10 @@ def _opened(reply: Reply, shifts: Shifts | None, drawn: CrowdedCase) -> Reply:
         float(np.hypot(1e3 * drawn.left_by([*some]), label.noise_mm))
         for some in (real | {cause for cause in label.library if cause.hidden}, real)
     ]
-    reply = replace(reply, least_mm=ends[0], left_mm=ends[1])
-    if not reply.named:
-        return reply
-    return replace(
-        reply,
-        closing=0.0 if shifts is None else true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts),
-    )
+    closing = 0.0 if reply.named else None
+    if shifts is not None:
+        closing = true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts)
+    return replace(reply, least_mm=ends[0], left_mm=ends[1], closing=closing)
 
 
 def true_closing(truth: Array, kind: str, shifts: Shifts) -> float:

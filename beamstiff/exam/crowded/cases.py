@@ -276,19 +276,18 @@ def in_order(gap: Array, parts: Array) -> tuple[list[int], list[float]]:
     return order, [(before - after) / (squares[0] or 1.0) for before, after in pairwise(squares)]
 
 
+Rows = Callable[[Sequence[Truth]], Array]  # what a machine with some effects reads
+
+
 def _draw_effects(
-    rng: np.random.Generator,
-    robot: Robot,
-    rows: Callable[[Sequence[Truth]], Array],
-    outside: bool,
-    exam: CrowdedExam,
+    rng: np.random.Generator, robot: Robot, rows: Rows, outside: bool, exam: CrowdedExam
 ) -> list[Truth]:
-    """Return effects, each at a place of its own, the largest first, from what a machine with some reads."""
+    """Return effects, each at a place of its own, the largest first."""
     still = rows(())
 
-    def contribution(truth: Truth) -> float:
+    def contribution(truth_of: Callable[[float], Truth], size: float) -> float:
         try:
-            return _rms(rows((truth,)) - still)
+            return _rms(rows((truth_of(size),)) - still)
         except BeamstiffError:  # so large that the machine buckles under it
             return float("inf")
 
@@ -304,10 +303,10 @@ def _draw_effects(
                 continue
             if (truth.component or effect) in [one.component or one.effect for one in found]:
                 continue
-            sizes = partial(resized, truth, robot, seed=seed)
-            size, reached = size_for(lambda s, sizes=sizes: contribution(sizes(s)), wanted)  # type: ignore[misc]
+            truth_of = partial(resized, truth, robot, seed=seed)
+            size, reached = size_for(partial(contribution, truth_of), wanted)
             if MET[0] <= reached / wanted <= MET[1]:
-                found.append(sizes(size))
+                found.append(truth_of(size))
                 break
         if not found:
             raise BeamstiffError("no effect is large enough to be the largest")

@@ -70,13 +70,11 @@ def _of_kind(kind: Kind) -> Callable[[CrowdedLabel], bool]:
 def nothing_named(pairs: Pairs, kind: Literal["clean", "geometry"]) -> Figure:
     """Return the share of cases where neither cause nor ``unknown`` is said, but the geometry that is off."""
     mine = OF_GEOMETRY if kind == "geometry" else ()
-    quiet = _rate(
-        lambda _, reply: (
-            effect_of(reply.verdict) in (NONE, *mine) and all(effect_of(key) in mine for key in reply.named)
-        ),
-        _of_kind(kind),
+    return rate(
+        effect_of(reply.verdict) in (NONE, *mine) and all(effect_of(key) in mine for key in reply.named)
+        for label, reply in pairs
+        if label.kind == kind
     )
-    return quiet(pairs)
 
 
 def named_real(pairs: Pairs) -> Figure:
@@ -150,16 +148,9 @@ def figures(records: Sequence[CrowdedRecord]) -> Iterator[dict[str, Row]]:
     """Yield each figure by who replied; what is required is required of the examined diagnosis."""
     who = names_of(records)
     for name, score, required, better, share in FIGURES:
-        yield {
-            one: Row(
-                name,
-                score(pairs_of(records, one)),
-                required if one == EXAMINED else None,
-                better=better,
-                share=share,
-            )
-            for one in who
-        }
+        reached = {one: score(pairs_of(records, one)) for one in who}
+        asked = {EXAMINED: required}
+        yield {one: Row(name, reached[one], asked.get(one), None, better, share) for one in who}
 
 
 def crowded_dict(records: Sequence[CrowdedRecord]) -> dict[str, object]:

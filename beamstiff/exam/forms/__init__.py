@@ -84,12 +84,9 @@ def came_to_rest(truth: Truth, campaign: SimulatedCampaign) -> Truth:
 
     Raises BeamstiffError when the effect is no slip.
     """
-    author = author_of(truth)
-    if truth.effect == "target-slip" and author == 1:
-        return tool.came_to_rest(truth)
-    if truth.effect == "target-slip" and author == 4:
-        return geometry.came_to_rest(truth, len(campaign))
-    raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")
+    if truth.effect != "target-slip":
+        raise BeamstiffError(f"effect {truth.effect!r}, form {truth.form!r}: cannot come to rest")
+    return tool.came_to_rest(truth) if author_of(truth) == 1 else geometry.came_to_rest(truth, len(campaign))
 
 
 def imposed(truth: Truth, reality: Reality) -> Reality:

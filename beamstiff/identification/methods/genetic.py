@@ -16,7 +16,7 @@ SIZE = 10  # candidates per free value
 TOLERANCE = 1e-10  # spread of the population's costs over their mean at which it is done
 
 
-def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # noqa: ARG001
+def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     """Minimise within `minimise.searched`; `begin` is one of the first generation."""
     low, high = searched(search.objective.parameters, begin)
     size = min(effort.population or max(SIZE * begin.size, LEAST), max(effort.evaluations, LEAST))

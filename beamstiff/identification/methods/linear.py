@@ -21,7 +21,7 @@ CLOSE = (
 SHORTEST = 1e-4  # share of a step
 
 
-def run(method: str, search: Search, begin: Array, effort: Effort) -> str:  # noqa: ARG001
+def run(method: str, search: Search, begin: Array, effort: Effort) -> str:
     """Minimise in the compliances ``exp(-theta)``, by Gauss-Newton steps within the bounds."""
     objective = search.objective
     if objective.loss != "linear":

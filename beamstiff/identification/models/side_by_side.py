@@ -153,11 +153,11 @@ class Models(Shown):
         }
 
 
-def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
+def _rigid(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001 (as all of `FITS`)
     return Fitted(RigidModel(), "no compliance at all")
 
 
-def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001
+def _nominal(robot: Robot, table: Measurements, options: Options) -> Fitted:  # noqa: ARG001 (as all of `FITS`)
     return Fitted(StructuralModel(robot), "stiffness as the robot's file says")
 
 

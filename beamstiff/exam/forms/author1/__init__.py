@@ -4,10 +4,8 @@ from beamstiff.exam.components import nowhere
 from beamstiff.exam.forms.author1 import drives, geometry, levers, measurement, outside, structure, tool
 from beamstiff.exam.machine import components_of, drives_of
 
-FORMS = (
-    *structure.FORMS, *tool.FORMS, *levers.FORMS, *drives.FORMS, *geometry.FORMS, *measurement.FORMS,
-    *outside.FORMS,
-)  # fmt: skip
+_MODULES = (structure, tool, levers, drives, geometry, measurement, outside)
+FORMS = tuple(form for module in _MODULES for form in module.FORMS)
 PLACES = {
     "link-bending": structure.links, "bearing-tilt": components_of, "base-compliance": nowhere,
     "tool-compliance": nowhere, "tool-offset": nowhere,

@@ -8,7 +8,7 @@ import numpy as np
 from beamstiff.exam.added_parts import pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import turning_drives, turns
-from beamstiff.exam.draws import at_joint, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import at_joint, by_ratio, each, evenly, signed, sized
 from beamstiff.exam.effect import Reality, built, curve, form, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, rubbing, winding
 from beamstiff.exam.machine import Cross, Machine, components_of, joints_of, own_stiffness
@@ -25,9 +25,10 @@ SLIDERS = 10
 SHARE = (0.02, 0.8)  # of the geometric mean of the two compliances
 
 
-def draw_backlash(request: DrawRequest) -> dict[str, float]:
-    """Return half the play, rad, and what stiffness is left in it."""
-    return request.drawn(half=at_joint(sized(*HALF)), left=evenly(0.01, 0.04))
+# half the play, rad, and what stiffness is left in it
+BACKLASH = each(half=at_joint(sized(*HALF)), left=evenly(0.01, 0.04))
+# the friction torque over the stiffness, rad, and how much of the stiffness at first slides
+FRICTION = each(friction=at_joint(sized(*LOST)), sliding=evenly(0.35, 0.7))
 
 
 def _play(p: Parameters, k: float, stages: list[tuple[float, float]]) -> Law:
@@ -126,11 +127,6 @@ def _sinh(p: Parameters, k: float, e: Array) -> Curved:
     return soft * (scale * np.sinh(x) + (e - scale * x) * np.cosh(x)), soft * np.cosh(x)
 
 
-def draw_friction(request: DrawRequest) -> dict[str, float]:
-    """Return the friction torque over the stiffness, rad, and how much of the stiffness at first slides."""
-    return request.drawn(friction=at_joint(sized(*LOST)), sliding=evenly(0.35, 0.7))
-
-
 def _iwan(p: Parameters, stiffness: float, variable: str) -> Law:
     """Return sliders beside a spring, each behind one of its own, that slip at evenly spaced strains."""
     friction = stiffness * p["friction"]
@@ -200,10 +196,10 @@ def _by_gear(p: Parameters, machine: Machine, pair: str) -> Machine:
 
 _SHARE = signed(sized(*SHARE))
 FORMS = (
-    law("backlash", "sharp", _sharp, draw_backlash, rest=evenly(-0.8, 0.8)),
-    law("backlash", "smooth", lambda p, k, _: _play(p, k, [(1.0, 1.0)]), draw_backlash),
+    law("backlash", "sharp", _sharp, BACKLASH, rest=evenly(-0.8, 0.8)),
+    law("backlash", "smooth", lambda p, k, _: _play(p, k, [(1.0, 1.0)]), BACKLASH),
     law("backlash", "stages", lambda p, k, _: _play(p, k, [(p["share"], 0.5), (1.0 - p["share"], 2.5)]),
-        draw_backlash, share=evenly(0.4, 0.8)),
+        BACKLASH, share=evenly(0.4, 0.8)),
     form("joint-compliance", "plain", _compliance, draw_compliance),
     form("joint-compliance", "helped", _compliance,
          draw_compliance, **{"from": by_ratio(1e-4, 1e-3), "more": evenly(0.2, 0.8)}),
@@ -211,8 +207,8 @@ FORMS = (
     wind_up("hardening", "piecewise", _piecewise,
             draw_hardening, middle=evenly(0.3, 0.7), first=evenly(0.25, 0.4)),
     curve("hardening", "sinh", _sinh, draw_hardening),
-    law("hysteresis", "iwan", _iwan, draw_friction),
-    law("hysteresis", "bouc-wen", _bouc_wen, draw_friction, arrived=evenly(-0.9, 0.9)),
+    law("hysteresis", "iwan", _iwan, FRICTION),
+    law("hysteresis", "bouc-wen", _bouc_wen, FRICTION, arrived=evenly(-0.9, 0.9)),
     built("joint-coupling", "compliance", _by_compliance, share=_SHARE),
     built("joint-coupling", "gear", _by_gear, share=_SHARE, ratio=evenly(0.5, 2.0)),
 )  # fmt: skip

@@ -73,7 +73,7 @@ def _told_apart(robot: Robot, names: list[str]) -> list[str]:
 
 def _closes(robot: Robot, component: str) -> bool:
     """Return whether rigid loops still close with an error; others would bend the machine."""
-    errors = {component: LENGTH[1] if _kind(robot, component) == "length" else ANGLE[1]}
+    errors = {component: LENGTH[1] if kind_of(robot, component) == "length" else ANGLE[1]}
     q = np.array([[stroke(robot, v.name)[0] for v in robot.actuated]])
     try:
         place(skeleton_of(robot, errors), q, errors)
@@ -84,14 +84,15 @@ def _closes(robot: Robot, component: str) -> bool:
 
 def draw_geometry(request: DrawRequest) -> dict[str, float]:
     """Return the error, rad or m; and of the frame's other kind one that comes with it."""
-    kind = _kind(request.robot, str(request.component))
+    kind = kind_of(request.robot, str(request.component))
     found = {"error": request.sign() * request.sized(*(ANGLE if kind == "angle" else LENGTH))}
     if request.form == "skewed" and "." in str(request.component) and not request.robot.loops:
         found["other"] = 0.1 * request.sign() * request.sized(*(LENGTH if kind == "angle" else ANGLE))
     return found
 
 
-def _kind(robot: Robot, component: str) -> str:
+def kind_of(robot: Robot, component: str) -> str:
+    """Return whether the error of an encoder, or of a frame's parameter, is an angle or a length."""
     if "." in component:
         return FRAME_PARAMETERS[component.rsplit(".", 1)[1]]
     return next(v.kind for v in robot.variables if v.name == component)
@@ -125,8 +126,7 @@ def _payload(p: Parameters, machine: Machine, _: str) -> Machine:
     rest = [mass for mass in machine.masses if mass.node != machine.tcp]
     kilograms = sum(mass.mass for mass in carried)
     centre = sum((mass.mass * np.array(mass.at) for mass in carried), np.zeros(3)) / (kilograms or 1.0)
-    at = tuple(map(float, centre + vector(p)))
-    payload = Mass(node=machine.tcp, mass=kilograms + p["mass"], at=at)  # type: ignore[arg-type]
+    payload = Mass(node=machine.tcp, mass=kilograms + p["mass"], at=tuple((centre + vector(p)).tolist()))
     return dataclasses.replace(machine, masses=(*rest, payload))
 
 

@@ -37,7 +37,7 @@ def draw_lever(request: DrawRequest) -> dict[str, float]:
     crank, frame = request.uniform(0.2, 0.35), request.uniform(0.8, 1.3)
     way = request.sign()
     direct = [1.0] if request.form == "rod" and half <= WIDEST else []
-    best: tuple[float, float, float] | None = None
+    best = (np.inf, 0.0, 0.0)
     for gear in (*direct, *np.linspace(0.1, 1.0, 46).tolist()):
         reach = gear * half
         low, high = CLEAR + reach, np.pi - CLEAR - reach
@@ -47,11 +47,10 @@ def draw_lever(request: DrawRequest) -> dict[str, float]:
         arms = lever(crank, frame, starts[:, None] + np.linspace(-reach, reach, 31))[0] ** 2
         miss = np.abs(np.log(arms.max(axis=1) / arms.min(axis=1) / swing))
         at = int(miss.argmin())
-        if best is None or miss[at] < best[0]:
+        if miss[at] < best[0]:
             best = (float(miss[at]), float(starts[at]), float(gear))
         if gear == 1.0 and best[0] < NEAR:
             break  # a rod on the joint itself
-    assert best is not None
     return {"crank": crank, "frame": frame, "start": best[1], "gear": best[2], "way": way, "middle": middle}
 
 

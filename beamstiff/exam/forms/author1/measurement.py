@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from beamstiff.exam.campaign import Array, SimulatedCampaign
-from beamstiff.exam.draws import SEED, always, direction, evenly, signed, sized
+from beamstiff.exam.draws import SEED, always, direction, each, evenly, product, signed, sized
 from beamstiff.exam.effect import Seen, load, reading
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import turn, turned_by
@@ -60,35 +60,15 @@ def _pulley(p: Parameters, seen: Seen, wrench: Array) -> Array:
 
 def _growing(campaign: SimulatedCampaign, wrench: Array) -> Array:
     """Return 1 where the load grew since the state before in its pose, -1 where it shrank, (N,)."""
-    size = np.linalg.norm(wrench, axis=1)
-    growing = np.ones(len(size))
-    order = np.lexsort((campaign.step, campaign.pose))
-    last: dict[int, tuple[int, float, float, float]] = {}
-    for row in order:  # rows, not states: a few hundred cheap steps
-        pose, step = int(campaign.pose[row]), int(campaign.step[row])
-        known = last.get(pose)
-        if known is None:
-            last[pose] = (step, size[row], 0.0, 1.0)
-            continue
-        before = known[1] if known[0] != step else known[2]
-        way = known[3] if size[row] == before else float(np.sign(size[row] - before))
-        growing[row] = way
-        last[pose] = (step, size[row], before, way)
-    return growing
-
-
-def _draw_frame(request: DrawRequest) -> dict[str, float]:
-    """Return the rotation vector, rad; the scale, or how far the axes are from square."""
-    angle = request.sized(*FRAME_ANGLE)
-    found = request.direction(angle)
-    if request.form == "scaled":
-        found["scale"] = angle * request.uniform(-0.3, 0.3)
-    if request.form == "sheared":
-        found |= {n: angle * request.uniform(-0.5, 0.5) for n in ("xy", "xz", "yz")}
-    return found
+    first, state_of, _, turn = campaign.states()
+    size = np.linalg.norm(wrench[first], axis=1)
+    way = np.where(turn == 0, 1.0, np.sign(np.diff(size, prepend=0.0)))
+    last = np.maximum.accumulate(np.where(way == 0.0, 0, np.arange(len(way))))  # a load that stays: as before
+    return np.asarray(way[last][state_of])
 
 
 def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
+    """Return values in a frame that is turned, and scaled or sheared: its axes are not square."""
     share = REGISTERED if seen.absolute else 1.0
     shear = np.eye(3)
     for name, (i, j) in {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}.items():
@@ -102,11 +82,6 @@ def seen_turned(R: Array, seen: Seen, values: Array) -> Array:
     """Return the rotations (N, 3) of values seen in a frame that is turned by R."""
     turned = R @ turn(values[:, 3:])
     return turned_by(turned if seen.absolute else turned @ np.swapaxes(R, -1, -2))
-
-
-def _draw_drift(request: DrawRequest) -> dict[str, float]:
-    found = request.drawn(drift=sized(*DRIFT), lag=evenly(0.1, 0.7)) | request.direction()
-    return found | {"turn": request.uniform(0.0, 0.3)}
 
 
 def _drift(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
@@ -160,11 +135,9 @@ def since_rest(campaign: SimulatedCampaign, share: Array) -> Array:
     """Return a drift (N,) less that at the pose's first row, where its rows share that unloaded reading."""
     if not (campaign.shared_unloaded and campaign.kind == "displacement"):
         return share
-    order = np.lexsort((campaign.step, campaign.pose))
-    _, first, back = np.unique(campaign.pose[order], return_index=True, return_inverse=True)
-    result = np.empty(len(share))
-    result[order] = share[order][first][back.reshape(-1)]
-    return np.asarray(share - result)
+    first, state_of, _, turn = campaign.states()
+    start = np.arange(len(turn)) - turn  # each pose's first state
+    return np.asarray(share - share[first[start][state_of]])
 
 
 def _outliers(spikes: bool, p: Parameters, seen: Seen, values: Array) -> Array:
@@ -180,6 +153,7 @@ def _outliers(spikes: bool, p: Parameters, seen: Seen, values: Array) -> Array:
     return values
 
 
+_ANGLE = sized(*FRAME_ANGLE)
 _GAIN, _SIZE, _SHARE = sized(*GAIN), sized(*SIZE), evenly(0.01, 0.05)
 FORMS = (
     load("load-error", "direction", _along, direction(sized(*LOAD_ANGLE))),
@@ -187,8 +161,13 @@ FORMS = (
     load("load-error", "quadratic", _quadratic,
          gain=signed(_GAIN), reference=always(USUAL)),
     load("load-error", "pulley", _pulley, gain=_GAIN),
-    *(reading("frame-misalignment", name, _frame, _draw_frame) for name in ("turned", "scaled", "sheared")),
-    *(reading("thermal-drift", name, partial(_drift, name), _draw_drift)
+    reading("frame-misalignment", "turned", _frame, direction(_ANGLE)),
+    reading("frame-misalignment", "scaled", _frame,
+            direction(_ANGLE), scale=product(_ANGLE, evenly(-0.3, 0.3))),
+    reading("frame-misalignment", "sheared", _frame,
+            direction(_ANGLE), **dict.fromkeys(("xy", "xz", "yz"), product(_ANGLE, evenly(-0.5, 0.5)))),
+    *(reading("thermal-drift", name, partial(_drift, name),
+              each(drift=sized(*DRIFT), lag=evenly(0.1, 0.7)), direction(), turn=evenly(0.0, 0.3))
       for name in ("lagged-time", "lagged-temperature", "growth")),
     reading("outliers", "spikes", partial(_outliers, True), size=_SIZE, share=_SHARE, seed=SEED),
     reading("outliers", "jumps", partial(_outliers, False), size=_SIZE, share=_SHARE, seed=SEED),

@@ -13,7 +13,7 @@ from beamstiff.exam.draws import PHASE, SIGN, always, by_ratio, direction, evenl
 from beamstiff.exam.effect import Drive, built, built_at_joints, in_pose, law
 from beamstiff.exam.laws import Curved, Law, Memory, Situation, curved, ramp, varying, winding
 from beamstiff.exam.machine import Machine, axes_from, components_of, drives_of
-from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
+from beamstiff.exam.parameters import Draw, Parameters, vector
 
 FIRM, TILT = 2e-10, 1e-8  # rad/(N m): of a bolt that holds, of a bearing beyond its play
 BLUNT = 2e-5  # m over which a stop is met
@@ -21,11 +21,7 @@ BLUNT = 2e-5  # m over which a stop is met
 
 def _waves(low: float, high: float, per_metre: float) -> Draw:
     """Draw how often something waves on a turn, over 2 pi, or on a metre."""
-
-    def draw(request: DrawRequest) -> float:
-        return request.uniform(low, high) * (1.0 if turns(request.robot, request.component) else per_metre)
-
-    return draw
+    return lambda r: r.uniform(low, high) * (1.0 if turns(r.robot, r.component) else per_metre)
 
 
 def _ripple(steep: bool, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:

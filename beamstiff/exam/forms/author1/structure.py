@@ -59,10 +59,7 @@ def _carries(machine: Machine, name: str, nodes: tuple[str, str]) -> bool:
     body = rest.bodies()
     if body[nodes[0]] == body[nodes[1]]:
         return False
-    ties = rest.ties
-    held = set(rest.fixed)
-    for _ in machine.nodes:
-        held |= {n for tie in ties if held & set(tie) for n in tie}
+    held = rest.held()
     return machine.tcp not in held or set(nodes) <= held
 
 
@@ -99,7 +96,7 @@ def _link(
 
 def up_of(machine: Machine, nodes: tuple[str, str]) -> Array:
     """Return a direction across the link in the frame of its first node: its section turns with it."""
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     return machine.seen_from(nodes[0], np.eye(3)[np.argmin(np.abs(b - a))])
 
 
@@ -122,7 +119,7 @@ def _hinged(p: Parameters, rigidity: Array) -> Profile:
 
 def _elbow(p: Parameters, machine: Machine, name: str, nodes: tuple[str, str]) -> Machine:
     """Return the machine with a link whose neutral line runs round a corner beside the straight one."""
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     corner = 0.5 * (a + b) + p["offset"] * np.linalg.norm(b - a) * across_link(a, b, p["side"])
     machine, elbow = machine.with_node_at("elbow", machine.node(nodes[0]).frame, corner)
     up, rigidity = up_of(machine, nodes), rigidity_of(p)
@@ -136,13 +133,10 @@ def draw_bearing(request: DrawRequest) -> dict[str, float]:
     joints = joints_of(request.robot, str(request.component))
     own = [own_stiffness(request.robot, *joint) for joint in joints]
     drive = min(own)
+    least, most = BEARING_TILT
     # a wrist's bearings are smaller, as its drives are
-    softest = (
-        BEARING_TILT[1] * slender(request.robot)
-        if drive in (0.0, math.inf)
-        else max(BEARING_TILT[1], 1.0 / drive)
-    )
-    tilt = request.sized(BEARING_TILT[0], softest)
+    softest = most * slender(request.robot) if drive in (0.0, math.inf) else max(most, 1.0 / drive)
+    tilt = request.sized(least, softest)
     radial = tilt * RADIAL * request.uniform(0.3, 1.0)
     found = {
         "tilt": tilt,
@@ -168,7 +162,8 @@ def _bearing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     if "strain" in p:
         laws |= {d: curved(partial(_contact, float(k[d]), p["strain"])) for d in others if d >= 4}
     if p.get("offset", 0.0):
-        k = _moved(k, p["offset"])
+        springs = np.diag(np.where(np.isinf(k), STIFF, k))
+        k = seen_from_foot(np.array([p["offset"], 0.0, 0.0]), springs)
     axes = hinge.axes @ about_x(p["turned"])
     return machine.with_hinge(dataclasses.replace(hinge, axes=axes, stiffness=k, laws=laws))
 
@@ -185,13 +180,6 @@ def with_tilting(
     return machine
 
 
-def _moved(k: Array, offset: float) -> Array:
-    """Return the stiffness of springs (6,) that sit `offset` along the axis from the joint's node."""
-    X = np.eye(6)
-    X[1, 5], X[2, 4] = offset, -offset  # displacement at the springs: t + r x (offset, 0, 0)
-    return np.asarray(X.T @ np.diag(np.where(np.isinf(k), STIFF, k)) @ X)
-
-
 def _contact(k: float, strain: float, e: Array) -> Curved:
     """Stiffer under load, as rolling contacts are."""
     root = np.sqrt(1.0 + (e / strain) ** 2)
@@ -202,20 +190,22 @@ def _block(p: Parameters, machine: Machine, _: str) -> Machine:
     """Springs at an elastic centre beside the machine's foot; `shift`, m: of the translations, as a lever."""
     about = p["tilt"] * np.array([1.0, p["about_y"], p["about_z"]])
     along = p["tilt"] * p["shift"] ** 2 * np.array([1.0, 0.8, 0.5])
-    return on_pedestal(
-        machine, seen_from_foot(vector(p), np.diag(np.concatenate([1.0 / along, 1.0 / about])))
-    )
+    springs = np.diag(np.concatenate([1.0 / along, 1.0 / about]))
+    return on_pedestal(machine, seen_from_foot(vector(p), springs))
 
 
 def _bolts(p: Parameters, machine: Machine, _: str) -> Machine:
     """Four bolted feet, none as stiff as the other."""
-    corners = (
-        0.5 * p["span"] * np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
-    )
+    corners = 0.5 * p["span"] * np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     shares = np.array([p[f"bolt{i}"] for i in range(4)])
     k = 1.0 / (p["tilt"] * np.sum(shares * corners[:, 1] ** 2))
-    each = np.array([p["across"], p["across"], 1.0, 0.0, 0.0, 0.0])
-    feet = [seen_from_foot(at, np.diag(k * share * each)) for at, share in zip(corners, shares, strict=True)]
+    return on_feet(machine, corners, shares * k, p["across"])
+
+
+def on_feet(machine: Machine, places: Array, upright: Array, across: float) -> Machine:
+    """Return the machine on feet at places (n, 3), of an upright stiffness (n,), N/m; `across`: over it."""
+    ways = np.array([across, across, 1.0, 0.0, 0.0, 0.0])
+    feet = [seen_from_foot(at, np.diag(k * ways)) for at, k in zip(places, upright, strict=True)]
     return on_pedestal(machine, np.sum(feet, axis=0))
 
 

@@ -1,6 +1,7 @@
 """At the tool: compliance behind it, a wrench or a reflector beside the TCP, and a reflector that slips."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.draws import always, direction, each, evenly, sized
 from beamstiff.exam.effect import Reality, Seen, built, form, reading
 from beamstiff.exam.machine import Bar, Hinge, Machine, tapered
-from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, vector
+from beamstiff.exam.parameters import Draw, Parameters, vector
 from beamstiff.robot.description import Robot
 
 TURN = (3e-7, 1.2e-5)  # rad/(N m)
@@ -55,24 +56,21 @@ def _series(p: Parameters, machine: Machine, _: str) -> Machine:
     return machine.plus(rigids=(("to the tip", (previous, machine.tcp)),))
 
 
-def _draw_offset(request: DrawRequest) -> dict[str, float]:
-    """Return where the wrench acts (x, y, z) and the reflector sits (u, v, w), m, in the node's frame."""
-    away, found = request.sized(*AWAY), dict.fromkeys("xyzuvw", 0.0)
-    for names in {"wrench": ["xyz"], "target": ["uvw"]}.get(request.form, ["xyz", "uvw"]):
-        found |= request.direction(away, names)
-    return found
-
-
 def _offset(truth: Truth, reality: Reality) -> Reality:
+    """Return the reality with the wrench (by x, y, z) and the reflector (by u, v, w) elsewhere, m."""
     lever, target = vector(truth.parameters), vector(truth.parameters, "uvw")
-    moved = {"lever": reality.lever + lever, "target": reality.target + target, "marked": CALIBRATED * target}
-    return dataclasses.replace(reality, **{n: tuple(at.tolist()) for n, at in moved.items()})  # type: ignore[arg-type]
+    return dataclasses.replace(
+        reality,
+        lever=tuple((reality.lever + lever).tolist()),
+        target=tuple((reality.target + target).tolist()),
+        marked=tuple((CALIBRATED * target).tolist()),
+    )
 
 
 def reflectors(robot: Robot) -> list[str | None]:
     """Return the reflectors, nodes that nothing but a rigid stalk holds; else the TCP, written None."""
-    ends = [name for part in robot.rigids for name in part.nodes]
-    ends += [name for part in (*robot.beams, *robot.joints, *robot.struts) for name in part.nodes]  # type: ignore[attr-defined]
+    parts: list[Any] = [*robot.rigids, *robot.beams, *robot.joints, *robot.struts]
+    ends = [name for part in parts for name in part.nodes]
     stalks = {part.nodes[1] for part in robot.rigids}
     found = [name for name in dict.fromkeys(ends) if ends.count(name) == 1 and name in stalks]
     return [name for name in found if name != robot.tcp] or [None]
@@ -97,11 +95,14 @@ def came_to_rest(truth: Truth) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
+_AWAY = sized(*AWAY)
 _SOFT: dict[str, Draw] = {"tilt": sized(*TURN), "behind": evenly(0.02, 0.12), "about": evenly(0.3, 1.5)}
 FORMS = (
     built("tool-compliance", "series", _series, **_SOFT, share=evenly(0.2, 0.6), other=evenly(0.6, 1.0)),
     built("tool-compliance", "cantilever", _cantilever, **_SOFT),
-    *(form("tool-offset", name, _offset, _draw_offset) for name in ("wrench", "target", "both")),
+    form("tool-offset", "wrench", _offset, direction(_AWAY), **dict.fromkeys("uvw", always(0.0))),
+    form("tool-offset", "target", _offset, direction(_AWAY, "uvw"), **dict.fromkeys("xyz", always(0.0))),
+    form("tool-offset", "both", _offset, direction(_AWAY), direction(_AWAY, "uvw")),
     # when it slips, and again, as shares of the rows, and by how much in the tool's frame, m
     *(reading("target-slip", name, _slip, each(again=again, when=evenly(0.2, 0.8)), direction(sized(*SLIP)))
       for name, again in (("once", always(0.0)), ("twice", evenly(0.0, 0.5)))),

@@ -6,7 +6,7 @@ import numpy as np
 
 from beamstiff.exam.added_parts import crank_stiffness, lever, pair_of, turned, with_balancer
 from beamstiff.exam.campaign import Array
-from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import PHASE, SIGN, always, at_joint, by_ratio, evenly, signed, sized
 from beamstiff.exam.effect import Drive, built, curve, in_pose, law, wind_up
 from beamstiff.exam.forms.author1 import drives as drives1
 from beamstiff.exam.forms.author1 import levers as levers1
@@ -35,6 +35,11 @@ def slackening(p: Parameters, k: float, e: Array) -> Curved:
     x4 = (e / at) ** 4
     held, slope = e / (1.0 + x4) ** 0.25, (1.0 + x4) ** -1.25
     return k * (loose * e + (1.0 - loose) * held), k * (loose + (1.0 - loose) * slope)
+
+
+def _two_way(p: Parameters, k: float, e: Array) -> Curved:
+    root = np.hypot(e, p["blunt"])
+    return k * (e + p["uneven"] * (root - p["blunt"])), k * (1.0 + p["uneven"] * e / root)
 
 
 def _arctan(p: Parameters, k: float, torque: Array) -> Curved:
@@ -133,9 +138,8 @@ def _bracket(p: Parameters, machine: Machine, pair: str) -> Machine:
     one, two, first, second = pair_of(machine, pair)
     gives = np.array([1.0, np.sign(p["share"]) * p["ratio"] * np.sqrt(first / second)])
     soft = np.diag([1.0 / first, 1.0 / second]) + strong_of(p) / first * np.outer(gives, gives)
-    return machine.plus(
-        crosses=(Cross(one, two, np.asarray(np.linalg.inv(soft) - np.diag([first, second]))),)
-    )
+    added = np.asarray(np.linalg.inv(soft) - np.diag([first, second]))
+    return machine.plus(crosses=(Cross(one, two, added),))
 
 
 def _belt(p: Parameters, machine: Machine, pair: str) -> Machine:
@@ -235,17 +239,17 @@ def _disc(p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved
 
 
 FORMS = (
-    wind_up("backlash", "arctan", _arctan, drives1.draw_backlash),
-    curve("backlash", "planets", _planets, drives1.draw_backlash, spread=evenly(0.3, 0.8)),
+    wind_up("backlash", "arctan", _arctan, drives1.BACKLASH),
+    curve("backlash", "planets", _planets, drives1.BACKLASH, spread=evenly(0.3, 0.8)),
     wind_up("hardening", "hertz", _hertz, drives1.draw_hardening),
     curve("hardening", "cubic", _cubic, drives1.draw_hardening),
     law("joint-compliance", "hertz", _contacts,
         drives1.draw_compliance, **{"from": _FROM, "more": evenly(0.5, 2.0)}),
     law("joint-compliance", "preloaded", lambda p, _, __: curved(partial(slackening, p, p["stiffness"])),
         drives1.draw_compliance, **{"from": _FROM, "loose": evenly(0.3, 0.6)}),
-    law("hysteresis", "dahl", _dahl, drives1.draw_friction, arrived=_ARRIVED),
+    law("hysteresis", "dahl", _dahl, drives1.FRICTION, arrived=_ARRIVED),
     law("hysteresis", "maxwell-slip", _maxwell_slip,
-        drives1.draw_friction, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
+        drives1.FRICTION, arrived=_ARRIVED, ratio=evenly(1.8, 3.5), fall=evenly(0.3, 1.2)),
     built("joint-coupling", "belt", _belt, **_COUPLED, slack=by_ratio(1e-4, 1e-3)),
     built("joint-coupling", "eccentric", _eccentric, **_COUPLED, depth=evenly(0.3, 0.8), phase=PHASE),
     built("joint-coupling", "bracket", _bracket, **_COUPLED),
@@ -255,4 +259,7 @@ FORMS = (
           levers1.draw_balancer, engages=evenly(-0.1, 0.1), second=evenly(0.5, 1.5)),
     in_pose("gravity-compensator", "disc", _disc,
             levers1.draw_balancer, side=SIGN, eccentric=evenly(0.2, 0.6), phase=PHASE),
+    curve("uneven-drive", "two-way", _two_way, uneven=signed(sized(0.05, 0.8)), blunt=at_joint(always(2e-5))),
+    curve("softening-drive", "slackening", slackening,
+          loose=sized(0.9, 0.2), **{"from": at_joint(by_ratio(5e-5, 5e-4))}),
 )  # fmt: skip

@@ -5,12 +5,12 @@ import numpy as np
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import drive_of
-from beamstiff.exam.draws import PHASE, direction, each, evenly, sized
+from beamstiff.exam.draws import PHASE, around, direction, each, evenly, product, signed, sized
 from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
 from beamstiff.exam.machine import Hose, Machine, stroke
-from beamstiff.exam.parameters import DrawRequest, Parameters, named, vector
+from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import turn
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS
@@ -22,6 +22,7 @@ FURTHEST = 0.12  # m that a loose part slides under its weight
 MOMENT_ARM = 0.5  # m: a moment misread by a force, for a gain of 1
 SMALL = 50.0  # N about which a load cell's gain changes from push to pull
 SHORTEST = 0.1  # m of a link that grows
+HEAD = evenly(0.8, 1.8)  # m: height of a tracker
 STAND = 3.0  # m from where drift is told to where a stand tilts
 
 
@@ -32,15 +33,12 @@ def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     if "." not in component:  # an encoder: its zero is off, and so is its track or its gear
         size = abs(plain["error"])
         if request.form == "eccentric":
-            return plain | {
-                "runout": size * request.uniform(0.3, 0.8),
-                "phase": request.uniform(0.0, 2.0 * np.pi),
-            }
+            return plain | {"runout": size * request.uniform(0.3, 0.8), "phase": PHASE(request)}
         return plain | {"scale": size * request.sign() * request.uniform(0.1, 0.4)}
     if request.robot.loops:  # a rigid loop would not close with other errors
         return plain
     if request.form == "eccentric":
-        return plain | {"runout": angle, "phase": request.uniform(0.0, 2.0 * np.pi)}
+        return plain | {"runout": angle, "phase": PHASE(request)}
     own = component.rsplit(".", 1)[1]
     for parameter in ("d", "r", "alpha", "beta"):
         if parameter != own:
@@ -70,18 +68,6 @@ def _loose(p: Parameters, machine: Machine, _: str) -> Machine:
     held = np.full(6, np.inf)
     held[0] = p["mass"] * GRAVITY / p["slides"]
     return with_loose_mass(machine, vector(p), p["away"], p["mass"], held)
-
-
-def _tracker(request: DrawRequest) -> dict[str, float]:
-    """Return where a tracker stands, m, base frame."""
-    angle, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 6.0)
-    return named(np.array([away * np.cos(angle), away * np.sin(angle), request.uniform(0.8, 1.8)]), "uvw")
-
-
-def _draw_depth(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*measurement1.FRAME_ANGLE)
-    found = request.direction(angle) | _tracker(request)
-    return found | {"deeper": angle * request.sign() * request.uniform(0.3, 0.8)}
 
 
 def _frame(p: Parameters, seen: Seen, values: Array) -> Array:
@@ -172,8 +158,7 @@ def _stand(p: Parameters, seen: Seen, values: Array) -> Array:
 _ANGLE, _DRIFT, _GAIN = (
     sized(*size) for size in (measurement1.FRAME_ANGLE, measurement1.DRIFT, measurement1.GAIN)
 )
-
-
+_STANDS = around(evenly(3.0, 6.0))  # m: where a tracker stands, base frame
 FORMS = (
     form("geometry-error", "eccentric", _geometry, _draw_geometry),
     form("geometry-error", "crooked", _geometry, _draw_geometry),
@@ -183,8 +168,9 @@ FORMS = (
     built("payload-error", "loose", _loose, direction(),
           mass=sized(*geometry1.MASS), slides=lambda request: FURTHEST * request.uniform(0.3, 1.0),
           away=evenly(0.0, 0.1)),
-    reading("frame-misalignment", "tracker", _frame, direction(_ANGLE), _tracker),
-    reading("frame-misalignment", "depth", _frame, _draw_depth),
+    reading("frame-misalignment", "tracker", _frame, direction(_ANGLE), _STANDS, w=HEAD),
+    reading("frame-misalignment", "depth", _frame,
+            direction(_ANGLE), _STANDS, w=HEAD, deeper=signed(product(_ANGLE, evenly(0.3, 0.8)))),
     load("load-error", "hanger", _hanger, tare=lambda request: _GAIN(request) * measurement1.USUAL),
     load("load-error", "push-pull", _push_pull, direction(lambda request: _GAIN(request) * np.sqrt(3.0))),
     load("load-error", "crosstalk", _crosstalk, _draw_crosstalk),
@@ -194,5 +180,5 @@ FORMS = (
     reading("thermal-drift", "swing", _swing,
             each(drift=_DRIFT), direction(), period=evenly(0.4, 1.5), phase=PHASE),
     reading("thermal-drift", "stand", _stand,
-            each(drift=_DRIFT), direction(), _tracker, slow=evenly(0.2, 1.5)),
+            each(drift=_DRIFT), direction(), _STANDS, w=HEAD, slow=evenly(0.2, 1.5)),
 )  # fmt: skip

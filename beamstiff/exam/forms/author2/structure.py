@@ -1,4 +1,4 @@
-"""Further forms of soft structure, base to tool, and a load that finds its own place."""
+"""Further forms of soft structure, base to tool, a load that finds its own place, and a tether."""
 
 import dataclasses
 import math
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung
+from beamstiff.exam.added_parts import UP, about_x, behind_flange, on_pedestal, sprung, tied_to_ground
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, by_ratio, direction, each, evenly, sized, whole
@@ -18,7 +18,7 @@ from beamstiff.exam.laws import Curved, curved
 from beamstiff.exam.layout import tip_stiffness
 from beamstiff.exam.machine import Bar, Machine, Profile, tapered
 from beamstiff.exam.parameters import Draw, Parameters, vector
-from beamstiff.exam.rotations import cross_matrix, turn
+from beamstiff.exam.rotations import turn
 
 STIFF = structure1.STIFF
 NARROW = 0.05  # share of a force across a ring below which its eye does not settle at the rim
@@ -29,11 +29,7 @@ def _three_feet(p: Parameters, machine: Machine, _: str) -> Machine:
     feet = p["radius"] * np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=-1)
     shares = np.array([p[f"foot{i}"] for i in range(3)])
     k = 1.0 / (p["tilt"] * float(shares @ feet[:, 1] ** 2))
-    K = np.zeros((6, 6))
-    for foot, share in zip(feet, shares, strict=True):
-        X = np.concatenate([np.eye(3), -cross_matrix(foot)], axis=1)  # what the foot moves by
-        K += X.T @ np.diag(k * share * np.array([p["across"], p["across"], 1.0])) @ X
-    return on_pedestal(machine, K)
+    return structure1.on_feet(machine, feet, shares * k, p["across"])
 
 
 def _rubber(stiffness: float, p: Parameters, e: Array) -> Curved:
@@ -100,7 +96,7 @@ def _hollow(p: Parameters, machine: Machine, name: str) -> Machine:
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, p["shear"] * EA, p["shear"] * EA, p["twist"] * EI, p["flat"] * EI, EI])
     profile = tapered(rigidity, lambda x: 1.0 - p["narrower"] * x, 3.0)  # a thin wall of one thickness
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     along = machine.seen_from(nodes[0], b - a) / np.linalg.norm(b - a)
     up = turn(p["skew"] * along) @ structure1.up_of(machine, nodes)
     return machine.plus(bars=(Bar(name, nodes, profile, up),))
@@ -122,7 +118,7 @@ def _bolted(p: Parameters, machine: Machine, name: str) -> Machine:
     machine = machine.without(name)
     EI, EA = p["EI"], p["EI"] / 0.12**2
     rigidity = np.array([EA, np.inf, np.inf, p["twist"] * EI, p["flat"] * EI, EI])
-    even = tapered(rigidity, lambda x: np.ones_like(x))
+    even = tapered(rigidity, np.ones_like)
     rest = Profile(even.stations, (1.0 - p["joint"]) * even.compliance)
     profile = _with_joint(p, rest, p["joint"] * (1.0 / rigidity))
     return machine.plus(bars=(Bar(name, nodes, profile, structure1.up_of(machine, nodes)),))
@@ -155,6 +151,11 @@ def _opening(p: Parameters, machine: Machine, _: str) -> Machine:
     loose = {d: {"loose": p["loose"], "from": end} for d, end in ends.items()}
     laws = {d: curved(partial(slackening, pair, float(k[d]))) for d, pair in loose.items()}
     return sprung(*behind_flange(machine), -p["behind"] * UP, k, laws)
+
+
+def _tether(p: Parameters, machine: Machine, _: str) -> Machine:
+    """Something elastic that ties the tool to the ground one way, a taut cable or a steady."""
+    return tied_to_ground(machine, "tether", vector(p), np.array([p["stiffness"], 0.0, 0.0, 0.0, 0.0, 0.0]))
 
 
 def _shackle(p: Parameters, seen: Seen, wrench: Array) -> Array:
@@ -204,4 +205,5 @@ FORMS = (
           later=evenly(1.0, 2.5), loose=evenly(0.25, 0.6)),
     load("tool-offset", "shackle", _shackle, _AWAY, direction()),
     load("tool-offset", "strap", _strap, _AWAY),
+    built("tether", "straight", _tether, direction(), stiffness=sized(2e4, 4e6)),
 )  # fmt: skip

@@ -181,8 +181,8 @@ def _bevel(p: Parameters, machine: Machine, pair: str) -> Machine:
 _ARRIVED = evenly(-0.9, 0.9)  # friction left over from the move to the pose
 _COUPLED: dict[str, Draw] = {"share": signed(sized(*author1.SHARE)), "ratio": evenly(0.6, 1.6)}
 FORMS = (
-    in_pose("backlash", "runout", _runout, author1.draw_backlash, depth=evenly(0.3, 0.9), phase=PHASE),
-    wind_up("backlash", "scissors", _scissors, author1.draw_backlash,
+    in_pose("backlash", "runout", _runout, author1.BACKLASH, depth=evenly(0.3, 0.9), phase=PHASE),
+    wind_up("backlash", "scissors", _scissors, author1.BACKLASH,
             preload=at_joint(by_ratio(2e-5, 1e-4)), growth=evenly(0.3, 1.0), way=SIGN),
     curve("hardening", "lobes", _lobes, author1.draw_hardening, shortened=evenly(0.6, 0.8)),
     wind_up("hardening", "hypoid", _hypoid, author1.draw_hardening,

@@ -70,9 +70,10 @@ def _draw_lever(request: DrawRequest) -> dict[str, float]:
     return found | {"start": best[1], "gear": best[2]}
 
 
-def _lever(
-    share: Callable[[Parameters, Array], Array], p: Parameters, drive: Drive, e: Array, situation: Situation
-) -> Curved:
+Share = Callable[[Parameters, Array], Array]  # of stiffness, from the angle
+
+
+def _lever(share: Share, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
     """Return the drive of a joint through a lever; its stiffness is that at mid-range.
 
     ``slider-crank``: a screw moves a slide, and a rod from it turns the crank on the joint.

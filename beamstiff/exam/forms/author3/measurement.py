@@ -7,14 +7,14 @@ import numpy as np
 from beamstiff.exam.added_parts import with_loose_mass
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import drive_of
-from beamstiff.exam.draws import PHASE, SEED, direction, evenly, signed, sized, whole
-from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
+from beamstiff.exam.draws import PHASE, SEED, always, around, direction, evenly, product, signed, sized, whole
+from beamstiff.exam.effect import Reality, Seen, built, form, load, places_of, reading
 from beamstiff.exam.forms.author1 import geometry as geometry1
 from beamstiff.exam.forms.author1 import measurement as measurement1
 from beamstiff.exam.laws import Curved, winding
-from beamstiff.exam.machine import Machine, in_the_middle
+from beamstiff.exam.machine import Machine
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters, between, named, vector
-from beamstiff.exam.rotations import turn
+from beamstiff.exam.rotations import apply, turn
 from beamstiff.robot.parts import FRAME_PARAMETERS
 
 SMALL = 0.08  # of the named error's size: an oval wheel at a frame's drive
@@ -36,12 +36,8 @@ def _draw_geometry(request: DrawRequest) -> dict[str, float]:
     component, robot = str(request.component), request.robot
     found = {"error": geometry1.draw_geometry(request)["error"]}
     if request.form == "oval":
-        encoder = "." not in component
-        share = request.uniform(0.3, 0.7) if encoder else SMALL
-        return found | {
-            "oval": share * request.sized(*geometry1.ANGLE),
-            "phase": request.uniform(0.0, 2.0 * np.pi),
-        }
+        share = SMALL if "." in component else request.uniform(0.3, 0.7)  # an encoder's is larger
+        return found | {"oval": share * request.sized(*geometry1.ANGLE), "phase": PHASE(request)}
     others = [name for name in map(str, geometry1.geometry_places(robot)) if name != component]
     if robot.loops:  # rigid loops would not close with lengths that do not fit
         others = [name for name in others if "." not in name]
@@ -59,9 +55,9 @@ def _geometry(truth: Truth, reality: Reality) -> Reality:
     component, p = str(truth.component), truth.parameters
     errors = {name: p[name] for name in p if name not in ("error", "oval", "phase")}
     reality = reality.with_errors({component: p["error"]} | errors)
-    drive = drive_of(reality.machine.robot, component)
-    kinds = {variable.name: variable.kind for variable in reality.machine.robot.actuated}
-    if drive is None or "oval" not in p or kinds[drive] != "angle":
+    robot = reality.machine.robot
+    drive = drive_of(robot, component)
+    if drive is None or "oval" not in p or geometry1.kind_of(robot, drive) != "angle":
         return reality
     return reality.with_encoder(drive, lambda q: p["oval"] * np.sin(2.0 * q + p["phase"]))
 
@@ -89,12 +85,6 @@ _LOOSE: dict[str, Draw] = {
 }  # fmt: skip
 
 
-def _draw_stations(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*measurement1.FRAME_ANGLE)
-    found = request.direction(angle) | request.direction(angle, "uvw")
-    return found | {"after": request.uniform(0.3, 0.7)}
-
-
 def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
     """Return values of a tracker that is moved once, either station aligned by itself, each wrongly."""
     share, pose = measurement1.REGISTERED if seen.absolute else 1.0, seen.campaign.pose
@@ -103,14 +93,6 @@ def _stations(p: Parameters, seen: Seen, values: Array) -> Array:
     R = np.where(later[:, None, None], turn(share * vector(p, "uvw")), turn(share * vector(p)))
     moved = (R @ values[:, :3, None])[..., 0]
     return np.concatenate([moved, measurement1.seen_turned(R, seen, values)], axis=1)
-
-
-def _draw_lens(request: DrawRequest) -> dict[str, float]:
-    angle = request.sized(*measurement1.FRAME_ANGLE)
-    found = request.direction(angle)
-    around, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(3.0, 5.0)
-    found |= named(np.array([away * np.cos(around), away * np.sin(around), request.uniform(0.8, 1.8)]), "uvw")
-    return found | {"barrel": SEEN * angle * request.sign() * request.uniform(0.5, 1.0)}
 
 
 def distorted(points: Array, camera: Array, barrel: float) -> Array:
@@ -142,26 +124,20 @@ def _draw_rope(request: DrawRequest) -> dict[str, float]:
 
 def _rope(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads by a rope to a pulley that stays where it was set out, for the middle of the range."""
-    machine, campaign, placed = seen.machine, seen.campaign, seen.placed
-    middle = in_the_middle(machine.robot)
-    changed = wrench.copy()
-    for name in np.unique(campaign.load_point):
-        rows, node = campaign.load_point == name, machine.node(str(name))
-        reach = float(np.linalg.norm(middle.node(machine.node(machine.tcp))))
-        aside = placed.node(node)[rows] - middle.node(node) - reach * vector(p)
-        force = wrench[rows, :3]
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        way = force / np.where(size > 0.0, size, np.inf)
-        true = way * reach / p["angle"] - aside
-        true = true / np.linalg.norm(true, axis=1, keepdims=True)
-        axis = np.cross(way, true)
-        sine = np.linalg.norm(axis, axis=1, keepdims=True)
-        angle = np.arctan2(sine, np.sum(way * true, axis=1, keepdims=True))
-        spin = np.where(size > 0.0, axis * angle / np.where(sine > 1e-12, sine, np.inf), 0.0)
-        R = turn(spin)
-        parts = [(R @ part[..., None])[..., 0] for part in (force, wrench[rows, 3:])]
-        changed[rows] = np.concatenate(parts, axis=1)
-    return changed
+    machine, nodes = seen.machine, seen.campaign.load_point
+    reach = float(np.linalg.norm(machine.places(machine.tcp)))
+    aside = places_of(machine, nodes, seen.placed) - machine.places(*nodes.tolist()) - reach * vector(p)
+    force = wrench[:, :3]
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    way = force / np.where(size > 0.0, size, np.inf)
+    true = way * reach / p["angle"] - aside
+    true = true / np.linalg.norm(true, axis=1, keepdims=True)
+    axis = np.cross(way, true)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(way * true, axis=1, keepdims=True))
+    spin = np.where(size > 0.0, axis * angle / np.where(sine > 1e-12, sine, np.inf), 0.0)
+    R = turn(spin)
+    return np.concatenate([apply(R, force), apply(R, wrench[:, 3:])], axis=1)
 
 
 def _draw_discs(request: DrawRequest) -> dict[str, float]:
@@ -224,7 +200,7 @@ def _run(p: Parameters, seen: Seen, values: Array) -> Array:
     return values
 
 
-_DRIFT = sized(*measurement1.DRIFT)
+_ANGLE, _DRIFT = sized(*measurement1.FRAME_ANGLE), sized(*measurement1.DRIFT)
 
 
 FORMS = (
@@ -234,8 +210,10 @@ FORMS = (
           direction(), **_LOOSE, tilt=evenly(0.03, 0.12)),
     built("payload-error", "liquid", partial(_payload, (1, 2)),
           direction(), **_LOOSE, tilt=evenly(0.3, 0.8)),
-    reading("frame-misalignment", "lens", _lens, _draw_lens),
-    reading("frame-misalignment", "stations", _stations, _draw_stations),
+    reading("frame-misalignment", "lens", _lens, direction(_ANGLE), around(evenly(3.0, 5.0)),
+            w=evenly(0.8, 1.8), barrel=signed(product(always(SEEN), _ANGLE, evenly(0.5, 1.0)))),
+    reading("frame-misalignment", "stations", _stations,
+            direction(_ANGLE), direction(_ANGLE, "uvw"), after=evenly(0.3, 0.7)),
     load("load-error", "rope", _rope, _draw_rope),
     load("load-error", "discs", _discs, _draw_discs),
     reading("thermal-drift", "thermostat", _thermostat, direction(),

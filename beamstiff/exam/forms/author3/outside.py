@@ -7,13 +7,14 @@ import numpy as np
 from beamstiff.exam.added_parts import UP, behind_flange, sprung
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import nowhere, slender
-from beamstiff.exam.draws import by_ratio, evenly, sized, softer
+from beamstiff.exam.draws import around, by_ratio, evenly, product, sized, softer
 from beamstiff.exam.effect import Seen, built, reading
 from beamstiff.exam.laws import fading, rubbing
 from beamstiff.exam.machine import Machine
-from beamstiff.exam.parameters import DrawRequest, Parameters, vector
+from beamstiff.exam.parameters import Parameters, vector
 from beamstiff.exam.rotations import turn, turned_by
 
+SOFT = ("soft_x", "soft_y", "soft_z")
 STUCK = 4.0  # of the stiffness once it slips: that before
 
 
@@ -26,11 +27,6 @@ def _slipping(p: Parameters, machine: Machine, _: str) -> Machine:
     k = 1.0 / p["give"]
     across = rubbing(k, p["grip"], p["arrived"], partial(fading, reach=p["grip"] / (STUCK * k)))
     return sprung(*behind_flange(machine), -p["behind"] * UP, np.full(6, np.inf), {0: across, 1: across})
-
-
-def _draw_sticking(request: DrawRequest) -> dict[str, float]:
-    half = request.sized(1e-5, 3e-4)  # m
-    return {name: half * request.uniform(0.5, 1.0) for name in "xyz"}
 
 
 def _sticking(p: Parameters, seen: Seen, values: Array) -> Array:
@@ -48,18 +44,12 @@ def _sticking(p: Parameters, seen: Seen, values: Array) -> Array:
     return values
 
 
-def _draw_stand(request: DrawRequest) -> dict[str, float]:
-    """Return the give of a stand, m/N, that is `tall`, m, and where it stands."""
-    angle, away = request.uniform(0.0, 2.0 * np.pi), request.uniform(2.0, 5.0)
-    soft = request.sized(3e-9, 4e-7) * slender(request.robot)
-    found = {f"soft_{name}": soft * request.uniform(0.5, 1.0) for name in "xyz"}
-    found |= {"u": float(away * np.cos(angle)), "v": float(away * np.sin(angle))}
-    return found | request.drawn(tall=evenly(1.0, 2.0))
-
-
 def _stand(p: Parameters, seen: Seen, values: Array) -> Array:
-    """Return values read from a stand on a plate that the load's reaction shifts and tilts."""
-    head = -vector(p, [f"soft_{name}" for name in "xyz"]) * seen.campaign.wrench[:, :3]  # where its head goes
+    """Return values read from a stand on a plate that the load's reaction shifts and tilts.
+
+    `soft_x` and so on: its give, m/N. `tall`, m.
+    """
+    head = -vector(p, SOFT) * seen.campaign.wrench[:, :3]  # where its head goes
     tilted = np.cross([0.0, 0.0, 1.0], head) / p["tall"]
     away = seen.places - np.array([p["u"], p["v"], p["tall"]])
     moved = values[:, :3] - (head + np.cross(tilted, away))
@@ -71,6 +61,9 @@ FORMS = (
     built("slipping-flange", "clearance", _slipping,
           give=softer(sized(2e-8, 3e-7)), grip=lambda r: by_ratio(150.0, 900.0)(r) / slender(r.robot),
           behind=evenly(0.02, 0.15), arrived=evenly(-0.8, 0.8)),
-    reading("sticking-gauge", "reversal", _sticking, _draw_sticking),
-    reading("moving-stand", "reaction", _stand, _draw_stand),
+    reading("sticking-gauge", "reversal", _sticking,
+            **dict.fromkeys("xyz", product(sized(1e-5, 3e-4), evenly(0.5, 1.0)))),
+    reading("moving-stand", "reaction", _stand, around(evenly(2.0, 5.0)),
+            **dict.fromkeys(SOFT, product(softer(sized(3e-9, 4e-7)), evenly(0.5, 1.0))),
+            tall=evenly(1.0, 2.0)),
 )  # fmt: skip

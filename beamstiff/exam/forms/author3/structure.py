@@ -63,7 +63,7 @@ def girder(p: Parameters) -> Array:
     Its size is such that the foot tilts about the girder's axis by `tilt` under a moment of 1.
     """
     rigidity = np.array([1.0 / 0.1**2, np.inf, np.inf, p["twist"], 1.0, p["flat"]])
-    profile = tapered(rigidity, lambda x: np.ones_like(x))
+    profile = tapered(rigidity, np.ones_like)
     K = np.zeros((6, 6))
     for length, way in ((p["place"] * p["span"], 1.0), ((1.0 - p["place"]) * p["span"], -1.0)):
         axes = np.kron(np.eye(2), np.diag([way, way, 1.0]))
@@ -91,11 +91,6 @@ def _housing(p: Parameters, machine: Machine, joint: str, own: int) -> Machine:
     return machine.plus(nodes=(seat,), hinges=(held,))
 
 
-def _unloading(p: Parameters, k: float, e: Array) -> Curved:
-    """Return a preloaded pair of angular-contact rows, one of which lifts (catalogues of SKF, Schaeffler)."""
-    return slackening({**p, "from": p["strain"]}, k, e)
-
-
 def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
     """Return the machine with a link that bends.
 
@@ -105,7 +100,7 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
     beam = next((bar for bar in machine.bars if bar.name == name), None)
     if beam is None:
         nodes = dict(machine.rigids)[name]
-        profile = tapered(structure1.rigidity_of(p), lambda x: np.ones_like(x))
+        profile = tapered(structure1.rigidity_of(p), np.ones_like)
         beam = Bar(name, nodes, profile, structure1.up_of(machine, nodes))
     else:
         profile = Profile(beam.profile.stations, beam.profile.compliance * p["softer"])
@@ -121,7 +116,7 @@ def _link(fork: bool, p: Parameters, machine: Machine, name: str) -> Machine:
 
 def _beside(machine: Machine, bar: Bar, beside: float, side: float, share: float) -> Machine:
     """Return the machine with a share of a bar, that far from its line, a share of its length."""
-    a, b = machine.ends(bar.nodes)
+    a, b = machine.places(*bar.nodes)
     away = beside * np.linalg.norm(b - a) * across_link(a, b, side)
     names: list[str] = []
     for end, place in zip(bar.nodes, (a, b), strict=True):
@@ -215,8 +210,9 @@ FORMS = (
           span=evenly(2.0, 5.0), place=evenly(0.25, 0.75), beside=evenly(-0.3, 0.3), above=evenly(0.1, 0.4),
           flat=evenly(0.2, 0.8), twist=evenly(0.2, 0.6)),
     built_at_joints("bearing-tilt", "housing", _housing, structure1.draw_bearing, other=evenly(0.15, 0.6)),
-    built_at_joints("bearing-tilt", "unloading", partial(structure1.with_tilting, _unloading),
-                    structure1.draw_bearing, loose=evenly(0.35, 0.6), strain=by_ratio(2e-5, 3e-4)),
+    # a preloaded pair of angular-contact rows, one of which lifts (catalogues of SKF, Schaeffler)
+    built_at_joints("bearing-tilt", "unloading", partial(structure1.with_tilting, slackening),
+                    structure1.draw_bearing, loose=evenly(0.35, 0.6), **{"from": by_ratio(2e-5, 3e-4)}),
     built("link-bending", "channel", partial(_link, False),
           structure1.draw_link, side=PHASE, beside=evenly(0.04, 0.12)),
     built("link-bending", "fork", partial(_link, True),

@@ -9,10 +9,10 @@ import numpy as np
 from beamstiff.exam.added_parts import axis_in_the_middle, beside, pair_of
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import main_stiffness, stiffness_of, turns
-from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, signed, sized
+from beamstiff.exam.draws import PHASE, SIGN, by_ratio, evenly, product, signed, sized
 from beamstiff.exam.effect import Drive, Reality, built, curve, form, in_pose, law, wind_up
 from beamstiff.exam.laws import Curved, Law, Situation, curved, fading, posed, ramp, rubbing, varying, winding
-from beamstiff.exam.machine import Machine, Mesh, drives_of, in_the_middle, joints_of, own_stiffness, stroke
+from beamstiff.exam.machine import Machine, Mesh, drives_of, joints_of, own_stiffness, stroke
 from beamstiff.exam.parameters import Draw, DrawRequest, Parameters
 
 ROUND = 0.08  # of a play's width: its corners
@@ -82,9 +82,8 @@ def eccentric_mesh(p: Parameters, drive: Drive, e: Array, situation: Situation) 
 def _usual(request: DrawRequest) -> float:
     """Return a stiffness, by the geometric mean of the other drives'."""
     robot, place = request.robot, request.component
-    like = [
-        stiffness_of(robot, name) for name in drives_of(robot) if turns(robot, name) == turns(robot, place)
-    ]
+    names = [name for name in drives_of(robot) if turns(robot, name) == turns(robot, place)]
+    like = [stiffness_of(robot, name) for name in names]
     usual = float(np.exp(np.mean(np.log(like)))) if like else main_stiffness(robot)
     return usual / request.sized(0.03, 1.2)
 
@@ -101,7 +100,7 @@ def _rope_drive(p: Parameters, drive: Drive, e: Array, situation: Situation) -> 
 def tooth_friction(p: Parameters, k: float, _: str) -> Law:
     """Return friction of seals (`friction`, a strain), and of teeth by a `share` of the torque they carry.
 
-    It turns round by Dahl's law over a `reach`.
+    It turns round by Dahl's law over a `reach`, which grows with the share: teeth bend before they slide.
     """
     friction = k * p["friction"]
 
@@ -129,18 +128,6 @@ def driven_back(p: Parameters, k: float, _: str) -> Law:
         return friction * (1.0 + p["skew"] * np.sign(state)), 0.0
 
     return rubbing(k, friction, p["arrived"], run, largest)
-
-
-def _gear(request: DrawRequest) -> dict[str, float]:
-    """Return the friction of teeth; they bend before they slide, so that the reach grows with it."""
-    share = request.sized(0.01, 0.25)
-    friction, reach = (share * by_ratio(*size)(request) for size in ((3e-5, 4e-4), (2e-4, 1e-3)))
-    return {"share": share, "friction": friction, "reach": reach}
-
-
-def _worm(request: DrawRequest) -> dict[str, float]:
-    friction = request.sized(8e-6, 2.5e-4)
-    return {"friction": friction, "reach": friction * by_ratio(0.35, 2.0)(request)}
 
 
 def _idler(p: Parameters, machine: Machine, pair: str) -> Machine:
@@ -199,14 +186,11 @@ def _slotted(p: Parameters, half: float, way: Array) -> Array:
     return slotted(p["angle"] + p["swing"] * most * way)
 
 
-def _lever(
-    share: Callable[[Parameters, float, Array], Array],
-    p: Parameters,
-    drive: Drive,
-    e: Array,
-    situation: Situation,
-) -> Curved:
-    """Return the drive through a lever, whose share of stiffness is from half the range and the way in it."""
+Share = Callable[[Parameters, float, Array], Array]  # of stiffness, from half the range and the way in it
+
+
+def _lever(share: Share, p: Parameters, drive: Drive, e: Array, situation: Situation) -> Curved:
+    """Return the drive through a lever."""
     middle, half = stroke(drive.robot, drive.component)
     way = np.clip((situation.values[drive.component] - middle) / half, -1.05, 1.05)
     k = drive.k * share(p, half, way) / float(share(p, half, np.zeros(1))[0])
@@ -216,7 +200,7 @@ def _lever(
 def _heavy_side(machine: Machine, joint: str) -> float:
     """Return the sense in which what hangs on a joint would turn it, in the middle of its range."""
     axis, point = axis_in_the_middle(machine, joint)
-    tool = in_the_middle(machine.robot).node(machine.node(machine.tcp))[0]
+    (tool,) = machine.places(machine.tcp)
     return 1.0 if axis @ np.cross(tool - point, [0.0, 0.0, -1.0]) >= 0.0 else -1.0
 
 
@@ -237,7 +221,7 @@ def _balance(truth: Truth, reality: Reality) -> Reality:
 
     usual = np.sin(p["angle"]) / long(p["angle"])
 
-    def curve(strain: Array, situation: Situation, torque: float) -> Curved:
+    def curve(torque: float, strain: Array, situation: Situation) -> Curved:
         warmth = (situation.temperature + DEGC) / ROOM
         angle = p["angle"] + (situation.values[variable] + strain + 1j * STEP) - middle
         stretch = (long(angle) - long(p["angle"])) / p["crank"]
@@ -246,11 +230,11 @@ def _balance(truth: Truth, reality: Reality) -> Reality:
 
     for name, own in joints_of(robot, variable):
         torque = _heavy_side(machine, name) * p["torque"] * TORQUE * own_stiffness(robot, name, own)
-        law = posed(lambda e, situation, torque=torque: curve(e, situation, torque), heats)  # type: ignore[misc]
-        machine = beside(machine, name, own, law)
+        machine = beside(machine, name, own, posed(partial(curve, torque), heats))
     return reality.with_machine(machine)
 
 
+_TEETH, _WORM = sized(0.01, 0.25), sized(8e-6, 2.5e-4)
 _CRANK: dict[str, Draw] = {
     "torque": sized(0.1, 2.5), "crank": evenly(0.2, 0.45), "angle": signed(evenly(0.9, 2.2))
 }  # fmt: skip
@@ -268,8 +252,11 @@ FORMS = (
             half_width=sized(5e-6, 4e-4), runout=evenly(0.2, 0.6), phase=PHASE, grease=evenly(0.01, 0.06)),
     curve("backlash", "scissor-gear", scissor,
           sign=SIGN, preload=by_ratio(1e-5, 1.2e-4), gap=sized(1e-5, 6e-4), soft=evenly(0.02, 0.12)),
-    law("hysteresis", "tooth-friction", tooth_friction, _gear, arrived=_ARRIVED),
-    law("hysteresis", "driven-back", driven_back, _worm,
+    law("hysteresis", "tooth-friction", tooth_friction,
+        share=_TEETH, friction=product(_TEETH, by_ratio(3e-5, 4e-4)),
+        reach=product(_TEETH, by_ratio(2e-4, 1e-3)), arrived=_ARRIVED),
+    law("hysteresis", "driven-back", driven_back,
+        friction=_WORM, reach=product(_WORM, by_ratio(0.35, 2.0)),
         power=evenly(1.2, 1.8), skew=signed(evenly(0.15, 0.5)), arrived=_ARRIVED),
     built("joint-coupling", "common-housing", _housing,
           compliance=sized(0.02, 0.8), share=signed(evenly(0.5, 1.2)), phase=PHASE),

@@ -2,19 +2,35 @@
 
 import dataclasses
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.components import slender
-from beamstiff.exam.draws import PHASE, by_ratio, by_reach, direction, each, evenly, signed, sized, whole
-from beamstiff.exam.effect import Reality, Seen, built, form, load, reading
+from beamstiff.exam.draws import (
+    PHASE,
+    always,
+    around,
+    by_ratio,
+    by_reach,
+    direction,
+    each,
+    evenly,
+    product,
+    signed,
+    sized,
+    whole,
+)
+from beamstiff.exam.effect import Reality, Seen, built, form, load, places_of, reading
+from beamstiff.exam.forms.author1 import geometry as geometry1
+from beamstiff.exam.forms.author1.measurement import since_rest
 from beamstiff.exam.forms.author4.measurement import times
 from beamstiff.exam.machine import Machine, stroke
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.rotations import turn, turned_by
-from beamstiff.robot.parts import FRAME_PARAMETERS, Mass
+from beamstiff.robot.parts import Mass
 
 MOST = 0.25  # of the main error: each of those beside it
 MARKED = 0.02  # of a tool's offset: where positions are read, the tool was measured with more care
@@ -24,9 +40,7 @@ RIPPLE = 0.15  # of a scar's depth: of the teeth around it
 
 
 def _amount(request: DrawRequest) -> float:
-    frame, _, parameter = str(request.component).partition(".")
-    kinds = {v.name: v.kind for v in request.robot.variables}
-    length = (FRAME_PARAMETERS[parameter] if parameter else kinds[frame]) == "length"
+    length = geometry1.kind_of(request.robot, str(request.component)) == "length"
     return request.sign() * (request.sized(6e-5, 3e-3) if length else request.sized(5e-5, 2.5e-3))
 
 
@@ -61,13 +75,8 @@ def _turned(truth: Truth, reality: Reality) -> Reality:
     before, after = p["way"], p["way"] + p["turned"]
     move = p["off"] * np.array([np.cos(after) - np.cos(before), np.sin(after) - np.sin(before), 0.0])
     share = {"lever": 1.0, "target": 1.0, "marked": MARKED}
-    there = {n: tuple(map(float, getattr(reality, n) + part * move)) for n, part in share.items()}
-    return dataclasses.replace(reality, **there)  # type: ignore[arg-type]
-
-
-def _draw_pin(request: DrawRequest) -> dict[str, float]:
-    length = request.sized(3e-3, 0.15) / np.sqrt(slender(request.robot))
-    return request.direction(length) | request.direction(length * request.uniform(0.1, 0.4), STILL)
+    there: dict[str, Any] = {n: tuple((getattr(reality, n) + k * move).tolist()) for n, k in share.items()}
+    return dataclasses.replace(reality, **there)
 
 
 def _pin(p: Parameters, seen: Seen, wrench: Array) -> Array:
@@ -76,13 +85,6 @@ def _pin(p: Parameters, seen: Seen, wrench: Array) -> Array:
     pull = np.einsum("pij,j,pi->p", axes, half / np.linalg.norm(half), force)
     end = np.tanh(pull / np.maximum(ROUND * np.linalg.norm(force, axis=1), 1e-12))
     return seen.with_arm(wrench, (axes @ (vector(p, STILL) + end[:, None] * half)[..., None])[..., 0])
-
-
-def _draw_box(request: DrawRequest) -> dict[str, float]:
-    way, off = request.uniform(0.0, 2.0 * np.pi), by_reach(evenly(0.12, 0.4))(request)
-    found = {"mass": request.sized(0.01, 0.4) * _capacity(request)}
-    found |= {"x": off * float(np.cos(way)), "y": off * float(np.sin(way))}
-    return found | {"z": -by_reach(evenly(0.02, 0.3))(request)}
 
 
 def _capacity(request: DrawRequest) -> float:
@@ -101,8 +103,8 @@ def _half_empty(p: Parameters, machine: Machine, _: str) -> Machine:
 
     masses = [filled(mass) if mass.node == machine.tcp else mass for mass in machine.masses]
     if all(mass.node != machine.tcp for mass in masses):
-        at = tuple(map(float, vector(p)))
-        masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))  # type: ignore[arg-type]
+        at = (p["x"], p["y"], p["z"])
+        masses.append(Mass(node=machine.tcp, mass=abs(p["share"]) * p["usual"], at=at))
     return dataclasses.replace(machine, masses=tuple(masses))
 
 
@@ -151,20 +153,18 @@ def dragged(angle: Array, form: str, p: Parameters) -> Array:
 def _approach(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
     if not seen.absolute:  # loaded and unloaded state came the same way
         return values
-    campaign, robot = seen.campaign, seen.machine.robot
-    column = [v.name for v in robot.actuated].index(str(seen.component))
-    nodes, skeleton = {node.name: node for node in robot.nodes}, skeleton_of(robot)
+    campaign, machine, robot = seen.campaign, seen.machine, seen.machine.robot
+    column, skeleton = [v.name for v in robot.actuated].index(str(seen.component)), skeleton_of(robot)
     order = np.argsort(times(campaign), kind="stable")
     q, stays = np.array(campaign.q, dtype=np.float64), np.empty(len(campaign))
     stays[order] = dragged(q[order, column], form, p)
     q[:, column] -= p["half_width"] * stays
     here, there = place(skeleton, campaign.q), place(skeleton, q)
-    points = [nodes[str(name)] for name in campaign.point]
-    moved = [there.node(point)[row] - here.node(point)[row] for row, point in enumerate(points)]
-    frame = nodes[robot.tcp].frame
+    moved = places_of(machine, campaign.point, there) - places_of(machine, campaign.point, here)
+    frame = machine.node(robot.tcp).frame
     turned = there.rotations[frame] @ np.swapaxes(here.rotations[frame], -1, -2)
     rotation = turned_by(turned @ turn(values[:, 3:]))
-    return np.concatenate([values[:, :3] + np.array(moved), rotation], axis=1)
+    return np.concatenate([values[:, :3] + moved, rotation], axis=1)
 
 
 def _share(form: str, p: Parameters, turn_of: Array, rows: int) -> Array:
@@ -185,12 +185,7 @@ def _slip(form: str, p: Parameters, seen: Seen, values: Array) -> Array:
     turn_of[np.argsort(times(campaign), kind="stable")] = np.arange(rows)
     slipped = _share(form, p, turn_of, rows)
     if not seen.absolute:  # from where it was before the pose, or the row
-        before = np.empty(rows)
-        for pose in np.unique(campaign.pose):
-            its = campaign.pose == pose
-            first = slipped[its][np.argmin(turn_of[its])]
-            before[its] = first if campaign.shared_unloaded else slipped[its]
-        slipped = slipped - before
+        slipped = since_rest(campaign, slipped) if campaign.shared_unloaded else np.zeros(rows)
     away = seen.placed.rotations[node.frame] @ vector(p) * slipped[:, None]
     away = np.where((campaign.point == node.name)[:, None], away, 0.0)
     return np.concatenate([values[:, :3] + away, values[:, 3:]], axis=1)
@@ -206,6 +201,7 @@ def came_to_rest(truth: Truth, rows: int) -> Truth:
     return dataclasses.replace(truth, parameters=end)
 
 
+_LONG = by_reach(sized(3e-3, 0.15))  # half a pin
 _START, _WIDTH, _SLIPS = evenly(-1.0, 1.0), sized(1e-5, 4e-4), direction(by_reach(sized(6e-5, 2.5e-3)))
 
 
@@ -214,11 +210,14 @@ FORMS = (
     form("geometry-error", "stacked-zeros", _geometry, _stacked),
     form("tool-offset", "turned-on-flange", _turned,
          off=by_reach(evenly(0.06, 0.25)), way=PHASE, turned=signed(sized(0.015, 0.8))),
-    load("tool-offset", "pin-in-clevis", _pin, _draw_pin),
+    load("tool-offset", "pin-in-clevis", _pin,
+         direction(_LONG), direction(product(_LONG, evenly(0.1, 0.4)), STILL)),
     built("payload-error", "half-empty", _half_empty, each(share=signed(sized(0.015, 0.7))),
           direction(by_reach(evenly(0.05, 0.2))), usual=_capacity),
     built("payload-error", "box-beside", lambda p, machine, _: machine.plus(
-              masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),)), _draw_box),
+              masses=(Mass(node=machine.tcp, mass=p["mass"], at=(p["x"], p["y"], p["z"])),)),
+          around(by_reach(evenly(0.12, 0.4)), "xy"), mass=product(sized(0.01, 0.4), _capacity),
+          z=product(always(-1.0), by_reach(evenly(0.02, 0.3)))),
     form("angle-curve", "cardan", _curve,
          tilt=sized(0.012, 0.06), phase=evenly(0.0, np.pi), once=evenly(0.1, 0.5), once_phase=PHASE),
     form("angle-curve", "scar", _curve,

@@ -9,11 +9,11 @@ from beamstiff.exam.campaign import Array, SimulatedCampaign
 from beamstiff.exam.components import slender
 from beamstiff.exam.draws import PHASE, SEED, by_ratio, by_reach, direction, each, evenly, sized
 from beamstiff.exam.effect import Seen, load, places_of, reading
-from beamstiff.exam.machine import in_the_middle
 from beamstiff.exam.parameters import DrawRequest, Parameters, vector
 from beamstiff.exam.rotations import cross_matrix, turn, turned_by
 
 QUICK, SLOW = ([f"{name}_{axis}" for axis in "xyz"] for name in ("quick", "slow"))
+MARKS = [f"{axis}{at}" for at in range(3) for axis in "xyz"]
 PAUSE = 30.0  # s between rows where the campaign gives no time
 TRACKER = 0.01  # an absolute range is this much better than the gain of a displacement
 BALLS = np.array([[0.5, 0.3, 0.0], [-0.5, 0.3, 0.0], [0.0, -0.6, 0.0]])  # m: base marks
@@ -23,11 +23,6 @@ def times(campaign: SimulatedCampaign) -> Array:
     """Return the rows' times (N,), s, since the first."""
     time = np.where(np.isnan(campaign.time), PAUSE * np.arange(len(campaign)), campaign.time)
     return np.asarray(time - time.min())
-
-
-def _middle(seen: Seen) -> Array:
-    """Return where the tool is in the middle of the range, (3,), m."""
-    return np.asarray(in_the_middle(seen.machine.robot).node(seen.machine.node(seen.machine.tcp))[0])
 
 
 def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:
@@ -43,8 +38,9 @@ def _hook(p: Parameters, seen: Seen, wrench: Array) -> Array:
 def _anchor(p: Parameters, seen: Seen, wrench: Array) -> Array:
     """Return loads by a rope that runs to where it was anchored for the middle posture."""
     size = np.linalg.norm(wrench[:, :3], axis=1)
-    here = places_of(seen.machine, seen.campaign.load_point, seen.placed)
-    rope = _middle(seen) - here + p["distance"] * wrench[:, :3] / np.maximum(size, 1e-12)[:, None]
+    machine, campaign = seen.machine, seen.campaign
+    away = machine.places(machine.tcp) - places_of(machine, campaign.load_point, seen.placed)
+    rope = away + p["distance"] * wrench[:, :3] / np.maximum(size, 1e-12)[:, None]
     force = size[:, None] * rope / np.linalg.norm(rope, axis=1, keepdims=True)
     return np.concatenate([force, wrench[:, 3:]], axis=1)
 
@@ -53,12 +49,6 @@ def _draw_sight(request: DrawRequest) -> dict[str, float]:
     turned = request.sized(1.5e-3, 6e-2) * request.sign()
     gain = turned * request.uniform(0.3, 1.0) * request.sign()
     return {"turned": turned, "gain": gain} | request.drawn(bearing=PHASE, distance=evenly(3.0, 9.0))
-
-
-def _marks(request: DrawRequest) -> dict[str, float]:
-    size = request.sized(8e-4, 3e-2)
-    drawn = request.rng.standard_normal(9)
-    return {f"{axis}{at}": size * float(drawn[3 * at + i]) for at in range(3) for i, axis in enumerate("xyz")}
 
 
 def by_marks(errors: Array) -> tuple[Array, Array]:
@@ -73,7 +63,7 @@ def _turned(R: Array, seen: Seen, values: Array) -> Array:
 
 
 def _base_marks(p: Parameters, seen: Seen, values: Array) -> Array:
-    vector_, shift = by_marks(np.array([[p[f"{axis}{at}"] for axis in "xyz"] for at in range(3)]))
+    vector_, shift = by_marks(vector(p, MARKS).reshape(3, 3))
     R = turn(vector_)
     place = values[:, :3] @ R.T + (shift if seen.absolute else 0.0)
     return np.concatenate([place, _turned(R, seen, values)], axis=1)
@@ -84,7 +74,7 @@ def _sight(p: Parameters, seen: Seen, values: Array) -> Array:
     place, R = values[:, :3], turn(np.array([0.0, 0.0, p["turned"]]))
     way = np.array([np.cos(p["bearing"]), np.sin(p["bearing"]), 0.0])
     if seen.absolute:
-        stand = _middle(seen) + p["distance"] * way
+        stand = seen.machine.places(seen.machine.tcp) + p["distance"] * way
         far = np.linalg.norm(place - stand, axis=1, keepdims=True)
         # bent air: the range errs with its square
         place = stand + ((place - stand) * (1.0 + TRACKER * p["gain"] * far / p["distance"])) @ R.T
@@ -147,7 +137,8 @@ FORMS = (
     load("load-error", "untared-hook", _hook, weight=lambda r: r.sized(3.0, 200.0) / slender(r.robot)),
     load("load-error", "fixed-anchor", _anchor, distance=by_reach(sized(80.0, 3.0))),
     reading("frame-misalignment", "line-of-sight", _sight, _draw_sight),
-    reading("frame-misalignment", "base-marks", _base_marks, _marks),
+    reading("frame-misalignment", "base-marks", _base_marks,
+            **dict.fromkeys(MARKS, lambda r: r.sized(8e-4, 3e-2) * r.rng.standard_normal())),
     reading("thermal-drift", "two-warmings", partial(_drift, _two_warmings), _draw_warmings),
     reading("thermal-drift", "hall-gate",
             partial(_drift, lambda p, t: hall(t, p["period"], p["phase"], p["open"])[:, None] * vector(p)),

@@ -7,10 +7,10 @@ import numpy as np
 
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.components import nowhere, slender
-from beamstiff.exam.draws import PHASE, by_ratio, by_reach, evenly, sized
+from beamstiff.exam.draws import PHASE, around, by_ratio, by_reach, evenly, product, sized
 from beamstiff.exam.effect import Seen, built, law, reading
 from beamstiff.exam.laws import Law, Memory, Situation, fading, rubbing
-from beamstiff.exam.machine import Machine, Rod, drives_of, in_the_middle
+from beamstiff.exam.machine import Machine, Rod, drives_of
 from beamstiff.exam.parameters import DrawRequest, Parameters
 
 
@@ -47,40 +47,34 @@ def bedding_in(p: Parameters, stiffness: float, _: str) -> Law:
 
 def _hang(p: Parameters, machine: Machine, _: str) -> Machine:
     elbow = machine.hinges[len(machine.robot.joints) // 2].nodes[0]
-    at = in_the_middle(machine.robot).node(machine.node(elbow))[0]
+    (at,) = machine.places(elbow)
     at = at + np.array([p["aside"] * np.cos(p["way"]), p["aside"] * np.sin(p["way"]), p["above"]])
     machine, crane = machine.with_node("crane", "base", at, machine.fixed[0])
     law = drum(p["pull"], p["friction"], p["arrived"], p["reach"])
     return machine.plus(rods=(Rod(f"{crane} rope", (crane, elbow), 0.0, law),))
 
 
-def _draw_pull(request: DrawRequest) -> dict[str, float]:
-    pull = request.sized(30.0, 2500.0) / slender(request.robot)
-    return {"pull": pull, "friction": pull * request.uniform(0.1, 0.3)}
-
-
-def _draw_truck(request: DrawRequest) -> dict[str, float]:
-    way, tilt = request.uniform(0.0, 2.0 * np.pi), request.sized(5e-6, 3e-4)
-    found = request.drawn(**{"from": evenly(0.1, 0.4), "lasts": evenly(0.2, 0.4)})
-    found |= {"tilt_x": tilt * float(np.cos(way)), "tilt_y": tilt * float(np.sin(way))}
-    return found | {"sinks": tilt * request.uniform(0.2, 1.0)}
+def _pull(request: DrawRequest) -> float:
+    return request.sized(30.0, 2500.0) / slender(request.robot)
 
 
 def _truck(p: Parameters, seen: Seen, values: Array) -> Array:
     """Return values on a floor that is loaded beside the robot during some of the rows: all of it tilts."""
     part = np.arange(len(values)) / len(values)
     there = (part >= p["from"]) & (part < p["from"] + p["lasts"])
-    tilt = np.array([p["tilt_x"], p["tilt_y"], 0.0])
+    tilt = np.array([p["x"], p["y"], 0.0])
     moved = np.cross(tilt, seen.places) - np.array([0.0, 0.0, p["sinks"]])
     both = np.concatenate([moved, np.tile(tilt, (len(values), 1))], axis=1)
     return values + np.where(there[:, None], both, 0.0)
 
 
+_TILT = sized(5e-6, 3e-4)
 PLACES = {"elbow-hanger": nowhere, "loaded-floor": nowhere, "bedding-in": drives_of}
 FORMS = (
-    built("elbow-hanger", "rope-on-a-drum", _hang, _draw_pull,
-          reach=by_ratio(5e-5, 5e-4), arrived=evenly(-0.9, 0.9), aside=by_reach(evenly(0.0, 1.0)), way=PHASE,
-          above=by_reach(evenly(1.0, 2.5))),
-    reading("loaded-floor", "parked-truck", _truck, _draw_truck),
+    built("elbow-hanger", "rope-on-a-drum", _hang, pull=_pull,
+          friction=product(_pull, evenly(0.1, 0.3)), reach=by_ratio(5e-5, 5e-4), arrived=evenly(-0.9, 0.9),
+          aside=by_reach(evenly(0.0, 1.0)), way=PHASE, above=by_reach(evenly(1.0, 2.5))),
+    reading("loaded-floor", "parked-truck", _truck, around(_TILT, "xy"),
+            **{"from": evenly(0.1, 0.4), "lasts": evenly(0.2, 0.4)}, sinks=product(_TILT, evenly(0.2, 1.0))),
     law("bedding-in", "filled-rubber", bedding_in, softer=sized(0.02, 0.5), from_=by_ratio(3e-5, 2e-4)),
 )  # fmt: skip

@@ -57,6 +57,10 @@ def _link_stiffness(request: DrawRequest) -> float:
     return scale / request.sized(0.01, 0.25)
 
 
+# where a link is weaker, from and to over its length, and how often more compliant it is there, (6,)
+Piece = Callable[[Parameters], tuple[tuple[float, float], Array]]
+
+
 def _draw_window(request: DrawRequest) -> dict[str, float]:
     start = request.uniform(0.15, 0.5)
     return {"from": start, "to": start + request.uniform(0.2, 0.4)}
@@ -70,15 +74,10 @@ def _open_section(p: Parameters) -> tuple[tuple[float, float], Array]:
     return (0.0, 1.0), np.array([1.0, 1.0, 1.0, p["twist"], 1.0, 1.0])
 
 
-def _bend(
-    piece: Callable[[Parameters], tuple[tuple[float, float], Array]],
-    p: Parameters,
-    machine: Machine,
-    link: str,
-) -> Machine:
+def _bend(piece: Piece, p: Parameters, machine: Machine, link: str) -> Machine:
     old = next((bar for bar in machine.bars if bar.name == link), None)
     nodes = dict(machine.rigids)[link] if old is None else old.nodes
-    a, b = machine.ends(nodes)
+    a, b = machine.places(*nodes)
     length, along = float(np.linalg.norm(b - a)), (b - a) / np.linalg.norm(b - a)
     u = np.eye(3)[np.argmin(np.abs(along))]
     u = u - (u @ along) * along
