@@ -19,13 +19,14 @@ from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import drives_table, recalibration_text
+from beamstiff.report.calibrated_text import drives_table, far_stiffness, recalibration_text
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
     verdict,
 )
 from beamstiff.report.drift import drift_tables
+from beamstiff.report.identification import far_off_text
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.tables import Column, Table, below, counted, scale_of, table, worth
@@ -103,7 +104,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield from (gap_tables(result), "")
     drives = drives_table(result, "Fitted stiffness, as --apply writes it")
     if drives.rows:
-        yield from (drives, "")
+        far = far_off_text(far_stiffness(result))
+        yield from (drives, Text(f"{far}\n" if far else ""))
     hidden = untestable_table(result, "What these data cannot show")
     if hidden.rows:
         yield from (hidden, "")
