@@ -175,7 +175,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
             lines.append(f"{said}, held-out gap {gap}.")
         else:
             lines.append(
-                f"{said} by all rows, but it predicts held-out rows just as well: it may be the true cause."
+                f"{said} by all rows, but as good on held-out rows: that explanation may be the true one."
             )
     return lines
 

@@ -168,7 +168,7 @@ def remainder_text(found: Decomposition) -> str:
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
         if found.causes:
             slips = any(one.rows for one in (*found.causes, *found.unclear))
-            but, lasting = (", but for slips", " without them") if slips else ("", "")
+            but, lasting = (", but no slips", " apart from slips") if slips else ("", "")
             share = words.percent(written_share(found))
             said += f" --apply writes these too{but}: {share} of the gap{lasting} then closes."
     if found.unmodelled:
@@ -331,10 +331,13 @@ def _by_line(rows: Sequence[str]) -> list[str]:
 
 def undecided_text(found: Decomposition) -> str:
     """Return, in words, which effects of the written robot are undecided, and why they stand there."""
-    if not found.unclear:
-        return ""
-    each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
-    return (
-        f"these effects are undecided: {each}. They stay because the others were fitted beside them, but "
-        "they may not be the cause"
+    each = [
+        _or_alike(in_words([one.key]), one.indistinguishable)
+        for one in found.unclear
+        if not one.rows  # slips are not written
+    ]
+    said = (
+        f"these of its effects are undecided: {'; '.join(each)}. They are written because the others were "
+        "fitted beside them, but they may not be the cause"
     )
+    return said if each else ""
