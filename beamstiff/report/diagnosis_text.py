@@ -112,7 +112,7 @@ def _first_cause(found: Sequence[Cause]) -> str:
     first, others = found[0], len(found) - 1
     name = in_words([first.key])
     if first.probability < LIKELY:
-        name = f"{name}, {words.chance(first.probability)}"
+        name = f"{name}, probability {words.chance(first.probability)}"
         alike = len(first.indistinguishable)
         name = (
             _or_alike(name, first.indistinguishable)

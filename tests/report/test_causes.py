@@ -185,7 +185,7 @@ def test_a_headline_of_several_causes_says_where_its_first_is_undecided() -> Non
     assert ", the largest undecided" not in verdict(result).headline
     open_one = replace(first, probability=0.53, indistinguishable=("backlash:q2",))
     told = replace(result, decomposition=replace(several, causes=(open_one, *others)))
-    said = "explained by 3 causes, the largest undecided: target-slip, 53 % (or backlash at q2)"
+    said = "explained by 3 causes, the largest undecided: target-slip, probability 53 % (or backlash at q2)"
     assert verdict(told).headline.endswith(said)
     assert said in diagnosis_html(told, provenance([], 0, []))
 
