@@ -88,7 +88,7 @@ def verify(
     head = f"Position error {rounded(1e3 * found.after)} mm {with_them}{times}"
     files = ", ".join(Path(path).name for path in data)
     again = (  # beside effects that are known few rows tell little more
-        "Diagnose the robot file from before its effects were added on the rows from then and these "
+        "Take the robot file as it was before its effects were added, and diagnose its rows and these "
         f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])} (--stations if the tracker has "
         "moved since)."
     )

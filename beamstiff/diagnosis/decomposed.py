@@ -157,8 +157,8 @@ def _left_out(found: Decomposition) -> Iterator[str]:
     if found.hanging:
         names = [in_words([cause.key]) for cause in found.hanging]
         yield (
-            f"left out: {listed(names, 6)}. Searches without a tenth of the postures mostly do not find "
-            "this, and it does not help beside what they find: more postures decide"
+            f"not named as a cause: {listed(names, 6)}. Searches without a tenth of the postures mostly do "
+            "not find this, and it does not help beside what they find: more postures decide"
         )
 
 

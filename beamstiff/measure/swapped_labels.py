@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.position_doubts import comparable, laid_over
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
 
 LEAST_STATES = 4  # that see the same reflectors
@@ -78,8 +80,10 @@ class Body:
 def label_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield which rows seem to have exchanged names of reflectors, and which reflectors seem to have slipped.
 
-    Asks for three reflectors or more that the same states read at different distances from one another.
+    Asks for three reflectors or more that the same states read at different distances from one another, or
+    for two that the robot file places.
     """
+    yield from _reversed_pairs(table, robot)
     for body in _bodies(table, robot):
         for order, states in body.exchanged.items():
             yield (
@@ -95,6 +99,31 @@ def label_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
                 f"reflector {body.names[one]} seems to have slipped in {len(states)} of {len(body.rows)} "
                 f"states: its distances to the others are off by up to "
                 f"{1e3 * body.far[states, one].max():.3g} mm; {_listed(table, body.rows[states, one])}"
+            )
+
+
+def _reversed_pairs(table: Measurements, robot: Robot) -> Iterator[str]:
+    """Yield in which states the way from one of two reflectors to the other is that of the file, reversed.
+
+    Along the axes of the body that carries them: their distance is the same whatever their names.
+    """
+    found = list(_states(table, 2, 2)) if table.kind == "absolute" else []
+    if not found or not len(some := comparable(table)):
+        return
+    turn = laid_over(table, robot, some, table.q[some], table.position[some]).rotation
+    kinematics = compile_kinematics(robot)
+    for names, rows in found:
+        where = posture(kinematics, table.q[rows[:, 0]])
+        one, other = (pose_of(kinematics, where, name) for name in names)
+        ways = other[:, :3, 3] - one[:, :3, 3], np.diff(table.position[rows], axis=1)[:, 0] @ turn
+        placed, read = (np.einsum("sji,sj->si", one[:, :3, :3], way) for way in ways)
+        off, otherwise = (np.linalg.norm(read - sign * placed, axis=1) for sign in (1.0, -1.0))
+        wrong = np.flatnonzero(otherwise < CLEARLY * off)
+        if wrong.size and np.ptp(placed, axis=0).max() < TOLERANCE:  # on one body
+            yield (
+                f"{listed(names)} seem to be exchanged in {wrong.size} of {len(rows)} states: the way from "
+                "one to the other is that of the robot file reversed. Correct the column point, or their "
+                f"places in the robot file; {_listed(table, rows[wrong, 0])}"
             )
 
 
@@ -240,7 +269,9 @@ def _placed(names: Sequence[str], right: Array, orders: Sequence[Order], robot: 
     return orders[int(off.argmin())]
 
 
-def _states(table: Measurements) -> Iterator[tuple[tuple[str, ...], Integers]]:
+def _states(
+    table: Measurements, least: int = 3, most: int = MOST_POINTS
+) -> Iterator[tuple[tuple[str, ...], Integers]]:
     """Yield the reflectors that some states read, and their rows, (S, P); each reading of a state is one."""
     read = np.flatnonzero(np.isfinite(table.position).all(axis=1) & table.by_tracker)
     found: dict[tuple[bytes, int], dict[str, int]] = {}
@@ -253,7 +284,7 @@ def _states(table: Measurements) -> Iterator[tuple[tuple[str, ...], Integers]]:
     alike: dict[tuple[str, ...], list[list[int]]] = {}
     for points in found.values():
         names = tuple(sorted(points))
-        if 3 <= len(names) <= MOST_POINTS:
+        if least <= len(names) <= most:
             alike.setdefault(names, []).append([points[name] for name in names])
     for names, rows in alike.items():
         if len(rows) >= LEAST_STATES:

@@ -6,6 +6,7 @@ from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis_words import stiffness_in_words
+from beamstiff.report.identification import far_off
 from beamstiff.report.tables import Column, Table, scale_of, table, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
@@ -113,12 +114,19 @@ def written_stiffness(result: Diagnosis) -> dict[str, tuple[float, float]]:
     }
 
 
+def far_stiffness(result: Diagnosis) -> dict[str, float]:
+    """Return which determined stiffness is far from the robot file, and by how many times (`far_off`)."""
+    vague = {*result.untouched, *result.undetermined}
+    values = {name: ends for name, ends in written_stiffness(result).items() if name not in vague}
+    return far_off(values, result.baseline.nominal)
+
+
 def drives_table(result: Diagnosis, title: str) -> Table:
     """Return the fitted stiffness, what the rows determine first, the softest first."""
     made = table(title, "parameter", "robot file", "stiffness", "std", "unit")
     robot = result.baseline.nominal
     axes = {one.name: one.variable for one in robot.joints}
-    rows = []
+    rows, far = [], far_stiffness(result)
     for name, (given, value) in written_stiffness(result).items():
         joint = name.rpartition(".")[0]
         of = f" (of {axes[joint]})" if axes.get(joint) not in (None, joint) else ""
@@ -133,7 +141,8 @@ def drives_table(result: Diagnosis, title: str) -> Table:
         else:
             said = f"not determined: over {1.0 / (1.0 / value + 2.0 * std):.2g}"
         digits = worth(value, std * value**2)[0] if known else f"{value:.2g}"
-        cells = name + of, stiffness_in_words(given), digits, said, unit
+        mark = " (!)" if name in far else ""
+        cells = name + of + mark, stiffness_in_words(given), digits, said, unit
         rows.append(((not known, unit, value), cells))
     for _, cells in sorted(rows):
         made.add_row(*cells)

@@ -15,9 +15,9 @@ from beamstiff.report.verdict import Verdict
 from beamstiff.robot.stiffness import parameter_unit
 
 CRITERIA = {
-    "D": "the volume of the confidence ellipsoid",
-    "A": "the mean variance",
-    "E": "the least known combination of parameters",
+    "D": "volume of the confidence ellipsoid",
+    "A": "mean variance",
+    "E": "error of the least known combination of parameters",
 }
 WANTED = (0.05, 0.02, 0.01)  # worst relative standard errors for which the number of tests is told
 MOST_TESTS = 100_000  # nobody makes more
@@ -73,8 +73,9 @@ def campaign_text(plan: MeasurementPlan) -> str:
     share = np.floor(1000 * design.efficiency) / 10
     lines.append(
         f"Chosen from {counted(plan.candidates, unit)}, measured with a noise of "
-        f"{_noise(campaign.noise)}. Criterion {design.criterion} ({CRITERIA[design.criterion]}; larger is "
-        f"better): {number(design.value)}. No other {chosen} would be more than {100.0 - share:.3g} % better."
+        f"{_noise(campaign.noise)}. Criterion {design.criterion}: {number(design.value)}, larger with a "
+        f"smaller {CRITERIA[design.criterion]}. No other {chosen} would be more than {100.0 - share:.3g} % "
+        "better."
     )
     lines.append(_against(campaign, plan.at_random, chosen))
     if plan.moving is not None:
@@ -83,14 +84,14 @@ def campaign_text(plan: MeasurementPlan) -> str:
             f"tests {plan.moving[0]:.3g} s."
         )
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
-    needed = {error: enough.tests_for(error) for error in WANTED}
+    needed = {error: float(f"{enough.tests_for(error):.2g}") for error in WANTED}
     sizes = ", ".join(
-        f"{size if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
+        f"{f'{size:.0f}' if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
         for error, size in needed.items()
     )
     lines.append(
-        f"{counted(enough.knee, unit)}{fewer} are enough to determine the values; more only average the "
-        f"noise. For the least certain value to have a given standard error, {unit}s needed: about {sizes}."
+        f"Beyond {counted(enough.knee, unit)}{fewer}, more only average the noise. For each value to have at "
+        f"most a given std, {unit}s needed: about {sizes}."
     )
     return "\n".join(lines)
 

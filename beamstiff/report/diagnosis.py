@@ -19,13 +19,14 @@ from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import changes_text, drives_table
+from beamstiff.report.calibrated_text import changes_text, drives_table, far_stiffness
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
     verdict,
 )
 from beamstiff.report.drift import drift_tables
+from beamstiff.report.identification import far_off_text
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.steps import INTERVAL, steps, steps_table
@@ -103,7 +104,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
     yield from (gap_tables(result), "")
     drives = drives_table(result, "Fitted stiffness, as --apply writes it")
     if drives.rows:
-        yield from (drives, "")
+        far = far_off_text(far_stiffness(result))
+        yield from (drives, Text(f"{far}\n" if far else ""))
     hidden = untestable_table(result, "What these data cannot show")
     if hidden.rows:
         yield from (hidden, "")
@@ -159,7 +161,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
             lines.append(f"{said}, held-out gap {gap}.")
         else:
             lines.append(
-                f"{said} by all rows, but it predicts held-out rows just as well: it may be the true cause."
+                f"{said} by all rows, but as good on held-out rows: that explanation may be the true one."
             )
     return lines
 

@@ -111,7 +111,7 @@ def _first_cause(found: Sequence[Cause]) -> str:
     first, others = found[0], len(found) - 1
     name = in_words([first.key])
     if first.probability < LIKELY:
-        name = f"{name}, {words.chance(first.probability)}"
+        name = f"{name}, probability {words.chance(first.probability)}"
         alike = len(first.indistinguishable)
         name = (
             _or_alike(name, first.indistinguishable)
@@ -327,10 +327,13 @@ def _by_line(rows: Sequence[str]) -> list[str]:
 
 def undecided_text(found: Decomposition) -> str:
     """Return, in words, which effects of the written robot are undecided, and why they stand there."""
-    if not found.unclear:
-        return ""
-    each = "; ".join(_or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear)
-    return (
-        f"these effects are undecided: {each}. They stay because the others were fitted beside them, but "
-        "they may not be the cause"
+    each = [
+        _or_alike(in_words([one.key]), one.indistinguishable)
+        for one in found.unclear
+        if not one.rows  # slips are not written
+    ]
+    said = (
+        f"these of its effects are undecided: {'; '.join(each)}. They are written because the others were "
+        "fitted beside them, but they may not be the cause"
     )
+    return said if each else ""

@@ -1,7 +1,7 @@
 """Tables and sentences of an identification: stiffness with its uncertainty, and what the residual means."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, sqrt
 
 import numpy as np
@@ -78,7 +78,7 @@ def identification_table(
     page = (Column("std/value", only="console"), Column("95 %", only="page"), Column("unit", left=True))
     why = Column("why no value", left=True, only="page")
     result = table(title, "parameter", *whose, *old, "identified", "std", *page, *drawn, why)
-    far = far_off(found, before)
+    far = _far_off(found, before)
     for item, drive in zip(found.parameters, drives, strict=True):
         start = [] if before is None else [_start(before, item.name)]
         more = [] if found.bootstrap is None else [_interval(found.bootstrap.intervals.get(item.name))]
@@ -88,16 +88,33 @@ def identification_table(
     return result
 
 
-def far_off(found: Identification, start: Robot | None) -> dict[str, float]:
-    """Return by how many times identified values are stiffer than the robot file says, those far from it."""
-    if start is None:
-        return {}
+def far_off(values: Mapping[str, tuple[float, float | None]], robot: Robot) -> dict[str, float]:
+    """Return by how many times fitted values are stiffer than the robot file says, those far from it.
+
+    `values`: of the file, and as fitted. Start values of the file are guesses: they contradict nothing.
+    """
     ratios = {
-        item.name: item.value / start.parameter(item.name)
-        for item in found.parameters
-        if item.value and 0.0 < start.parameter(item.name) < inf
+        name: value / given
+        for name, (given, value) in values.items()
+        if value and 0.0 < given < inf and name not in robot.unmeasured
     }
     return {name: ratio for name, ratio in ratios.items() if not 1 / FAR_OFF < ratio < FAR_OFF}
+
+
+def far_off_text(far: Mapping[str, float]) -> str:
+    """Return, in words, which fitted values are far from the robot file, and what may be wrong; or none."""
+    each = (f"{name} ({times_off(ratio)})" for name, ratio in far.items())
+    said = (
+        f"(!) Far from the robot file: {listed(each)}. If that value was no guess, check it, and whether "
+        "another part is compliant: the fit takes it for the drive's own."
+    )
+    return said if far else ""
+
+
+def _far_off(found: Identification, start: Robot | None) -> dict[str, float]:
+    if start is None:
+        return {}
+    return far_off({item.name: (start.parameter(item.name), item.value) for item in found.parameters}, start)
 
 
 def _start(robot: Robot, name: str) -> str:
@@ -204,12 +221,8 @@ def identification_text(found: Identification, measured: Measurements, folds: in
     else:
         judged = _against_noise(sqrt(found.chi_square), measured)
     lines = ["Stopped by hand: the best values so far."] if found.interrupted else []
-    if far := far_off(found, found.start):
-        each = (f"{name} ({times_off(ratio)})" for name, ratio in far.items())
-        lines.append(
-            f"(!) Far from the robot file: {listed(each)}. If that value was no guess, check it, and whether "
-            "another part is compliant: the fit takes it for the drive's own."
-        )
+    if far := far_off_text(_far_off(found, found.start)):
+        lines.append(far)
     if unbounded:
         lines.append(
             f"No upper bound from these data for {listed(unbounded)}: rigid would fit nearly as well. "

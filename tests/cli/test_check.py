@@ -94,7 +94,7 @@ def test_verify_of_effects_that_help_but_leave_much_sends_to_all_rows_together(
     (folder / "stiff.yaml").write_text(stiff + effect)
     said = " ".join(run("verify", "stiff.yaml", "crane.csv").stdout.split())
     assert (
-        "the rows from then and these together: beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv "
+        "diagnose its rows and these together: beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv "
         "(--stations if the tracker has moved since)." in said
     )
     (folder / "bare.yaml").write_text(stiff)

@@ -90,11 +90,11 @@ def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
         "J12.torsional 1.72e+06",
         "20 tests at",
         "Chosen from 240 tests",
-        f"Criterion {criterion.upper()} (",
+        f"Criterion {criterion.upper()}: ",
         "No other 20 tests would be more than ",
         "Of 200 random choices of 20 tests the median has a worst std of",
         "more only average the noise",
-        "For the least certain value to have a given standard error, tests needed: about",
+        "For each value to have at most a given std, tests needed: about",
     ):
         assert part in text
 

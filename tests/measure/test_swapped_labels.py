@@ -13,6 +13,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.swapped_labels import label_doubts, mend_labels
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import Rigid
+from beamstiff.robot.reader import load_robot
 
 STATES = 12
 TRIANGLE = np.array([[0.1, 0.0, 0.0], [0.0, 0.16, 0.0], [0.0, 0.0, 0.25]])
@@ -81,6 +84,28 @@ def test_exchanged_names_are_found_by_the_distances(states: tuple[int, ...]) -> 
     assert f"exchanged in {len(states)} of {STATES} states" in said
     assert "m2 is m1, m1 is m2" in said
     assert right.place(3 * states[0] + 1) in said
+
+
+@pytest.mark.parametrize("states", [(), (2, 7, 11), tuple(range(STATES))])
+def test_two_names_are_found_by_their_places(states: tuple[int, ...]) -> None:
+    """Two of a six-axis robot, some millimetres from where its file has them, in a tracker's frame."""
+    arm, rng = load_robot("kr240-2"), np.random.default_rng(3)
+    (tool,) = (node for node in arm.nodes if node.name == arm.tcp)
+    places = {"m1": np.array([0.1, 0.0, 0.2]), "m2": np.array([0.04, 0.05, 0.15])}
+    more = tuple(tool.model_copy(update={"name": name, "at": tuple(at)}) for name, at in places.items())
+    rigids = tuple(Rigid(name=name, nodes=(arm.tcp, name)) for name in places)
+    arm = arm.model_copy(update={"nodes": (*arm.nodes, *more), "rigids": (*arm.rigids, *rigids)})
+    q = rng.uniform(-0.4, 0.4, (STATES, 6))
+    link = pose_of(compile_kinematics(arm), posture(compile_kinematics(arm), q), "m1")
+    local = np.array([*places.values()]) - places["m1"] + 3e-3 * rng.standard_normal((2, 3))
+    at = link[:, None, :3, 3] + np.einsum("sij,pj->spi", link[:, :3, :3], local)
+    frame = Rotation.random(random_state=rng).as_matrix()
+    right = read(at @ frame + rng.uniform(-1, 1, 3))
+    names = tuple(variable.name for variable in arm.actuated)
+    right = replace(right, variables=names, q=np.repeat(q, 2, axis=0))
+    said = list(label_doubts(exchanged(right, dict.fromkeys(states, (1, 0)), 2), arm))
+    assert len(said) == bool(states)
+    assert all(f"m1, m2 seem to be exchanged in {len(states)} of {STATES} states" in note for note in said)
 
 
 def test_three_names_that_went_round_are_found() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
+from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Candidate, Estimate
 from beamstiff.report.calibrated_text import calibrated_worse, changes_text
 from beamstiff.report.diagnosis import (
@@ -186,7 +187,7 @@ def test_a_headline_of_several_causes_says_where_its_first_is_undecided() -> Non
     assert ", the largest undecided" not in verdict(result).headline
     open_one = replace(first, probability=0.53, indistinguishable=("backlash:q2",))
     told = replace(result, decomposition=replace(several, causes=(open_one, *others)))
-    said = "explained by 3 causes, the largest undecided: target-slip, 53 % (or backlash at q2)"
+    said = "explained by 3 causes, the largest undecided: target-slip, probability 53 % (or backlash at q2)"
     assert verdict(told).headline.endswith(said)
     assert said in diagnosis_html(told, provenance([], 0, []))
 
@@ -268,7 +269,10 @@ def test_undecided_effects_of_the_written_robot_are_named() -> None:
     several = result.decomposition
     assert several is not None
     assert undecided_text(replace(several, unclear=())) == ""
-    assert "undecided" in undecided_text(replace(several, unclear=several.causes[:1]))
+    slip, *others = several.causes
+    assert slip.rows
+    assert undecided_text(replace(several, unclear=(slip,))) == ""  # which is not written
+    assert in_words([others[0].key]) in undecided_text(replace(several, unclear=(slip, others[0])))
 
 
 def test_what_the_calibration_changed_is_told() -> None:

@@ -10,7 +10,8 @@ from beamstiff.diagnosis.notes import quoted
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
-from beamstiff.report.diagnosis import in_full, sized
+from beamstiff.report.calibrated_text import far_stiffness
+from beamstiff.report.diagnosis import diagnosis_tables, in_full, sized
 from beamstiff.report.diagnosis_text import headline, summary, verdict
 from beamstiff.report.diagnosis_words import told
 from beamstiff.report.next_action import proposed, separations
@@ -157,6 +158,18 @@ def test_states_that_decide_nothing_are_called_so() -> None:
     ):
         result = replace(diagnosed("backlash"), next=[{**item, "discrimination": size}])
         assert says in verdict(result).action
+
+
+def test_a_drive_that_contradicts_the_robot_file_is_marked() -> None:
+    result = diagnosed("backlash")
+    assert far_stiffness(result) == {}
+    name, (_, value) = max(result.fitted_stiffness.items(), key=lambda item: item[1][1])
+    assert name not in result.undetermined
+    stiff = result.baseline.nominal.with_parameters({name: 20.0 * value})
+    wrong = replace(result, baseline=replace(result.baseline, nominal=stiff))
+    assert far_stiffness(wrong) == {name: pytest.approx(1 / 20, rel=0.2)}  # that of the fit beside the cause
+    told = " ".join(map(str, diagnosis_tables(wrong)))
+    assert f"(!) Far from the robot file: {name} (" in told
 
 
 def test_names_with_spaces_stand_in_quotation_marks() -> None:

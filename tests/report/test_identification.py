@@ -72,6 +72,8 @@ def test_a_value_far_from_that_of_the_file_is_marked(robot: Robot) -> None:
     text = identification_text(replace(FOUND, start=stiff), measured(1e-5))
     assert "(!) Far from the robot file: J1.torsional (100 times softer)." in text
     assert ["J1.torsional", "(!)"] in [row[:2] for row in printed(FOUND, stiff)]
+    guess = stiff.model_copy(update={"unmeasured": ("J1.torsional",)})  # a start value is no statement
+    assert "(!)" not in identification_text(replace(FOUND, start=guess), measured(1e-5))
 
 
 def test_what_is_not_bounded_shows_its_lower_bound_and_no_value(robot: Robot) -> None:

@@ -1,7 +1,8 @@
 """`approach-direction`: a joint's error follows the direction in which it last moved, whatever its torque.
 
 The joint stops short by half of its lost motion: ``dq = h sign(last motion)``, the play operator for motions
-larger than the play. The last motion follows from the order of the poses.
+larger than the play. The last motion follows from the order of the poses; before the first it is
+unknown, and counts as none.
 
 Without a component: all joints at once, each by a lost motion of its own. Where all drives have some, each by
 itself may show too little.

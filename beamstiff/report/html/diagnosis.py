@@ -10,7 +10,7 @@ from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import changes_table, changes_text, drives_table
+from beamstiff.report.calibrated_text import changes_table, changes_text, drives_table, far_stiffness
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.charts import SHARE, bars
@@ -20,6 +20,7 @@ from beamstiff.report.html.places import line_of
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
+from beamstiff.report.identification import far_off_text
 from beamstiff.report.next_action import proposed, separations
 from beamstiff.report.smallest import hidden_text, smallest_table
 from beamstiff.report.steps import steps, steps_table
@@ -195,7 +196,8 @@ def _others(result: Diagnosis) -> Iterator[Section]:
     if result.recalibration is not None:
         fitted.append(changes_table(result.recalibration, "Calibrated geometry, change from the robot file"))
     if fitted := [one for one in fitted if one.rows]:
-        yield Section("parameters", "Fitted parameters", tables=fitted, open=False)
+        texts = [far] if (far := far_off_text(far_stiffness(result))) else []
+        yield Section("parameters", "Fitted parameters", texts, tables=fitted, open=False)
     nothing = result.verdict.effect == "none"
     hidden = [smallest_table(result)] if nothing else []
     hidden += [made] if (made := shown.untestable_table(result, "Not testable")).rows else []
