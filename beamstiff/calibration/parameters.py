@@ -140,11 +140,9 @@ def _unknown(robot: Robot, name: str, every: Collection[str]) -> BeamstiffError:
     if owner is not None and parameter in FRAME_PARAMETERS:
         expression = frame_expressions(robot)[frame][parameter]
         variables = [variable for variable in expression.coefficients if variable in every]
-        why = (
-            f"its zero goes by the name {variables[0]!r}"
-            if variables
-            else "loop closure makes up for any change"
-        )
+        why = "loop closure makes up for any change"
+        if variables:
+            why = f"its zero goes by the name {variables[0]!r}"
         return BeamstiffError(f"{name!r} follows {getattr(owner, parameter)!r}: {why}")
     if name in stiffness_parameters(robot):
         return BeamstiffError(f"{name!r} is a stiffness: seek it as a compliance (--compliances {name})")

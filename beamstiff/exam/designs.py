@@ -252,8 +252,7 @@ def _warming(rng: np.random.Generator, time: Array) -> Array:
     """Return the temperature of a machine that warms up to a new level, read to 0.05 K."""
     rise, lag = rng.uniform(0.0, 8.0), rng.uniform(0.2, 1.0) * max(float(np.ptp(time)), 1.0)
     exact = rng.uniform(18.0, 24.0) + rise * -np.expm1(-(time - time.min()) / lag)
-    read: Array = np.round((exact + rng.normal(scale=0.05, size=time.shape)) / 0.05) * 0.05
-    return read
+    return np.asarray(np.round((exact + rng.normal(scale=0.05, size=time.shape)) / 0.05) * 0.05)
 
 
 def _twice_seen(rng: np.random.Generator, robot: Robot, campaign: SimulatedCampaign) -> SimulatedCampaign:

@@ -40,8 +40,7 @@ class Placed:
 
     def node(self, node: Node) -> Array:
         """Return the position of a node, (P, 3), m."""
-        at: Array = self.origins[node.frame] + self.rotations[node.frame] @ np.array(node.at)
-        return at
+        return np.asarray(self.origins[node.frame] + self.rotations[node.frame] @ np.array(node.at))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,7 @@ def cross(v: Array, w: Array) -> Array:
 
 def apply(matrices: Array, vectors: Array) -> Array:
     """Return the products (..., 3) of matrices (..., 3, 3) with vectors (..., 3)."""
-    result: Array = (matrices @ vectors[..., None])[..., 0]
-    return result
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def turn(vector: Array) -> Array:
@@ -39,8 +38,7 @@ def turn(vector: Array) -> Array:
     w = np.cos(half)[..., None]
     v = 0.5 * np.sinc(half / np.pi) * vector
     s = cross_matrix(v)
-    result: Array = np.eye(3) + 2.0 * w * s + 2.0 * s @ s
-    return result
+    return np.asarray(np.eye(3) + 2.0 * w * s + 2.0 * s @ s)
 
 
 def turned_by(rotation: Array) -> Array:
@@ -67,5 +65,4 @@ def vector_rate(vector: Array) -> Array:
     """Return what turns spin into the rate of a rotation vector: ``I - [v]/2 + (1/12 + |v|^2/720) [v]^2``."""
     s = cross_matrix(vector)
     square = np.sum(vector**2, axis=-1)[..., None, None]
-    result: Array = np.eye(3) - 0.5 * s + (1.0 / 12.0 + square / 720.0) * (s @ s)
-    return result
+    return np.asarray(np.eye(3) - 0.5 * s + (1.0 / 12.0 + square / 720.0) * (s @ s))

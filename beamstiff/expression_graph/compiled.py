@@ -63,7 +63,7 @@ def _compiled() -> Callable[..., None] | None:
     return function
 
 
-def _run(  # type: ignore[no-untyped-def]
+def _run(  # type: ignore[no-untyped-def]  # numba finds the types
     steps, constants, outputs, factors, offsets, places, values, result
 ):
     """Run all steps on some poses after another; the steps used most come first."""

@@ -26,8 +26,7 @@ def beam_axes(axis: Array, up: Array) -> Array:
 
 def _length(vector: Array) -> Array:
     # by hand, so that expressions (`expression_graph`) pass too
-    squares: Array = np.sqrt((vector * vector).sum(axis=-1, keepdims=True))
-    return squares
+    return np.asarray(np.sqrt((vector * vector).sum(axis=-1, keepdims=True)))
 
 
 def beam_stiffness(

@@ -99,8 +99,7 @@ def _sizes(structure: Structure) -> Array:
         raise Unfit
     free = kinematics.assembly.free if kinematics.assembly else declared_start(kinematics)
     where = posture_at(kinematics, all_values(kinematics, free[None]))
-    sizes: Array = assemble(structure, place(structure, where))[1][0]
-    return sizes
+    return np.asarray(assemble(structure, place(structure, where))[1][0])
 
 
 def _written(

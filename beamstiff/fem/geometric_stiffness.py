@@ -124,8 +124,7 @@ def loaded_stiffness(compliance: Array, robot: str = "robot") -> Array:
         )
     size = np.sqrt(np.diagonal(compliance, axis1=-2, axis2=-1))
     scaled = np.linalg.inv(compliance / (size[..., :, None] * size[..., None, :]))
-    result: Array = scaled / (size[..., :, None] * size[..., None, :])
-    return result
+    return np.asarray(scaled / (size[..., :, None] * size[..., None, :]))
 
 
 def load_stiffness(

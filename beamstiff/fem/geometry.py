@@ -129,8 +129,7 @@ def rod_flexibility(structure: Structure, posture: Posture, struts: Index, numbe
             f"strut {strut.name!r} is {1e3 * length[wrong]:.4g} mm long at pose {number[wrong[0]]}, expected "
             f"more than its fixed_length, {1e3 * strut.fixed_length:.4g} mm"
         )
-    flexibility: Array = free / stretching
-    return flexibility
+    return np.asarray(free / stretching)
 
 
 def strut_stiffness(structure: Structure, geometry: Geometry) -> Array:

@@ -68,8 +68,7 @@ def bending_stress(length: Array, against: Array, alike: Array) -> Array:
     bent_a, bent_b = TURN_A[1:] - turn, TURN_B[1:] - turn
     half = 0.5 * np.concatenate([against, alike], axis=-1)[..., None]
     modes = np.concatenate([bent_a - bent_b, bent_a + bent_b], axis=-2)
-    result: Array = _transpose(modes) @ (half * modes)
-    return result
+    return np.asarray(_transpose(modes) @ (half * modes))
 
 
 def _inside(

@@ -285,8 +285,7 @@ def _answer(
 
 def _longest(columns: Array) -> Array:
     """Return the largest entry of each column, (c,)."""
-    longest: Array = np.abs(columns).max(axis=0, initial=0.0)
-    return longest
+    return np.asarray(np.abs(columns).max(axis=0, initial=0.0))
 
 
 def _backward(triangle: Array, right: Array, transposed: bool = False) -> Array:

@@ -261,8 +261,7 @@ def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Pos
         rows = make_measurements(names, q, tcp=robot.tcp, wrench=loads, displacement=unread)
         return effects_displacement(machine, rows)
 
-    compliance: Array = 0.5 * (moved(1.0) - moved(-1.0)).T
-    return compliance
+    return np.asarray(0.5 * (moved(1.0) - moved(-1.0)).T)
 
 
 def _nodal(structure: Structure, load: Array) -> Array:

@@ -7,6 +7,7 @@ same: it is the machine that was elsewhere.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from itertools import repeat
 
 import numpy as np
 
@@ -87,13 +88,10 @@ def sensitivity(
     found = []
     for (source, of_source), random in zip(sources.items(), streams, strict=True):
         noise = problem.sigma if source in (READINGS, ALL) else np.zeros_like(problem.sigma)
-        models = (
-            as_they_were(
-                statement.robot, measurements, of_source, statement.parameters.names, repetitions, random
-            )
-            if of_source
-            else (problem.model for _ in range(repetitions))
-        )
+        models: Iterator[PortModel] = repeat(problem.model, repetitions)
+        if of_source:
+            names = statement.parameters.names
+            models = as_they_were(statement.robot, measurements, of_source, names, repetitions, random)
         thetas = []
         for model in models:
             seen = model.predict(true) + _noise(statement, noise, random)

@@ -104,7 +104,7 @@ class EulerAngles:
         """Return angles (N, 3): of the two solutions, and whole turns, those nearest to `like`."""
         with warnings.catch_warnings():  # of the pole, which is seen to below
             warnings.simplefilter("ignore", UserWarning)
-            first = Rotation.from_matrix(rotations).as_euler(self.order)  # type: ignore[call-overload]
+            first = Rotation.from_matrix(rotations).as_euler(self.order)  # type: ignore[call-overload]  # literals in the stubs
         symmetric = self.order[0] == self.order[2]
         pole = np.sin(first[:, 1]) if symmetric else np.cos(first[:, 1])
         first = np.where((np.abs(pole) < LOCKED)[:, None], self._at_pole(rotations, first, like), first)

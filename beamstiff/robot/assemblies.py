@@ -289,8 +289,7 @@ def _step(
     pull = (rows.swapaxes(1, 2) @ np.linalg.solve(square, lack[:, :, None]))[:, :, 0]
     step = ease * (goal - pull)
     largest = np.where(system.prismatic, LARGEST_SHIFT, LARGEST_STEP)
-    limited: Array = step / np.maximum(1.0, np.abs(step / largest).max(axis=1, initial=0.0))[:, None]
-    return limited
+    return np.asarray(step / np.maximum(1.0, np.abs(step / largest).max(axis=1, initial=0.0))[:, None])
 
 
 def _unwound(system: LoopSystem, postures: Array, guess: Array) -> Array:

@@ -99,8 +99,7 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
             f"loop {loop.name!r} holds the actuated variable {joined.free[column]!r} at "
             f"{_where(system, free[pose])} (pose {pose}): too few of its variables are passive"
         )
-    scaled: Array = rates * system.scale[joined.actuated :, None] / system.scale[: joined.actuated]
-    return scaled
+    return np.asarray(rates * system.scale[joined.actuated :, None] / system.scale[: joined.actuated])
 
 
 def assembled(kinematics: Kinematics) -> Kinematics:

@@ -252,5 +252,4 @@ def search_width(system: LoopSystem) -> Array:
 
 
 def _norm(gaps: Array) -> Array:
-    size: Array = np.sqrt((gaps**2).sum(axis=1))
-    return size
+    return np.asarray(np.sqrt((gaps**2).sum(axis=1)))

@@ -410,16 +410,11 @@ def _variable(joint: TreeJoint, variables: Mapping[str, str], joints: Sequence[T
         if source not in variables:
             what = "is fixed" if source in followed else f"is no joint{suggest(source, variables)}"
             joint.fail(f"mimic: {source!r} {what}, expected a joint that moves")
-        unit = {("revolute", "prismatic"): " rad/m", ("prismatic", "revolute"): " m/rad"}.get(
-            (joint.kind, followed[source]), ""
-        )
-        factor = joint.mimic.multiplier
-        offset = joint.mimic.offset
-        term = (
-            f"{abs(factor)!r}{unit} * {variables[source]}"
-            if factor not in (1.0, -1.0) or unit
-            else variables[source]
-        )
+        units = {("revolute", "prismatic"): " rad/m", ("prismatic", "revolute"): " m/rad"}
+        unit = units.get((joint.kind, followed[source]), "")
+        factor, offset, term = joint.mimic.multiplier, joint.mimic.offset, variables[source]
+        if factor not in (1.0, -1.0) or unit:
+            term = f"{abs(factor)!r}{unit} * {term}"
         more = f" {'-' if offset < 0 else '+'} {abs(offset)!r}" if offset else ""
         data["equals"] = f"{'-' if factor < 0 else ''}{term}{more}"
     return data

@@ -156,5 +156,4 @@ def rotation_vector_rate(vector: Array) -> Array:
     # the series where the closed form would cancel
     factor = np.where(angle < 1e-2, 1 / 12 + angle**2 / 720, 1 / safe**2 - 1 / (2 * safe * np.tan(safe / 2)))
     s = skew(vector)
-    rate: Array = np.eye(3) - 0.5 * s + factor * (s @ s)
-    return rate
+    return np.asarray(np.eye(3) - 0.5 * s + factor * (s @ s))

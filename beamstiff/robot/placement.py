@@ -110,11 +110,8 @@ def roll_pitch_yaw(rotation: Array) -> Array:
     """Return roll, pitch, yaw (3,) of a rotation (3, 3), rad; where pitch is +-90 deg, roll is 0."""
     lean = math.hypot(rotation[0, 0], rotation[1, 0])
     pitch = math.atan2(-rotation[2, 0], lean)
-    yaw = (
-        math.atan2(rotation[1, 0], rotation[0, 0])
-        if lean > ZERO
-        else math.atan2(-rotation[0, 1], rotation[1, 1])
-    )
+    sine, cosine = (rotation[1, 0], rotation[0, 0]) if lean > ZERO else (-rotation[0, 1], rotation[1, 1])
+    yaw = math.atan2(sine, cosine)
     # what the other two leave, so that near the pole, where they are uncertain, the product is not
     left = (rotation_about(2, np.asarray(yaw)) @ rotation_about(1, np.asarray(pitch))).T @ rotation
     roll = math.atan2(left[2, 1], left[1, 1])

@@ -89,7 +89,7 @@ def _not_valid(error: yaml.MarkedYAMLError, text: str, name: str) -> str:
         if error.context_mark and error.context_mark.line + 1 != line:
             message += f" that starts on line {error.context_mark.line + 1}"
     rows = text.split("\n", line)
-    if len(rows) >= line and "\t" in re.match(r"\s*", rows[line - 1])[0]:  # type: ignore[index]  # always matches
+    if len(rows) >= line and re.match(r"\s*\t", rows[line - 1]):
         message += " (indent with spaces, not tabs)"
     return message
 

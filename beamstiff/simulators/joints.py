@@ -96,8 +96,7 @@ class Assembly:
 
     def point(self, node: str, frame: Array) -> Array:
         """Return the place of a node in the body in which its frame is placed, (3,)."""
-        place: Array = frame[:3, :3] @ np.array(self.nodes[node].at) + frame[:3, 3]
-        return place
+        return np.asarray(frame[:3, :3] @ np.array(self.nodes[node].at) + frame[:3, 3])
 
     def site(self, name: str, body: int, pose: Array) -> str:
         """Add a site to a body."""

@@ -20,7 +20,7 @@ def test_the_json_of_a_cantilever_holds_the_closed_forms(run: Run) -> None:
     assert list(answer) == ["stiffness", "compliance", "tcp", "variables"]
     assert (answer["tcp"], answer["variables"]) == ([1.0, 0.0, 0.0], {})
     outer, inner, E, G = 0.060, 0.052, 210e9, 80e9
-    A, I = pi / 4 * (outer**2 - inner**2), pi / 64 * (outer**4 - inner**4)  # noqa: E741
+    A, I = pi / 4 * (outer**2 - inner**2), pi / 64 * (outer**4 - inner**4)  # noqa: E741 (its usual name)
     compliance = np.array(answer["compliance"])
     closed = [1 / (E * A), 1 / (3 * E * I), 1 / (3 * E * I), 1 / (2 * G * I), 1 / (E * I), 1 / (E * I)]
     np.testing.assert_allclose(np.diagonal(compliance), closed, rtol=1e-9)

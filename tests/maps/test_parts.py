@@ -15,7 +15,7 @@ import pytest
 
 from beamstiff import files
 from beamstiff.errors import BeamstiffError
-from tests.maps.test_resume import computed, mapped, same, small_chunks, stopped, whole  # noqa: F401
+from tests.maps.test_resume import computed, mapped, same, small_chunks, stopped, whole  # noqa: F401 (fixtures)
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DRAFT = f".beamstiff-{12 * 'a'}-{32 * 'b'}"
@@ -94,7 +94,7 @@ def of_another_job(one: Path, _: Path) -> None:
 def test_chunks_that_are_not_as_they_were_written_are_computed_again(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    computed: Counter[int],  # noqa: F811
+    computed: Counter[int],  # noqa: F811 (a fixture)
     change: Callable[[Path, Path], None],
     again: list[int],
 ) -> None:

@@ -93,5 +93,4 @@ def _explained(left: Array, own: Array, found: Array, read: NDArray[np.bool_], m
         gram[:, axis, :, axis] = np.einsum("nfa,nfb->fab", seen, found)
     whole = gram.reshape(count, 3 * waves_each, -1) - part.swapaxes(1, 2) @ part
     solved = np.linalg.pinv(whole, rcond=1e-8, hermitian=True) @ toward[..., None]
-    result: Array = np.einsum("fa,fa->f", toward, solved[..., 0])
-    return result
+    return np.asarray(np.einsum("fa,fa->f", toward, solved[..., 0]))

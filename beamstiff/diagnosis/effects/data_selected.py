@@ -68,5 +68,4 @@ def best_of(choices: Sequence[Choice], left: Left, columns: Callable[[Choice], A
 
 
 def _weighted(fit: Baseline, columns: Array) -> Array:
-    result: Array = (columns * np.repeat([1.0, ROTATION_LENGTH], 3)[:, None])[fit.used]
-    return result
+    return np.asarray((columns * np.repeat([1.0, ROTATION_LENGTH], 3)[:, None])[fit.used])

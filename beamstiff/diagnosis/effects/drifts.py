@@ -26,8 +26,7 @@ def turning(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 3) of turning about the base axes."""
     axes = np.broadcast_to(np.eye(3), (len(course), 3, 3))
     turned = np.cross(axes, baseline.described[0][:, :, None], axis=1)
-    result: Array = course[:, None, None] * np.concatenate([turned, axes], axis=1)
-    return result
+    return np.asarray(course[:, None, None] * np.concatenate([turned, axes], axis=1))
 
 
 def growing(baseline: Baseline, course: Array) -> Array:
@@ -38,8 +37,7 @@ def growing(baseline: Baseline, course: Array) -> Array:
 def lengthening(baseline: Baseline, course: Array) -> Array:
     """Return the displacement (N, 6, 1) of links that lengthen, along the way from the base to the point."""
     reach = np.maximum(np.linalg.norm(baseline.described[0], axis=1, keepdims=True), 1e-9)
-    result: Array = growing(baseline, course) / reach[:, None]
-    return result
+    return np.asarray(growing(baseline, course) / reach[:, None])
 
 
 def of_the_tool(baseline: Baseline, course: Array) -> Array:

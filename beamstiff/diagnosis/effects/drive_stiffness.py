@@ -49,8 +49,7 @@ class Following:
 
     def varying(self, law: Callable[[Array], Array]) -> Array:
         """Return a law of the angle (N, ...) less its mean over the fitted rows, the drive's own."""
-        result: Array = law(self.angle) - self.share @ law(self.fitted)
-        return result
+        return np.asarray(law(self.angle) - self.share @ law(self.fitted))
 
     def family(self, laws: Callable[[Array], Array]) -> Array:
         """Return the main modes (N, MODES) of a family of laws, (N,) to (N, m), each in its usual size.
@@ -60,8 +59,7 @@ class Following:
         """
         fitted = laws(self.fitted)
         mean = self.share @ fitted
-        result: Array = (laws(self.angle) - mean) @ self.mixture(fitted - mean)
-        return result
+        return np.asarray((laws(self.angle) - mean) @ self.mixture(fitted - mean))
 
     def mixture(self, fitted: Array) -> Array:
         """Return what mixes a family of laws at the fitted angles (F, m) into its main modes, (m, MODES)."""
@@ -71,5 +69,4 @@ class Following:
         kept = values[: min(MODES, values.size)]
         # a mode's sign is free, but parameters that were written must mean the same on every machine
         sign = np.where(right @ np.cos(np.arange(fitted.shape[1])) < 0, -1.0, 1.0)[: kept.size]
-        result: Array = sign * right[: kept.size].T / np.sqrt(fitted.shape[1]) / size[:, None]
-        return result
+        return np.asarray(sign * right[: kept.size].T / np.sqrt(fitted.shape[1]) / size[:, None])

@@ -27,8 +27,7 @@ SLACK = 0.01  # share of the largest force, below which nothing pulls
 def each_by_each(frame: Array, vector: Array) -> Array:
     """Return the axes (N, 3, 3) of a frame, each times each part of vectors (N, 3) in it: (N, 3, 9)."""
     own = np.einsum("nai,na->ni", frame, vector)
-    result: Array = (frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9)
-    return result
+    return np.asarray((frame[:, :, :, None] * own[:, None, None, :]).reshape(len(own), 3, 9))
 
 
 def shift_alone(columns: Array) -> Array:

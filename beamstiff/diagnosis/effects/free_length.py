@@ -51,8 +51,7 @@ def screws(baseline: Baseline) -> dict[str, Screw]:
 
     def lengths(q: Array) -> Array:
         at = posture(kinematics, q).node_positions
-        result: Array = np.linalg.norm(at[:, ends[:, 1]] - at[:, ends[:, 0]], axis=-1)
-        return result
+        return np.asarray(np.linalg.norm(at[:, ends[:, 1]] - at[:, ends[:, 0]], axis=-1))
 
     poses = np.unique(baseline.fit.rows.q, axis=0)
     poses = poses[np.linspace(0, len(poses) - 1, min(LOOKED_AT, len(poses))).astype(int)]

@@ -158,8 +158,7 @@ def by_compliance(baseline: Baseline, place: Place, *pairs: tuple[int, int]) -> 
         slip[:, a] += passed[:, b]
         if a != b:
             slip[:, b] += passed[:, a]
-    result: Array = np.einsum("nab,nb->na", place.shift, slip)
-    return result
+    return np.asarray(np.einsum("nab,nb->na", place.shift, slip))
 
 
 def compliance_terms(

@@ -296,11 +296,10 @@ def predict(robot: Robot, rows: Measurements) -> Array:
 def _of_structure(robot: Robot, rows: Measurements) -> Array:
     if not any(0.0 < value < RIGID for value in stiffness_parameters(robot).values()):
         return np.zeros((len(rows), 6))
-    moved = (
-        predict_displacements(robot, rows, preload=True)
-        if rows.kind == "displacement"
-        else displaced_points(robot, rows)[0]
-    )
+    if rows.kind == "displacement":
+        moved = predict_displacements(robot, rows, preload=True)
+    else:
+        moved, _ = displaced_points(robot, rows)
     return rows.along(moved if robot.model is None else moved + model_correction(robot, rows))
 
 

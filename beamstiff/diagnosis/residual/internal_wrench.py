@@ -336,8 +336,7 @@ def across(direction: Array) -> Array:
     >>> across(np.array([0.6, 0.8, 0.0])), across(np.array([0.8, 0.6, 0.0]))
     (array([1., 0., 0.]), array([0., 1., 0.]))
     """
-    axis: Array = np.eye(3)[np.argmax(np.abs(direction) < ASIDE)]
-    return axis
+    return np.asarray(np.eye(3)[np.argmax(np.abs(direction) < ASIDE)])
 
 
 def _base(

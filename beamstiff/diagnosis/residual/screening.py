@@ -184,8 +184,7 @@ def _left_out(
 
 def _squared(covariance: Array, left: Array) -> Array:
     """Return the squared sizes (B,) of vectors (B, m) against their covariance (B, m, m)."""
-    result: Array = np.einsum("bi,bij,bj->b", left, _inverse(covariance), left)
-    return result
+    return np.asarray(np.einsum("bi,bij,bj->b", left, _inverse(covariance), left))
 
 
 def _inverse(matrix: Array) -> Array:
@@ -214,8 +213,7 @@ def _unit_columns(some: Sequence[Hypothesis], white: Whitened) -> Array:
             parts.append(left * np.sqrt(white.gap.size) / size)
     columns = np.concatenate(parts, axis=1)
     values, vectors = np.linalg.eigh(columns.T @ columns)
-    main: Array = columns @ vectors[:, values > MAIN * values.max(initial=0.0)]
-    return main
+    return np.asarray(columns @ vectors[:, values > MAIN * values.max(initial=0.0)])
 
 
 def _some_shapes(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

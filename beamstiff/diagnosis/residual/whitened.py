@@ -230,5 +230,4 @@ def _closeness(baseline: Baseline, rows: NDArray[np.intp]) -> Array:
     for at in range(q.shape[2]):
         square += (q[:, :, None, at] - q[:, None, :, at]) ** 2
     same = pose[:, :, None] == pose[:, None, :]
-    result: Array = 0.5 * np.exp(-0.5 * square / REACH**2) + 0.5 * same
-    return result
+    return np.asarray(0.5 * np.exp(-0.5 * square / REACH**2) + 0.5 * same)

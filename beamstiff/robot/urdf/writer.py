@@ -276,12 +276,8 @@ def _write_masses(edits: _Edits, robot: Robot, root: Element) -> None:
         if not _alike(float(value.attributes["value"]), found[0].mass):
             edits.attribute(value, "value", repr(found[0].mass))
         origin = inertial.one("origin")
-        old = (
-            (0.0, 0.0, 0.0)
-            if origin is None
-            else tuple(map(float, origin.attributes.get("xyz", "0 0 0").split()))
-        )
-        if not _alike(old, found[0].at):
+        place = "0 0 0" if origin is None else origin.attributes.get("xyz", "0 0 0")
+        if not _alike(tuple(map(float, place.split())), found[0].at):
             edits.child_attribute(inertial, "origin", "xyz", numbers_text(np.array(found[0].at)))
 
 

@@ -121,8 +121,7 @@ def since_start(campaign: SimulatedCampaign) -> Array:
     clock = np.empty(len(rows))
     clock[rows] = PAUSE * np.arange(len(rows))
     time = np.where(np.isnan(campaign.time), clock, campaign.time)
-    since: Array = time - time.min()
-    return since
+    return np.asarray(time - time.min())
 
 
 def part_of(campaign: SimulatedCampaign) -> Array:
