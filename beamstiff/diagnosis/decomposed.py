@@ -154,6 +154,12 @@ def _left_out(found: Decomposition) -> Iterator[str]:
             f"left out: {listed(found.apart, 6)}. Such a reading is far from what all others say of it: read "
             "it again"
         )
+    if found.first:
+        yield (
+            f"left out: {listed(found.first, 6)}, the first posture: from which side its joints came is "
+            "unknown. A row ahead of it with the joint values of the posture before, and without a reading, "
+            "tells"
+        )
     if found.hanging:
         names = [in_words([cause.key]) for cause in found.hanging]
         yield (

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.absorbed import calibrated_without
+from beamstiff.diagnosis.effects.approach_direction import before_any_motion
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
@@ -71,7 +72,8 @@ class Verification:
 def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = False) -> Verification:
     """Verify a robot and its effects on rows that were not fitted.
 
-    `measurements`: displacements or absolute positions, in the robot's base frame.
+    `measurements`: displacements or absolute positions, in the robot's base frame. With approach-direction
+        the first posture does not count: from which side its joints came is unknown.
     `refit_frame`: lay the predicted positions over the measured ones as a rigid body first, with and without
         effects: the measuring frame is not the base frame. Changes nothing of displacements.
     Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
@@ -85,9 +87,11 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     (True, None)
     """
     used = measurements.measured_mask[:, :3]
+    absolute = measurements.kind == "absolute"
+    if absolute and any(one.effect == "approach-direction" for one in robot.effects):
+        used = used & ~before_any_motion(measurements)[:, None]
     if not used.any():
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
-    absolute = measurements.kind == "absolute"
     refit_frame = refit_frame and absolute  # a difference of two readings has no origin
     keys = [f"{effect.effect}:{effect.component or 'null'}" for effect in robot.effects]
     causes = list(dict.fromkeys(keys))

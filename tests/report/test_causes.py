@@ -49,8 +49,7 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     ]
     closes = [int(row[2].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
-    # the posture at which it slipped is not told while it is held out
-    assert sum(closes) in (97, 98, 99)
+    assert sum(closes) in (99, 100, 101)  # each is rounded
     assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
     assert TITLE in [getattr(item, "title", None) for item in diagnosis_tables(result)]
 

@@ -164,6 +164,8 @@ class Decomposition:
         What encoders behind the gears say.
     apart : tuple of str
         Rows that were left out as gross errors, ``file:line``.
+    first : tuple of str
+        Rows of the first posture, left out where joints stop short of it and nobody knows from which side.
     """
 
     model: OpenModel
@@ -181,6 +183,7 @@ class Decomposition:
     hanging: tuple[Cause, ...] = ()
     behind: tuple[Behind, ...] = ()
     apart: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
 
     @property
     def every(self) -> tuple[Cause, ...]:

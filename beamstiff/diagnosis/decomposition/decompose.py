@@ -30,6 +30,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometr
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
+from beamstiff.diagnosis.effects.approach_direction import before_any_motion
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
@@ -90,7 +91,7 @@ def decompose(
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
         return _searched(_Settings(robot, None, False, prior, seed), model, _forms(model, prior, known))
-    drives = fitted_names(robot)
+    given, drives = robot, fitted_names(robot)
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
     stage("calibrating")
@@ -104,7 +105,15 @@ def decompose(
     behind = behind_gears(model, forms, prior)
     settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = _forms(model, settings.prior) if behind else forms
-    return replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
+    found = replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
+    first = np.flatnonzero(before_any_motion(rows) & rows.measured_mask.any(axis=1))
+    if not first.size or all(one.forms[0].effect != "approach-direction" for one in found.every):
+        return found
+    position, rotation = rows.position.copy(), rows.rotation.copy()
+    position[first], rotation[first] = np.nan, np.nan  # its joint values still say how others were approached
+    others = replace(rows, position=position, rotation=rotation)
+    again = decompose(given, others, prior=prior, seed=seed, stations=stations, opened=opened)
+    return replace(again, first=tuple(map(rows.place, first.tolist())))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ itself may show too little.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term
 from beamstiff.diagnosis.effects.geometry_error import pose_change
@@ -34,6 +35,12 @@ def last_direction(rows: Measurements, variable: str) -> Array:
             last = float(np.sign(q[row] - before))
         result[row], before = last, q[row]
     return result
+
+
+def before_any_motion(rows: Measurements) -> NDArray[np.bool_]:
+    """Return whether each row (N,) was read before any joint moved: from which side it came is unknown."""
+    directions = [last_direction(rows, name) for name in rows.variables]
+    return np.asarray(np.all([one == 0.0 for one in directions], axis=0))
 
 
 def _reversed(baseline: Baseline) -> list[str]:

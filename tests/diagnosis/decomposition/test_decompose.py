@@ -206,6 +206,21 @@ def test_a_hall_that_warms_and_cools_is_named_beside_another_cause() -> None:
     assert sum(cause.closes for cause in decomposition.causes) > 0.9
 
 
+def test_the_first_posture_says_nothing_of_a_robot_that_stops_short() -> None:
+    """From which side it came is unknown: here from above, and the model would say from none."""
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
+    rows = read(robot, rng.uniform(-2.5, 2.5, (POSES, 6)), ("approach",), rng)
+    off = rows.position.copy()
+    off[0] += 2.0 * STOPS_SHORT
+    results = [diagnose(robot, replace(rows, position=one)) for one in (rows.position, off)]
+    assert [one.verdict.key for one in results] == [("approach-direction", "q2")] * 2
+    (first,) = {one.decomposition.first for one in results if one.decomposition is not None}
+    assert first == (rows.place(0),)
+    same, other = (extended(one).effects for one in results)
+    assert same == other
+    assert any("the first posture" in note for note in results[0].notes)
+
+
 def test_a_drift_with_time_that_is_not_named_is_of_its_campaign_alone() -> None:
     """Another day has another: a robot with it would be wrong by as much again. Warmth comes again."""
     diagnosis, _ = found("gear", "hall")
