@@ -213,7 +213,7 @@ def test_the_first_posture_says_nothing_of_a_robot_that_stops_short() -> None:
     off = rows.position.copy()
     off[0] += 2.0 * STOPS_SHORT
     results = [diagnose(robot, replace(rows, position=one)) for one in (rows.position, off)]
-    assert [one.verdict.key for one in results] == [("approach-direction", "q2")] * 2
+    assert [one.verdict.key for one in results] == ["approach-direction:q2"] * 2
     (first,) = {one.decomposition.first for one in results if one.decomposition is not None}
     assert first == (rows.place(0),)
     same, other = (extended(one).effects for one in results)
