@@ -109,7 +109,8 @@ def diagnose(
                 for name in sorted(result.undetermined.difference(result.kept))
             ]
             guesses = f"; not determined by these rows: {listed(open_ones)}" if open_ones else ""
-            holds = f"the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"
+            geometry = "the calibrated geometry, " * (result.recalibration is not None)
+            holds = f"{geometry}the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             for said in filter(None, (doubt, calibrated_worse(result))):
                 note(f"{apply}: {said}")

@@ -89,8 +89,8 @@ def verify(
     files = ", ".join(Path(path).name for path in data)
     again = (  # beside effects that are known few rows tell little more
         "Take the robot file as it was before its effects were added, and diagnose its rows and these "
-        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])} (--stations if the tracker has "
-        "moved since)."
+        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *data])}"
+        f"{' (--stations if the tracker has moved since)' * found.absolute}."
     )
     action = "Use the robot within these postures and loads."
     if found.causes:
@@ -105,6 +105,13 @@ def verify(
     worse = [
         name for (name, _, _), (before, after) in zip(found.causes, steps, strict=True) if after > before
     ]
+    if worse:
+        action = f"Remove from the robot file what makes these rows worse: {in_words(worse)}. {action}"
+    if found.promised is not None and found.true < 0.5 * found.promised:
+        head += (
+            f": its effects close {percent(found.true)} of the gap, promised were {percent(found.promised)}"
+        )
+        level = "differs"
     if found.after > found.before:
         level = "differs"
         head = (

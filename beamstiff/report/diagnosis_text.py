@@ -41,7 +41,7 @@ def verdict(result: Diagnosis) -> Verdict:
     each = doubt = ""
     worse = calibrated_worse(result)
     if result.recalibration is not None and result.recalibration.placed > result.rms:
-        gap += ", geometry calibrated"
+        gap += f", geometry calibrated ({rounded(1e3 * result.recalibration.placed)} mm before)"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
@@ -60,7 +60,7 @@ def verdict(result: Diagnosis) -> Verdict:
             by = _first_cause(found)
             if len(found) > 1:
                 each = f"Causes, with the share that each closes: {_each(found)}."
-            said = f"{gap}, {_explained(result, words.closed(found), by)}"
+            said = f"{gap}, {_explained(result, words.closed(found), by)}{_outside(result)}"
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
@@ -130,6 +130,15 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
     if words.hardly_checked(result):
         return f"explained by {by}; the share, {share}, is uncertain"
     return f"{share} explained by {by}".strip()
+
+
+def _outside(result: Diagnosis) -> str:
+    """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
+    found = result.decomposition
+    if found is None or not found.unmodelled or found.unmodelled[0].closes < found.causes[0].closes:
+        return ""
+    law = found.unmodelled[0]
+    return f"; {words.percent(law.closes)} look as if {law.forms[0].component}, outside the library"
 
 
 def _shortly(names: Sequence[str], most: int = NAMED) -> str:

@@ -285,7 +285,8 @@ def test_what_the_calibration_changed_is_told() -> None:
         ("and places of the reflectors", changed.placed),
         ("and geometry", changed.after),
     ]
-    assert ", geometry calibrated, " in verdict(result).headline
+    calibrated = f", geometry calibrated ({rounded(1e3 * changed.placed)} mm before), "
+    assert calibrated in verdict(result).headline
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
     largest = changes_text(changed)
@@ -384,3 +385,17 @@ def test_places_of_look_alikes_stand_beside_the_place_of_their_cause() -> None:
 
 def _with(causes: tuple[Cause, ...], alike: tuple[str, ...]) -> tuple[Cause, ...]:
     return tuple(replace(one, indistinguishable=alike) for one in causes)
+
+
+def test_a_law_outside_the_library_that_explains_more_than_any_cause_is_in_the_headline() -> None:
+    result, _ = found("approach", "gear", "slip")
+    several = result.decomposition
+    assert several is not None
+    first = several.causes[0]
+    for share, told in ((0.3, False), (first.closes + 0.1, True)):
+        form = replace(first.forms[0], effect="unknown", component="q3 creeps")
+        law = replace(first, forms=(form,), closes=share, indistinguishable=())
+        other = replace(result, decomposition=replace(several, unmodelled=(law,)))
+        assert verdict(other).headline.endswith("look as if q3 creeps, outside the library") == told
+        row = next(row for row in steps_table(other).rows if row[0] == "and q3 creeps (outside the library)")
+        assert row[2] == percent(share)
