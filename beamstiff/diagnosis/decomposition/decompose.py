@@ -107,7 +107,7 @@ def decompose(
     forms = _forms(model, settings.prior) if behind else forms
     found = replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
     first = np.flatnonzero(before_any_motion(rows) & rows.measured_mask.any(axis=1))
-    if not first.size or all(one.forms[0].effect != "approach-direction" for one in found.every):
+    if not first.size or all(one.forms[0].effect != "approach-direction" for one in found.causes):
         return found
     position, rotation = rows.position.copy(), rows.rotation.copy()
     position[first], rotation[first] = np.nan, np.nan  # its joint values still say how others were approached
