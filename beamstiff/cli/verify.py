@@ -107,7 +107,7 @@ def verify(
     ]
     if worse:
         action = f"Remove from the robot file what makes these rows worse: {in_words(worse)}. {action}"
-    if found.promised is not None and found.true < 0.5 * found.promised:
+    if found.promised is not None and found.before > found.noise and found.true < 0.5 * found.promised:
         head += (
             f": its effects close {percent(found.true)} of the gap, promised were {percent(found.promised)}"
         )

@@ -156,9 +156,8 @@ def _left_out(found: Decomposition) -> Iterator[str]:
         )
     if found.first:
         yield (
-            f"left out: {listed(found.first, 6)}, the first posture: from which side its joints came is "
-            "unknown. A row ahead of it with the joint values of the posture before, and without a reading, "
-            "tells"
+            f"left out: {listed(found.first, 6)}: from which side the joints came is unknown. A row ahead "
+            "with the joint values and the time of the posture before, and without a reading, tells"
         )
     if found.hanging:
         names = [in_words([cause.key]) for cause in found.hanging]

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.effects.approach_direction import before_any_motion
+from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
 from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
@@ -73,7 +73,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     """Verify a robot and its effects on rows that were not fitted.
 
     `measurements`: displacements or absolute positions, in the robot's base frame. With approach-direction
-        the first posture does not count: from which side its joints came is unknown.
+        rows before a joint moved do not count: from which side it came is unknown.
     `refit_frame`: lay the predicted positions over the measured ones as a rigid body first, with and without
         effects: the measuring frame is not the base frame. Changes nothing of displacements.
     Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
@@ -88,8 +88,15 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     """
     used = measurements.measured_mask[:, :3]
     absolute = measurements.kind == "absolute"
-    if absolute and any(one.effect == "approach-direction" for one in robot.effects):
-        used = used & ~before_any_motion(measurements)[:, None]
+    short = {one.component for one in robot.effects if one.effect == "approach-direction"}
+    notes: tuple[str, ...] = ()
+    if absolute and short:
+        read = without_unknown(measurements, short)
+        left = read.measured_mask[:, :3]
+        if left.any() and (lost := np.flatnonzero(used.any(axis=1) & ~left.any(axis=1))).size:
+            places = listed([measurements.place(row) for row in lost.tolist()], 6)
+            notes = (f"left out: {places}: from which side the joints came is unknown",)
+            measurements, used = read, left
     if not used.any():
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
     refit_frame = refit_frame and absolute  # a difference of two readings has no origin
@@ -129,6 +136,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         ),
         other_frame=other_frame,
         absolute=absolute,
+        notes=notes,
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 

@@ -110,7 +110,10 @@ def _reversed_pairs(table: Measurements, robot: Robot) -> Iterator[str]:
     found = list(_states(table, 2, 2)) if table.kind == "absolute" else []
     if not found or not len(some := comparable(table)):
         return
-    turn = laid_over(table, robot, some, table.q[some], table.position[some]).rotation
+    try:
+        turn = laid_over(table, robot, some, table.q[some], table.position[some]).rotation
+    except BeamstiffError:  # of points on one line nothing can be said
+        return
     kinematics = compile_kinematics(robot)
     for names, rows in found:
         where = posture(kinematics, table.q[rows[:, 0]])

@@ -336,10 +336,9 @@ def _by_line(rows: Sequence[str]) -> list[str]:
 
 def undecided_text(found: Decomposition) -> str:
     """Return, in words, which effects of the written robot are undecided, and why they stand there."""
+    past = {one.key for one in of_the_campaign(found)}  # is not written
     each = [
-        _or_alike(in_words([one.key]), one.indistinguishable)
-        for one in found.unclear
-        if not one.rows  # slips are not written
+        _or_alike(in_words([one.key]), one.indistinguishable) for one in found.unclear if one.key not in past
     ]
     said = (
         f"these of its effects are undecided: {'; '.join(each)}. They are written because the others were "

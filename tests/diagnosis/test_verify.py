@@ -56,6 +56,31 @@ def test_rows_that_were_fitted_are_counted() -> None:
     assert verify(seen, rounded).fitted == 5
 
 
+def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() -> None:
+    robot = load_robot("kr240-2")
+    effect = AddedEffect(
+        effect="approach-direction",
+        component="q2",
+        shape="direction of the last motion",
+        parameters={"half_lost_motion": 1e-3},
+    )
+    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + np.random.default_rng(4).uniform(-0.5, 0.5, (12, 6))
+    names = [one.name for one in robot.actuated]
+    plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
+    real = robot.model_copy(update={"effects": (effect,)})
+    rows = replace(plan, position=nominal_pose(robot, plan)[0] + predict(real, plan)[:, :3])
+    rows.position[0] += 2e-3
+    found = verify(real, rows)
+    assert (found.rows, found.notes) == (
+        11,
+        (f"left out: {rows.place(0)}: from which side the joints came is unknown",),
+    )
+    assert found.after < 1e-9
+    alone = verify(real, subset(rows, np.arange(1)))
+    assert (alone.rows, alone.notes) == (1, ())
+    assert alone.after == pytest.approx(2e-3 * np.sqrt(3.0), rel=1e-6)
+
+
 def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
     """The tracker stands elsewhere; the robot is as described, and its readings are exact but for that."""
     robot = load_robot("kr240-2")

@@ -165,7 +165,7 @@ class Decomposition:
     apart : tuple of str
         Rows that were left out as gross errors, ``file:line``.
     first : tuple of str
-        Rows of the first posture, left out where joints stop short of it and nobody knows from which side.
+        Rows that were left out as nobody knows from which side joints came that stop short, ``file:line``.
     """
 
     model: OpenModel

@@ -30,7 +30,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometr
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
-from beamstiff.diagnosis.effects.approach_direction import before_any_motion
+from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
@@ -48,6 +48,7 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 SETTLED = MINOR  # share by which drives may change what a cause moves
 SHOWS = 0.3  # of what the readings scatter: a change up to it does not show, it adds a twentieth
+APPROACH = "approach-direction"
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -106,14 +107,24 @@ def decompose(
     settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = _forms(model, settings.prior) if behind else forms
     found = replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
-    first = np.flatnonzero(before_any_motion(rows) & rows.measured_mask.any(axis=1))
-    if not first.size or all(one.forms[0].effect != "approach-direction" for one in found.causes):
+    short = _short(found)
+    if not short:
         return found
-    position, rotation = rows.position.copy(), rows.rotation.copy()
-    position[first], rotation[first] = np.nan, np.nan  # its joint values still say how others were approached
-    others = replace(rows, position=position, rotation=rotation)
-    again = decompose(given, others, prior=prior, seed=seed, stations=stations, opened=opened)
-    return replace(again, first=tuple(map(rows.place, first.tolist())))
+    read = without_unknown(rows, short)  # joint values still say how others were approached
+    lost = np.flatnonzero(rows.measured_mask.any(axis=1) & ~read.measured_mask.any(axis=1))
+    if not lost.size or settings.parameters is not None:  # with fewer readings even less would be open
+        return found
+    try:
+        again = decompose(given, read, prior=prior, seed=seed, stations=stations, opened=OPEN[:1])
+    except BeamstiffError:
+        return found
+    return replace(again, first=tuple(map(rows.place, lost.tolist()))) if _short(again) else found
+
+
+def _short(found: Decomposition) -> set[str | None]:
+    """Return the joints that a decomposition names as stopping short; None: all."""
+    forms = (form for cause in found.causes for form in cause.forms)
+    return {form.component for form in forms if form.effect == APPROACH}
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,10 @@ Without a component: all joints at once, each by a lost motion of its own. Where
 itself may show too little.
 """
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
-from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term
 from beamstiff.diagnosis.effects.geometry_error import pose_change
@@ -37,10 +39,19 @@ def last_direction(rows: Measurements, variable: str) -> Array:
     return result
 
 
-def before_any_motion(rows: Measurements) -> NDArray[np.bool_]:
-    """Return whether each row (N,) was read before any joint moved: from which side it came is unknown."""
-    directions = [last_direction(rows, name) for name in rows.variables]
-    return np.asarray(np.all([one == 0.0 for one in directions], axis=0))
+def without_unknown(rows: Measurements, components: Collection[str | None]) -> Measurements:
+    """Return rows whose joint values stand, without readings where nobody knows from which side joints came.
+
+    `components`: joints that stop short; None: all, of which the first posture is left out.
+    """
+    unknown = {name: last_direction(rows, name) == 0.0 for name in rows.variables}
+    if None in components:
+        left_out = np.all(list(unknown.values()), axis=0)
+    else:
+        left_out = np.any([unknown[name] for name in components if name in unknown], axis=0)
+    left_out = np.broadcast_to(left_out, len(rows))[:, None]
+    position, rotation = (np.where(left_out, np.nan, one) for one in (rows.position, rows.rotation))
+    return replace(rows, position=position, rotation=rotation)
 
 
 def _reversed(baseline: Baseline) -> list[str]:

@@ -15,6 +15,7 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import verify
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array, rotation_from_vector
@@ -218,7 +219,31 @@ def test_the_first_posture_says_nothing_of_a_robot_that_stops_short() -> None:
     assert first == (rows.place(0),)
     same, other = (extended(one).effects for one in results)
     assert same == other
-    assert any("the first posture" in note for note in results[0].notes)
+    assert any("from which side the joints came" in note for note in results[0].notes)
+
+
+def test_rows_before_a_joint_moved_say_nothing_of_how_far_it_stops_short() -> None:
+    """It lies to one side in the first twenty, and nobody knows to which."""
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(2)
+    q = rng.uniform(-2.5, 2.5, (60, 6))
+    q[:20, 1] = 0.3
+    ahead = np.concatenate([q[:1] + 0.5, q])  # it came from above
+    rows = subset(read(robot, ahead, ("approach",), rng), np.arange(1, 61))
+    result = diagnose(robot, rows)
+    assert result.decomposition is not None
+    assert len(result.decomposition.first) == 20
+    (cause,) = result.to_dict()["causes"]
+    half = cause["parameters"]["half_lost_motion"]
+    assert half["value"] == pytest.approx(STOPS_SHORT, abs=4 * half["std"])
+
+
+def test_readings_that_few_would_do_without_stay() -> None:
+    """Of fourteen postures the first was read ten times: without it less of the geometry could be open."""
+    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(3)
+    q = np.repeat(rng.uniform(-2.5, 2.5, (14, 6)), [10, *[1] * 13], axis=0)
+    result = diagnose(robot, read(robot, q, ("approach",), rng))
+    assert result.decomposition is not None
+    assert result.decomposition.first == ()
 
 
 def test_a_drift_with_time_that_is_not_named_is_of_its_campaign_alone() -> None:
