@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.rows import subset
 from beamstiff.measure.swapped_labels import label_doubts, mend_labels
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
@@ -106,6 +107,11 @@ def test_two_names_are_found_by_their_places(states: tuple[int, ...]) -> None:
     said = list(label_doubts(exchanged(right, dict.fromkeys(states, (1, 0)), 2), arm))
     assert len(said) == bool(states)
     assert all(f"m1, m2 seem to be exchanged in {len(states)} of {STATES} states" in note for note in said)
+    guessed = tuple(tool.model_copy(update={"name": name}) for name in places)
+    unplaced = arm.model_copy(update={"nodes": (*arm.nodes[: -len(places)], *guessed)})
+    loaded = subset(right, np.tile(np.arange(4), 4))  # two postures, whose points are on one line
+    loaded = replace(loaded, pose=np.repeat(np.arange(8), 2))
+    assert not list(label_doubts(loaded, unplaced))
 
 
 def test_three_names_that_went_round_are_found() -> None:
