@@ -24,13 +24,13 @@ def test_what_is_foretold_of_the_rows_at_hand_is_what_was_fitted_to_them() -> No
     several = decomposition()
     model = several.model
     forms = [form for cause in several.causes for form in cause.forms if form.effect != "target-slip"]
-    told = Ahead(several, model.baseline.rows).foretold(forms)
+    matrix = Ahead(several, model.baseline.rows).foretold(forms).matrix[model.used[:, 0]]
     opened = model.tangent[: model.count] * model.baseline.sigma[model.used][:, None]
     width = model.tangent.shape[1]
-    assert told.matrix[:, :, :width].reshape(-1, width) == pytest.approx(opened, abs=1e-9)
+    assert matrix[:, :, :width].reshape(-1, width) == pytest.approx(opened, abs=1e-9)
     columns = np.concatenate([form.columns[: model.count] for form in forms], axis=1)
     expected = columns * model.baseline.sigma[model.used][:, None]
-    assert told.matrix[:, :, width:].reshape(-1, columns.shape[1]) == pytest.approx(expected, abs=1e-9)
+    assert matrix[:, :, width:].reshape(-1, columns.shape[1]) == pytest.approx(expected, abs=1e-9)
 
 
 def test_without_look_alikes_the_proposed_postures_bound_the_causes_better_than_others() -> None:
