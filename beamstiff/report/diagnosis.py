@@ -135,7 +135,7 @@ def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
     if any(one.indistinguishable for one in found.causes):
-        said += " Causes joined by or fit these data equally well."
+        said += ' Causes joined by "or" fit these data equally well.'
     for one in found.causes:
         if one.found_again < HALF:
             share, name = words.percent(one.found_again), in_words([one.key])

@@ -172,9 +172,9 @@ def test_what_cannot_be_distinguished_stands_below_the_headline_and_beside_the_p
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
     assert several is not None
-    assert "joined by or" not in probability_text(replace(several, causes=_with(several.causes, ())))
+    assert "joined by" not in probability_text(replace(several, causes=_with(several.causes, ())))
     alike = replace(several, causes=_with(several.causes, ("backlash:q2", "hardening:q2")))
-    assert "joined by or" in probability_text(alike)
+    assert "joined by" in probability_text(alike)
     assert "(or backlash at q2, hardening at q2)" in verdict(replace(result, decomposition=alike)).causes
 
 
