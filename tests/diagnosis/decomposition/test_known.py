@@ -43,6 +43,7 @@ def test_precision_is_that_of_the_description_and_of_the_calibration() -> None:
     assert (rows.T @ rows)[np.ix_(at, at)] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_written_robot_does_not_depend_on_how_much_too_small_the_noise_is_stated() -> None:
     """Geometry and drives keep to what is known, by what the readings scatter: few postures, many parameters.
 

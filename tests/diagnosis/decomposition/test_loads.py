@@ -99,6 +99,7 @@ def heavy() -> tuple[Diagnosis, np.random.Generator]:
     return diagnose(robot, heavy_rows(rng.uniform(-2.5, 2.5, (POSES, 6)), rng)), rng
 
 
+@pytest.mark.slow
 def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as_well() -> None:
     diagnosis, rng = heavy()
     causes = {(cause["effect"], cause["component"]) for cause in diagnosis.to_dict()["causes"]}

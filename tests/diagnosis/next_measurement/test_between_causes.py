@@ -33,6 +33,7 @@ def test_what_is_foretold_of_the_rows_at_hand_is_what_was_fitted_to_them() -> No
     assert matrix[:, :, width:].reshape(-1, columns.shape[1]) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_without_look_alikes_the_proposed_postures_bound_the_causes_better_than_others() -> None:
     result, robot = found(*CAUSES)
     assert len(result.next) == 12  # the table has no loads: one reading in each posture
