@@ -10,6 +10,7 @@ from beamstiff.planning.moving import SLACK, driven
 ROBOTS = ("kr240-2", "kr500", "ir663")
 
 
+@pytest.mark.slow
 def test_the_same_is_told_in_less_time_for_moving() -> None:
     shares = []
     for name in ROBOTS:
