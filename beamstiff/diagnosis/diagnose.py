@@ -98,7 +98,7 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     said = measured_torques(robot, rows, prior)
     found = with_next(_of_rows(robot, rows, said.informed(prior), seed, stations), seed)
     several = found.decomposition
-    causes = (*several.causes, *several.unclear) if several is not None else ()
+    causes = several.every if several is not None else ()
     order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
     found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
     if doubt := shared_reading(found):

@@ -91,12 +91,12 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     short = {one.component for one in robot.effects if one.effect == "approach-direction"}
     notes: tuple[str, ...] = ()
     if absolute and short:
-        read = without_unknown(measurements, short)
-        left = read.measured_mask[:, :3]
-        if left.any() and (lost := np.flatnonzero(used.any(axis=1) & ~left.any(axis=1))).size:
+        read, unknown = without_unknown(measurements, short)
+        lost = np.flatnonzero(unknown & used.any(axis=1))
+        if lost.size and used[~unknown].any():
             places = listed([measurements.place(row) for row in lost.tolist()], 6)
             notes = (f"left out: {places}: from which side the joints came is unknown",)
-            measurements, used = read, left
+            measurements, used = read, used & ~unknown[:, None]
     if not used.any():
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")
     refit_frame = refit_frame and absolute  # a difference of two readings has no origin

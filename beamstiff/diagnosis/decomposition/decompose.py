@@ -110,8 +110,8 @@ def decompose(
     short = _short(found)
     if not short:
         return found
-    read = without_unknown(rows, short)  # joint values still say how others were approached
-    lost = np.flatnonzero(rows.measured_mask.any(axis=1) & ~read.measured_mask.any(axis=1))
+    read, unknown = without_unknown(rows, short)
+    lost = np.flatnonzero(unknown & rows.measured_mask.any(axis=1))
     if not lost.size or settings.parameters is not None:  # with fewer readings even less would be open
         return found
     try:

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term
 from beamstiff.diagnosis.effects.geometry_error import pose_change
@@ -39,19 +40,22 @@ def last_direction(rows: Measurements, variable: str) -> Array:
     return result
 
 
-def without_unknown(rows: Measurements, components: Collection[str | None]) -> Measurements:
-    """Return rows whose joint values stand, without readings where nobody knows from which side joints came.
+def without_unknown(
+    rows: Measurements, components: Collection[str | None]
+) -> tuple[Measurements, NDArray[np.bool_]]:
+    """Return rows without readings where nobody knows from which side joints came, and which these are, (N,).
 
-    `components`: joints that stop short; None: all, of which the first posture is left out.
+    Their joint values stay: they say how others were approached. `components`: joints that stop short; None:
+    all, of which the first posture is left out.
     """
     unknown = {name: last_direction(rows, name) == 0.0 for name in rows.variables}
     if None in components:
         left_out = np.all(list(unknown.values()), axis=0)
     else:
         left_out = np.any([unknown[name] for name in components if name in unknown], axis=0)
-    left_out = np.broadcast_to(left_out, len(rows))[:, None]
-    position, rotation = (np.where(left_out, np.nan, one) for one in (rows.position, rows.rotation))
-    return replace(rows, position=position, rotation=rotation)
+    left_out = np.broadcast_to(left_out, len(rows))
+    position, rotation = (np.where(left_out[:, None], np.nan, one) for one in (rows.position, rows.rotation))
+    return replace(rows, position=position, rotation=rotation), left_out
 
 
 def _reversed(baseline: Baseline) -> list[str]:

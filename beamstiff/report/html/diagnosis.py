@@ -176,17 +176,22 @@ def _how_far(result: Diagnosis) -> Section:
     if words.one_posture(result):
         text = "All rows are of one posture: none can be held out to test the reduction."
         return Section("how-far", "How far the gap closes", [text])
-    names, left = zip(*((step.model, 1e3 * step.error) for step in steps(result)), strict=True)
-    drawn = bars(names, left, "green", "RMS gap, mm", rangemode="tozero")
+    some = steps(result)
+    drawn = bars(
+        [step.model for step in some],
+        [1e3 * step.error for step in some],
+        "green",
+        "RMS gap, mm",
+        rangemode="tozero",
+    )
     caption = "Position gap on held-out data."
     if result.decomposition is None:
         caption += (
             " Any elastic model: compliance of every kind at every place at once, less than which no cause "
             "can be expected to leave."
         )
-    table = Table(
-        "What is left", ("model", "mm"), [[step.model, f"{1e3 * step.error:.4f}"] for step in steps(result)]
-    )
+    rows = [[step.model, f"{1e3 * step.error:.4f}"] for step in some]
+    table = Table("What is left", ("model", "mm"), rows)
     figure = Figure("how-far", "What is left", caption, *drawn, table)
     return Section("how-far", "How far the gap closes", figures=[figure])
 
