@@ -1,0 +1,138 @@
+"""Verdict, table and sentences of a verification: a robot with its effects on fresh rows."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from rich.console import RenderableType
+
+from beamstiff.diagnosis.notes import in_words
+from beamstiff.diagnosis.verify import MODEL, Verification
+from beamstiff.report.diagnosis_words import percent
+from beamstiff.report.tables import Table, table
+from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
+
+HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
+REFITTED = (
+    "The measuring frame was fitted to these rows, without and with the effects: an error shared by all rows "
+    "disappears in that fit. The promised share still includes it."
+)
+NOTHING_TO_COMPARE = (
+    "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
+    "writes them)."
+)
+SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
+
+
+def verification_told(
+    found: Verification, robot: str, files: Sequence[str], refitted: bool = False
+) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of a verification.
+
+    `robot`, `files`: as in `verification_verdict`. `refitted`: whether the measuring frame was fitted.
+    """
+    yield from verification_verdict(found, robot, files).lines()
+    if found.other_frame is None:  # errors in another frame say nothing of the effects
+        yield verification_table(found)
+        yield from _sentences(found, refitted)
+
+
+def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
+    if not found.causes:
+        yield NOTHING_TO_COMPARE
+        return
+    if found.promised is not None:
+        yield f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."
+    if refitted:
+        yield REFITTED
+    yield SQUARES
+
+
+def verification_table(found: Verification) -> Table:
+    """Return the table of position errors: without effects, with each in turn, the noise."""
+    modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
+    first = "without model and effects" if modelled else "without effects" if found.causes else "robot file"
+    lines = [[first, f"{1e3 * found.before:.3f} mm", ""]]
+    lines += [
+        [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.3f} mm", percent(closes)]
+        for at, (name, after, closes) in enumerate(found.causes)
+    ]
+    if found.noise > 0.0:
+        lines.append(["noise as stated", f"{1e3 * found.noise:.3f} mm", ""])
+    return table(f"Position error on {found.rows} rows, RMS", "robot", "error", "closes", rows=lines)
+
+
+def verification_verdict(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
+    """Return the verdict on a robot file (its path) by the rows of some tables (their paths)."""
+    data = f"{', '.join(Path(path).name for path in files)}, {found.rows} rows"
+    doubt = (
+        ""
+        if not found.fitted
+        else (
+            f"The robot file was fitted to {found.fitted} of these {found.rows} rows, which cannot test it. "
+            "Take rows that it has not seen."
+        )
+    )
+    return replace(_judged(found, robot, files), data=data, doubt=doubt)
+
+
+def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
+    left = f"{rounded(1e3 * found.after)} mm"
+    if found.other_frame is not None:
+        head = (
+            f"The measuring frame is not exactly the robot's base frame: position error {left}, "
+            f"{rounded(1e3 * found.other_frame)} mm with the frame fitted"
+        )
+        return Verdict(head, "differs", action="Run it again with --refit-frame.")
+    worse = in_words(_worse(found))
+    if found.after > found.before:
+        head = (
+            f"The file's effects make these rows worse: position error {rounded(1e3 * found.before)} mm "
+            f"without them, {left} with them"
+        )
+        action = f"Do not use this robot. What makes these rows worse: {worse}. {_again(found, files)}"
+        return Verdict(head, "differs", action=action)
+    times = found.after / found.noise if found.noise > 0.0 else None
+    level: Level = "plain" if times is None else level_of(times)
+    head = f"Position error {left} {'with' if found.causes else 'of'} the "
+    head += "file's effects" if found.causes else "robot file as it is"
+    head += "" if times is None else f", {times:.1f} times the noise"
+    action = _action(found, robot, files, level)
+    if worse:
+        action = f"Remove from the robot file what makes these rows worse: {worse}. {action}"
+    if found.promised is None or found.before <= found.noise or found.true >= HALF * found.promised:
+        return Verdict(head, level, action=action)
+    head += f": its effects close {percent(found.true)} of the gap, promised were {percent(found.promised)}"
+    return Verdict(head, "differs", action=action)
+
+
+def _worse(found: Verification) -> list[str]:
+    """Return the causes that make the error larger than it is with those before them."""
+    errors = pairwise([found.before, *(after for _, after, _ in found.causes)])
+    return [
+        name for (name, _, _), (before, after) in zip(found.causes, errors, strict=True) if after > before
+    ]
+
+
+def _action(found: Verification, robot: str, files: Sequence[str], level: Level) -> str:
+    if level not in ("doubtful", "differs"):
+        action = "Use the robot within these postures and loads."
+        if found.causes:
+            action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
+        return action
+    if found.causes:
+        return f"Something is still missing, and these rows alone hardly tell what. {_again(found, files)}"
+    action = f"Something is still missing: {diagnose_command([robot, *files])} finds what."
+    if found.absolute:
+        action += " The place of a reflector is fitted there as well, if that is all."
+    return action
+
+
+def _again(found: Verification, files: Sequence[str]) -> str:
+    """Return how to diagnose all rows at once: beside effects that are known few rows tell little more."""
+    return (
+        "Take the robot file as it was before its effects were added, and diagnose its rows and these "
+        f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *files])}"
+        f"{' (--stations if the tracker has moved since)' * found.absolute}."
+    )
