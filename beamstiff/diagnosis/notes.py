@@ -160,8 +160,8 @@ def order_taken(baseline: Baseline, named: set[str]) -> Iterator[str]:
     decides = not named.isdisjoint({"approach-direction", "target-slip", "unknown"})
     if decides and baseline.absolute and np.isnan(baseline.rows.time).any():
         yield (
-            "no column t: rows are taken as measured in the order of the table. If they were sorted or "
-            "shuffled since, approach-direction and target-slip are missed or wrong"
+            "not every row has a time t: rows are taken as measured in the order of the table. If they were "
+            "sorted or shuffled since, approach-direction and target-slip are missed or wrong"
         )
 
 

@@ -50,7 +50,14 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
 
 
 def _of_the_times(table: Measurements) -> Iterator[str]:
-    """Yield that times go back within a run: drifts and histories of loading follow the times."""
+    """Yield that times go back within a run, or are missing: drifts and histories of loading follow them."""
+    unknown = np.isnan(table.time)
+    if unknown.any() and not unknown.all():
+        places = listed([table.place(row) for row in np.flatnonzero(unknown).tolist()], 3)
+        yield (
+            f"{places}: t is empty: the whole table counts as one without t, in the order of its rows; no "
+            "drift with time is sought. Fill t in"
+        )
     same_run = np.diff(table.run) == 0  # another run begins its clock anew
     back = np.flatnonzero((np.diff(table.time) < 0) & same_run)  # NaN, unknown, is no less
     if back.size:

@@ -41,7 +41,7 @@ def test_of_readings_of_another_robot_nothing_is_named() -> None:
 
 def test_the_order_of_rows_without_times_is_told_where_it_decides() -> None:
     def told(*effects: str) -> bool:
-        return any("no column t" in note for note in found(*effects)[0].notes)
+        return any("not every row has a time t" in note for note in found(*effects)[0].notes)
 
     assert told("approach", "gear")
     assert not told("gear")

@@ -209,14 +209,15 @@ def test_positions_without_a_coordinate_are_refused_by_its_name(arm: Robot) -> N
         require_usable(table)
 
 
-def test_times_that_go_back_are_told(arm: Robot) -> None:
-    def told(*times: float) -> str:
-        rows = "".join(f"0.1,0.2,{at},{at}\n" for at in times)
+def test_times_that_go_back_or_are_missing_are_told(arm: Robot) -> None:
+    def told(*times: float | str) -> str:
+        rows = "".join(f"0.1,0.2,{row},{at}\n" for row, at in enumerate(times))
         return " ".join(doubts(parse_measurements("q1,d2,dx [mm],t\n" + rows, arm), arm))
 
     assert "t does not" not in told(1.0, 2.0, 2.0, 5.0)
     assert ":4: t does not increase here: rows are taken in the order of t" in told(1.0, 3.0, 2.0)
     assert ", nor in 1 other rows:" in told(3.0, 2.0, 1.0)
+    assert ":2: t is empty: the whole table counts as one without t" in told("", 2.0, 5.0)
 
 
 def test_a_second_run_may_begin_its_clock_anew(arm: Robot) -> None:
