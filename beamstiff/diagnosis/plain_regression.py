@@ -12,7 +12,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves nothing
-ROUNDING = 1e-9  # singular value of unit columns below which a direction is none
+ROUNDING = 1e-6  # of the BIC: two effects that move the same differ by less; the first is named
 
 
 def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] = ()) -> str:
@@ -44,7 +44,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
                 rest = gap - columns @ (columns.T @ gap)
                 k = columns.shape[1]
                 bic = n * np.log(max(float(rest @ rest), 1e-300) / n) + k * np.log(n)
-                if k and bic < best:
+                if k and bic < best - ROUNDING:
                     best, name = bic, f"{effect.name}:{component or 'null'}"
     return name
 

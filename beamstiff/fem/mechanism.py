@@ -23,6 +23,8 @@ PROBED = 0.05
 FIRM = 1e-9
 # a part strained by a motion has more than this share of the energy that motions of that size could give it
 STRAINED = 1e-13
+# m and rad by which a free motion of one unit of energy moves all nodes less where it moves none: rounding
+UNMOVED = 1e-20
 
 
 def diagonal_scale(matrix: Array) -> Array:
@@ -121,17 +123,17 @@ def mechanism_error(
     positions = geometry.posture.node_positions[pose]
     size = max(float(np.ptp(positions, axis=0).max()), 1e-3)
     where = f" at pose {geometry.number[pose]}" if geometry.number[pose] or len(geometry.number) > 1 else ""
+    amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
+    if amount.max() < UNMOVED:
+        return BeamstiffError(
+            f"robot {robot.name!r}{where}: directions that move no node are known to rounding alone: "
+            "rigid parts of their loops hold them"
+        )
     resisting = _resisting(structure, geometry, pose, motion, moved, size)
     if what in (MECHANISM, NEARLY) and resisting:
         return BeamstiffError(
             f"robot {robot.name!r}: the stiffness of {listed(resisting)} is lost in rounding beside far "
             f"stiffer parts{where}; make those rigid, or this free"
-        )
-    amount = np.linalg.norm(moved[:, :3], axis=1) + size * np.linalg.norm(moved[:, 3:], axis=1)
-    if not amount.any():
-        return BeamstiffError(
-            f"robot {robot.name!r}{where}: directions that move no node are known to rounding alone: "
-            "rigid parts of their loops hold them"
         )
     order = np.argsort(-np.round(amount / amount.max(), 6), kind="stable")
     nodes = [robot.nodes[at].name for at in order if amount[at] > 1e-3 * amount[order[0]]]

@@ -22,6 +22,7 @@ CHANGES = 40  # of what is at a stop or slips
 CONVERGED = 1e-11  # rad and m: of the last step
 NOTHING = 1e-9  # of a constraint's derivatives: what is smaller is rounding
 ROUNDING = 1e-9  # of steps that no longer become shorter
+BALANCED = 1e-10  # of the largest force: a step that changes less moves only what nothing resists
 LONGEST = 0.2  # rad and m: of a step, so that loops stay in their assembly
 
 
@@ -161,7 +162,9 @@ class MujocoModel:
             step, multipliers = _solve(tangent, G, residual, gap)
             before, longest = longest, float(np.abs(step).max(initial=0.0))
             qpos[places] += step * min(1.0, LONGEST / max(longest, 1e-300))
-            if longest < CONVERGED or (before < ROUNDING and longest > before / 2):
+            idle = np.abs(tangent @ step).max(initial=0.0) <= BALANCED * np.abs(residual).max(initial=0.0)
+            idle &= np.abs(G @ step).max(initial=0.0) < CONVERGED
+            if idle or longest < CONVERGED or (before < ROUNDING and longest > before / 2):
                 return qpos
         raise BeamstiffError(f"MuJoCo: no equilibrium after {ITERATIONS} steps, the last moved {longest:.3g}")
 

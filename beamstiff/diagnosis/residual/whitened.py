@@ -55,7 +55,10 @@ class Whitened:
 
     def whiten(self, columns: Array) -> Array:
         """Return columns (N, 6, c) whitened, (n, c)."""
-        values = columns[self.used]
+        return self.turn(columns[self.used])
+
+    def turn(self, values: Array) -> Array:
+        """Return columns (n, c) of used values whitened."""
         return np.concatenate([(block @ values[at]).reshape(at.size, -1) for at, block in self.axes])
 
     def whiten_moved(self, columns: Array) -> Array:
@@ -75,6 +78,11 @@ class Whitened:
         for at, block, own in self._blocks(columns):
             result[at] = np.linalg.solve(block, own)
         return result
+
+    @property
+    def precision(self) -> Array:
+        """Of each used value beside all others, (n,): 1 / variance."""
+        return self.squares(np.ones(self.gap.size))
 
     def squares(self, weight: Array) -> Array:
         """Return the diagonal (n,) of ``W^T diag(weight) W``, W as of `turn`, for weights (n,)."""
