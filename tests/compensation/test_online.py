@@ -129,7 +129,7 @@ def test_slips_by_a_torque_are_warm_on_both_sides_of_their_kink(program: Path) -
         answer = online.command(0, load)
         assert answer.warm
         slips.append(answer.correction[2])
-        if push in (-200.0, 0.0, 50.0, 200.0):
+        if push in (-200.0, 50.0):
             exact = compensate("kr500", program, actual=real, wrench=load, load_std=load_std)
             np.testing.assert_allclose(answer.command, exact.correction.commands[0], atol=1e-6)
             assert exact.std is not None

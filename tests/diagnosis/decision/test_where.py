@@ -16,9 +16,12 @@ PLACES = {
     "hysteresis": {"q3"},
     "actuator_lever": {"q2"},
 }
+QUICK = ("link_bending", "hysteresis")  # of structure and drive; the others by `make slow`
 
 
-@pytest.mark.parametrize("name", list(PLACES))
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in PLACES]
+)
 def test_the_place_of_the_effect_has_the_largest_share(name: str) -> None:
     shares = diagnosed(name).where["components"]
     assert shares[0]["component"] in PLACES[name]

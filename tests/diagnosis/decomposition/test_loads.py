@@ -112,6 +112,7 @@ def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as
     assert fresh.promised == pytest.approx(fresh.true, abs=0.03)
 
 
+@pytest.mark.slow
 def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
     """No row carries a load: what passes through a joint but its weights is the error of the payload."""
     found = heavy()[0].decomposition

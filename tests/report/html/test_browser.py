@@ -193,7 +193,9 @@ def cut(browser: Any) -> list[tuple[str, str]]:
     ]
 
 
-@pytest.mark.parametrize("kind", QUICK)
+@pytest.mark.parametrize(
+    "kind", ["diagnosis", pytest.param("identification", marks=pytest.mark.slow), "exam"]
+)
 def test_no_label_overprints_another_in_other_widths(
     kind: str, browser: Any, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
@@ -207,7 +209,9 @@ def test_no_label_overprints_another_in_other_widths(
         assert browser.execute_script("return document.documentElement.scrollWidth") <= width
 
 
-@pytest.mark.parametrize(("first", "then"), [(NARROW, 1280), (1280, NARROW)])
+@pytest.mark.parametrize(
+    ("first", "then"), [pytest.param(NARROW, 1280, marks=pytest.mark.slow), (1280, NARROW)]
+)
 def test_a_page_that_is_resized_while_it_is_open_is_drawn_for_its_new_width(
     first: int, then: int, browser: Any, diagnosis_page: str, tmp_path: Path
 ) -> None:
