@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.decomposition.applied import absorbed_changes, applied, calibrated_beside
+from beamstiff.diagnosis.decomposition.applied import (
+    VAGUE,
+    absorbed_changes,
+    applied,
+    as_given,
+    calibrated_beside,
+)
 from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
@@ -218,7 +224,7 @@ class Diagnosis(Shown):
     def undetermined(self) -> set[str]:
         """Fitted stiffness values whose compliance is known to no better than half of it."""
         fitted = self.fitted_stiffness
-        return {name for name, std in self.compliance_std.items() if std * fitted[name][1] > 0.5}
+        return {name for name, std in self.compliance_std.items() if std * fitted[name][1] > VAGUE}
 
     @cached_property
     def untouched(self) -> tuple[str, ...]:
@@ -238,6 +244,10 @@ class Diagnosis(Shown):
         The untouched ones, and of those undetermined the ones that all readings together do not distinguish
         from the file's value: by less than two standard deviations.
         """
+        found = self.decomposition
+        if found is not None and found.model.problem is not None:
+            own = {*self.untouched, *as_given(found, self.calibrated)}
+            return tuple(name for name in self.fitted_stiffness if name in own)
         columns, at = self.open_compliances
         vague = self.undetermined.difference(self.untouched)
         return tuple(

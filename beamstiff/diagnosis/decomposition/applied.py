@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,9 +14,10 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
 from beamstiff.diagnosis.decomposition.causes import MINOR, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.fit import SURELY
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
 from beamstiff.diagnosis.decomposition.loads import OF_THE_CLOCK, has_loads
-from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_geometry
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Shape
 from beamstiff.diagnosis.effects.thermal_drift import by_temperature
@@ -25,6 +27,8 @@ from beamstiff.measure.camera import without_motion
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
+
+VAGUE = 0.5  # of a compliance, standard deviation from which on it is not determined
 
 
 def calibrated_beside(found: Decomposition) -> Robot:
@@ -84,13 +88,19 @@ def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
             result.insert(0, absorbed_by(*model.told_apart, cause.moved, soft))
             soft = {name: value + result[0].get(name, 0.0) for name, value in soft.items()}
         return result
-    bare = model.given.model_copy(update={"identify": ()})
+    bare, kept = model.given.model_copy(update={"identify": ()}), as_given(found, robot)
     stages = list[dict[str, float]]()
     for count in range(len(causes) + 1):
         rows = without_motion(model.baseline.rows, _moved(found, causes[:count]))
         alone = calibrate(bare, rows, model.parameters, compliances=model.given.identify, folds=0)
-        stages.append({one.name: one.change for one in alone.parameters})
+        stages.append({one.name: one.change for one in alone.parameters if one.name not in kept})
     return [difference(*pair) for pair in pairwise(stages)]
+
+
+def as_given(found: Decomposition, robot: Robot) -> set[str]:
+    """Return the drives of a calibrated robot that the readings do not determine: they are as described."""
+    given = found.model.given
+    return {name for name in given.identify if robot.parameter(name) == given.parameter(name)}
 
 
 def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:
@@ -141,13 +151,54 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
     if held:
         change = np.append(inverse_of(again.geometry) @ again.residual, np.zeros(again.present.size))
     else:
-        change = solved(again, ())[0]
+        change = _as_described(again)
     robot = again.robot(change)
     # effects of a drive are beside its compliance: one that was fitted as rigid is very stiff
     given = {name: model.given.parameter(name) for name in model.given.identify}
     stiff = {name: KNOWN_FACTOR * value for name, value in given.items() if np.isinf(robot.parameter(name))}
     finite = {name: value for name, value in stiff.items() if value < np.inf}
     return robot.with_parameters(finite).model_copy(update={"identify": linear.identify})
+
+
+def _as_described(model: OpenModel) -> Array:
+    """Return how the open parameters (t,) change, drives that the readings do not determine as described.
+
+    Of those whose compliance is known to no better than half of it one after another, where all others make
+    up for that: by less than two standard deviations. A weight that hardly turns a drive leaves any value.
+    """
+    assert model.problem is not None
+    names, first = model.problem.elastic.names, model.tangent.shape[1] - model.present.size
+    given = np.array([1.0 / model.given.parameter(name) for name in names])
+
+    def fitted(held: Sequence[int]) -> tuple[Array, float, Array]:
+        """Return the change (t,), the sum of squares that it leaves, and the std of the compliances (d,)."""
+        result, std = np.zeros(model.tangent.shape[1]), np.zeros(len(names))
+        result[np.add(held, first).astype(int)] = (given - model.present)[held]
+        free = np.setdiff1d(np.arange(len(result)), np.add(held, first))
+        drives = free[free >= first] - first
+        rest = replace(
+            model,
+            residual=model.residual - model.tangent @ result,
+            tangent=model.tangent[:, free],
+            present=model.present[drives],
+        )
+        result[free] = solved(rest, ())[0]
+        left = model.residual - model.tangent @ result
+        std[drives] = np.linalg.norm(inverse_of(rest.tangent), axis=1)[len(free) - len(drives) :]
+        return result, float(left @ left), std
+
+    held: list[int] = []
+    change, squares, std = fitted(held)
+    while True:
+        scatter2 = max(squares / max(model.count - len(change), 1), 1.0)
+        vague = np.flatnonzero(np.sqrt(scatter2) * std > VAGUE * (model.present + change[first:]))
+        tried = [(fitted([*held, one]), one) for one in vague.tolist() if one not in held]
+        if not tried:
+            return change
+        best, one = min(tried, key=lambda item: item[0][1])
+        if best[1] > squares + SURELY**2 * scatter2:
+            return change
+        (change, squares, std), held = best, [*held, one]
 
 
 def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:

@@ -80,14 +80,12 @@ def estimate(white: Whitened, columns: Array, width: float, sound: bool = False)
     `sound`: whether wrong rows have been taken out already.
     """
     gap = white.gap
-    # of values as they were read: axes of one variance may be turned among themselves, as rounding has it
-    weight = np.sqrt(white.precision)
-    left = weight * white.unwhiten(white.project_out(gap[:, None]))[:, 0]
-    typical = float(np.median(np.abs(left))) / MEDIAN
     if not sound:
-        most = WINSOR * max(typical, 1e-9)
-        gap = gap + white.turn(((np.clip(left, -most, most) - left) / weight)[:, None])[:, 0]
-    rotation, typical = white.component >= 3, max(typical, 1e-3) ** 2
+        left = white.project_out(gap[:, None])[:, 0]
+        most = WINSOR * max(float(np.median(np.abs(left))) / MEDIAN, 1e-9)
+        gap = white.gap - left + np.clip(left, -most, most)
+    rotation = white.component >= 3
+    typical = max(float(np.median(np.abs(white.project_out(gap[:, None])))) / MEDIAN, 1e-3) ** 2
 
     def loss(theta: Array) -> tuple[float, Array]:
         f, v, a = np.exp(theta[:2]), float(np.exp(theta[2])), float(np.exp(theta[3]))

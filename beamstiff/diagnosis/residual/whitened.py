@@ -21,6 +21,7 @@ LARGE = 800  # rows from which on postures are taken one by one, and of one post
 AT_ONCE = 1_000_000  # entries of the blocks that are made at a time
 REACH = 1.0  # rad or m over which the unknown changes with the posture
 ROTATION_LENGTH = 0.7  # m: unknown rotations are unknown displacements over this
+EQUAL = 1e-9  # of the largest: variances that differ by less are equal, but for rounding
 CONSTANT, SQUARE = 0.3, 0.5  # weights of what does not grow with the load, or with its square
 
 
@@ -55,10 +56,7 @@ class Whitened:
 
     def whiten(self, columns: Array) -> Array:
         """Return columns (N, 6, c) whitened, (n, c)."""
-        return self.turn(columns[self.used])
-
-    def turn(self, values: Array) -> Array:
-        """Return columns (n, c) of used values whitened."""
+        values = columns[self.used]
         return np.concatenate([(block @ values[at]).reshape(at.size, -1) for at, block in self.axes])
 
     def whiten_moved(self, columns: Array) -> Array:
@@ -78,11 +76,6 @@ class Whitened:
         for at, block, own in self._blocks(columns):
             result[at] = np.linalg.solve(block, own)
         return result
-
-    @property
-    def precision(self) -> Array:
-        """Of each used value beside all others, (n,): 1 / variance."""
-        return self.squares(np.ones(self.gap.size))
 
     def squares(self, weight: Array) -> Array:
         """Return the diagonal (n,) of ``W^T diag(weight) W``, W as of `turn`, for weights (n,)."""
@@ -177,12 +170,28 @@ def _axes(
         scale = np.where(kind < 3, 1.0, 1.0 / ROTATION_LENGTH**2)[:, :, None]
         rooted = white.among(at)
         values, vectors = np.linalg.eigh((scale * rooted) @ own @ rooted.swapaxes(1, 2))
+        vectors = _by_place(values, vectors)
         axes.append((at.astype(np.intp), vectors.swapaxes(1, 2) @ rooted))
         components.append(kind.ravel())
         variances.append(np.maximum(values, 0.0).ravel())
     unknown = np.concatenate(variances)
     mean = float(unknown.mean()) or 1.0
     return tuple(axes), unknown / mean, np.concatenate(components).astype(np.intp)
+
+
+def _by_place(values: Array, vectors: Array) -> Array:
+    """Return eigenvectors (B, m, m) of which those of equal eigenvalues (B, m) are told apart by their place.
+
+    Rounding would turn them among themselves, and with them what a robust scale takes for large.
+    """
+    result, place = vectors.copy(), np.linspace(0.0, 1.0, values.shape[1])[:, None]
+    for block, own in enumerate(values):
+        different = np.flatnonzero(np.diff(own) > EQUAL * own[-1]) + 1
+        for some in np.split(np.arange(own.size), different):
+            if some.size > 1:
+                alike = vectors[block][:, some]
+                result[block][:, some] = alike @ np.linalg.eigh(alike.T @ (place * alike))[1]
+    return result
 
 
 def _parts(baseline: Baseline) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from beamstiff.diagnosis.residual.noise_variance import Variance, estimate, precision
@@ -51,22 +50,6 @@ def test_an_unknown_is_not_taken_for_noise() -> None:
     found = estimate(white, library, width=2.0, sound=True)
     np.testing.assert_allclose(np.log(found.noise), 0, atol=6 * SAMPLING)
     assert found.unknown == pytest.approx(25.0, rel=0.4)
-
-
-@pytest.mark.parametrize("sound", [True, False])
-def test_axes_of_one_variance_may_be_turned_among_themselves(sound: bool) -> None:
-    """As the eigenvectors of equal eigenvalues are by rounding, and so by the machine that computes."""
-    white, library = campaign(4)
-    white, rng = replace(white, unknown=np.ones(N)), np.random.default_rng(0)
-    [(at, block)] = white.axes
-    turns = block_diag(*np.linalg.qr(rng.standard_normal((2, N // 2, N // 2)))[0])  # positions, rotations
-
-    def turned(values: Array) -> Array:
-        return (turns @ values.reshape(*at.shape, -1)).reshape(values.shape)
-
-    other = replace(white, axes=((at, turns @ block),), gap=turned(white.gap), tangent=turned(white.tangent))
-    found, again = estimate(white, library, 2.0, sound), estimate(other, turned(library), 2.0, sound)
-    np.testing.assert_allclose(again.noise, found.noise, rtol=1e-6)
 
 
 def test_a_few_wrong_values_do_not_make_noise() -> None:

@@ -85,6 +85,16 @@ def test_the_unknown_is_diagonal_in_the_same_axes(shared: bool) -> None:
     assert white.unknown.mean() == pytest.approx(1)
 
 
+def test_rounding_does_not_turn_the_axes() -> None:
+    """Axes of one variance could be any: of rows in one posture more than kinds of loads have none."""
+    found = baseline(loads=6, shared=True)
+    sigma = found.sigma * (1.0 + 1e-13 * np.random.default_rng(0).standard_normal(found.sigma.shape))
+    one, other = whiten(found), whiten(replace(found, sigma=sigma))
+    assert (one.unknown < 1e-9).sum() > 10
+    along = (matrix(one) @ np.linalg.inv(matrix(other))) ** 2  # whichever way each axis points
+    np.testing.assert_allclose(along, np.eye(len(along)), atol=1e-6)
+
+
 def test_each_whitened_value_is_of_one_component() -> None:
     white = whiten(baseline())
     component = np.nonzero(white.used)[1]
