@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.editing import ENCODING
+from beamstiff.compensation.follow import resample
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.learn import Learned
@@ -15,7 +16,6 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.load import Process, beside_columns
-from beamstiff.compensation.resample import resample
 from beamstiff.compensation.uncertainty import correction_std, doubtful
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.kinematics import pose_of, posture

@@ -23,8 +23,8 @@ from beamstiff.functions.checks import names_of, six_numbers
 from beamstiff.functions.compensation_notes import compensation_notes
 from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.kinematics import actuated_values
+from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 
 

@@ -23,8 +23,8 @@ from beamstiff.functions.checks import left_out, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.reader import RobotLike
 
 Path_ = str | os.PathLike[str]
 

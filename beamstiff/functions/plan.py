@@ -25,9 +25,9 @@ from beamstiff.planning.designs import (
     random_designs,
 )
 from beamstiff.planning.moving import driven, sooner_driven
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown

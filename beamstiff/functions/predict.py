@@ -15,8 +15,8 @@ from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.correction import extrapolation_notes, model_correction, model_std
 from beamstiff.model.linear import predict_displacements, preload_notes
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown

@@ -18,12 +18,11 @@ from beamstiff.functions.checks import effects_text, left_out, six_numbers, star
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.correction import compliance_correction
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
-from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture, reference_posture
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.robot.reference import reference_posture
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown

@@ -15,7 +15,7 @@ from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 from beamstiff.simulators.deflection import mujoco_deflection
 

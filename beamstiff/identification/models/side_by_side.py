@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.fuzzy import fit_fuzzy
-from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy import fit_fuzzy, fit_fuzzy_correction
 from beamstiff.identification.models.fuzzy_rules import require_tcp
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid

@@ -159,6 +159,6 @@ def _by_load(models: Models) -> Section:
         xaxis=axis(f"load, {split.unit}"),
         yaxis=log_axis("held-out RMS, mm", traces),
     )
-    table: Table = loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    table: Table = loads_table(models)
     figure = Figure("loads-rms", "Errors by load", "Of held-out rows.", traces, layout, table)
     return Section("loads", "By load", figures=[figure])

@@ -14,8 +14,7 @@ from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
-from beamstiff.report.html.cameras import CAMERAS, across
-from beamstiff.report.html.links import Lines, joint_lines, link_lines
+from beamstiff.report.html.links import CAMERAS, Lines, across, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, places, plain_layout
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.shapes import beam_solids, force_and_moment, solids_style
