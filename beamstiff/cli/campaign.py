@@ -78,14 +78,8 @@ def campaign(
             from beamstiff.functions.campaign import campaign as run
 
             with working("diagnosing"):
-                state = run(
-                    kept.robot,
-                    kept.tables,
-                    rows=kept.rows,
-                    region=kept.region,
-                    directions=kept.directions,
-                    seed=kept.seed,
-                )
+                asked: dict[str, Any] = {"region": kept.region, "directions": kept.directions}
+                state = run(kept.robot, kept.tables, rows=kept.rows, seed=kept.seed, **asked)
             told = state.to_dict()
             kept.keep_result(told)
         counted = [

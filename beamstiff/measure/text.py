@@ -177,13 +177,8 @@ def _ragged(row: list[str], header: list[str], separator: str, source: str, numb
     )
     if other:
         hint = f"; the header is separated by a {SEPARATORS[separator]}, this row by a {SEPARATORS[other]}"
-    fail(
-        source,
-        number,
-        "",
-        f"found {len(row)} cells, expected {len(header)} as in the header ({shown(header[0])} to "
-        f"{shown(header[-1])}){hint}",
-    )
+    ends = f"({shown(header[0])} to {shown(header[-1])})"
+    fail(source, number, "", f"found {len(row)} cells, expected {len(header)} as in the header {ends}{hint}")
 
 
 class RowError(BeamstiffError):

@@ -187,12 +187,8 @@ def _best_addition(
     """Return the allowed candidate with which the criterion is largest, and the criterion."""
     candidates = np.flatnonzero(allowed)
     at_once = max(1, AT_ONCE // total.size)
-    values = np.concatenate(
-        [
-            criterion_of(total + information[candidates[start : start + at_once]], criterion)
-            for start in range(0, candidates.size, at_once)
-        ]
-    )
+    parts = (candidates[start : start + at_once] for start in range(0, candidates.size, at_once))
+    values = np.concatenate([criterion_of(total + information[part], criterion) for part in parts])
     best = int(np.argmax(values))
     return int(candidates[best]), float(values[best])
 

@@ -76,15 +76,10 @@ def read(text: str, source: str) -> Program:
             continue
         cells = _cells(bare, at, separator)
         if len(cells) != len(header):
-            comma = (
-                "; write decimal points, not commas" if separator == "," and len(cells) > len(header) else ""
-            )
-            refuse(
-                source,
-                number,
-                "",
-                f"found {len(cells)} cells, expected {len(header)} as in the header{comma}",
-            )
+            comma = separator == "," and len(cells) > len(header)
+            hint = "; write decimal points, not commas" if comma else ""
+            said = f"found {len(cells)} cells, expected {len(header)} as in the header{hint}"
+            refuse(source, number, "", said)
         rows.append((number, cells))
     if header is None or not rows:
         raise BeamstiffError(

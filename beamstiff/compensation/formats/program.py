@@ -153,13 +153,9 @@ def make_program(
         if np.abs(numbers[row]).max() > MOST_TURNED:
             refuse(source, place.line, place.name, "found an angle of more than 100 turns; check the unit")
         if np.abs(positions[row]).max() > MOST:
-            refuse(
-                source,
-                place.line,
-                place.name,
-                f"found a position {np.abs(positions[row]).max():.3g} m away, expected one that a robot "
-                "reaches; check the unit",
-            )
+            reach = "expected one that a robot reaches; check the unit"
+            far = f"{np.abs(positions[row]).max():.3g} m away"
+            refuse(source, place.line, place.name, f"found a position {far}, {reach}")
     try:
         rotations = orientation.rotations(numbers)
     except RowError as error:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from beamstiff.report.html.parts import (
-    MARGIN,
     Figure,
     axis,
+    chart_layout,
     css,
     label,
     numbers,
@@ -159,12 +159,8 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
             line = {"color": css(colour), "dash": dash, "width": 2.5, "shape": "hv"}
             share, hover = numbers((at + 1) / own.size), f"%{{y:.0%}} below %{{x}} {unit}"
             traces.append(scatter(numbers(own[at]), share, label(name), hover, line=line))
-    layout = plain_layout(
-        380,
-        margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=log_axis(f"error, {unit}", traces, "x"),
-        yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
-    )
+    up = axis("share of the rows", tickformat=".0%", range=[0, 1.02])
+    layout = chart_layout(380, LEGEND + 10, log_axis(f"error, {unit}", traces, "x"), up)
     return Figure(key, title, caption, traces, layout)
 
 
@@ -195,12 +191,8 @@ def along(
             across, numbers(value, 4), label(name), "%{text}: %{y}", mark, line if lines else None
         )
         traces.append(trace | {"text": said})
-    layout = plain_layout(
-        380,
-        margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(axes[0]),
-        yaxis=log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power"),
-    )
+    up = log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power")
+    layout = chart_layout(380, LEGEND + 10, axis(axes[0]), up)
     return Figure(key, title, caption, traces, layout)
 
 

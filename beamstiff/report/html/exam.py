@@ -13,7 +13,18 @@ from beamstiff.exam.table import Row, by_design, controls, effect_figures, headl
 from beamstiff.report import exam as told
 from beamstiff.report.html.charts import SHARE, confusion_figure, error_bars, named_rows
 from beamstiff.report.html.page import Page
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
+from beamstiff.report.html.parts import (
+    MARGIN,
+    Fact,
+    Figure,
+    Section,
+    axis,
+    chart_layout,
+    css,
+    label,
+    plain_layout,
+    scatter,
+)
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.tables import counted
@@ -182,7 +193,7 @@ def _reliability(records: Records) -> Section:
         scatter(said, right, "examined, 95 %", HOVER, mark, text=texts, error_y=error),
     ]
     x, y = axis("probability said of the verdict", **SHARE), axis("share of verdicts that are right", **SHARE)
-    layout = plain_layout(430, margin=MARGIN | {"t": LEGEND}, xaxis=x, yaxis=y)
+    layout = chart_layout(430, LEGEND, x, y)
     table = replace(told.reliability_table(records), open=False)
     caption = "On the line, a verdict called 80 % sure is right in 80 % of the cases."
     counts = {
