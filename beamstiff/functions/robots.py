@@ -15,10 +15,7 @@ from beamstiff.robot.reader import RobotLike
 
 
 def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None) -> Robot:
-    """Return a robot: itself, or read from its file with its effects checked, see `robot.reader.as_robot`.
-
-    Its loops are put together as `assembly` says, where it is given.
-    """
+    """Return a robot: itself, or read with its effects checked; its loops assembled as `assembly` says."""
     found = (
         reader.as_robot(robot, what) if isinstance(robot, Robot) or not _mjcf(robot) else load_robot(robot)
     )

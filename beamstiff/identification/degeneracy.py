@@ -79,11 +79,7 @@ class _Acting:
 
 
 def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
-    """Return what the rows of a problem cannot distinguish.
-
-    All series and parallel springs that these rows join exactly, with the names of `problem.model`; `seed`:
-    of the random stiffness values.
-    """
+    """Return what the rows of a problem cannot distinguish: all springs that they join exactly."""
     model = problem.model
     rng = np.random.default_rng(seed)
     balanced = balanced_stiffness(model)

@@ -86,10 +86,7 @@ def _loose(statement: Statement, options: Options) -> Statement:
 
 
 def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
-    """Return what a minimum says.
-
-    `method`: by which it was found. `folds`: of the held-out errors; 0 for none.
-    """
+    """Return what a minimum that a method found says, with errors held out in so many folds (0: none)."""
     problem, objective = statement.problem, statement.objective
     stiffness = statement.parameters.stiffness(found.theta)
     told, rms = estimate(statement, found.theta), position_rms(problem, stiffness)
@@ -269,10 +266,7 @@ def check_units(table: Measurements, size: float) -> None:
 
 
 def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
-    """Yield, in sentences, what limits the result of an identification.
-
-    `theta` (t,): the optimum. `rms`, m: of the position residual.
-    """
+    """Yield, in sentences, what limits an identification with the optimum theta (t,) and its RMS, m."""
     poses, rows = np.unique(problem.pose).size, problem.readings
     if poses == 1 and rows > 1:
         yield f"all {rows} rows are of one pose: how the model does at others is not known"

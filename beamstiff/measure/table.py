@@ -174,10 +174,7 @@ class Measurements:
         return None if np.isnan(self.direction).all() else axes_along(self.direction)
 
     def along(self, values: Array) -> Array:
-        """Return values (N, 6, ...), base frame, along the axes that each row is read in.
-
-        A camera that is turned sees the tag move.
-        """
+        """Return values (N, 6, ...), base frame, along the axes that each row is read in."""
         if self.axes is None:
             return values
         moved = values[:, :3]

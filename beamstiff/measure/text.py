@@ -190,10 +190,7 @@ class RowError(BeamstiffError):
 
 
 def numbers(cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = False) -> Array:
-    """Return the numbers of a column, NaN exactly where a cell is empty.
-
-    `decimal_comma`: numbers are written ``1,5``.
-    """
+    """Return the numbers of a column, NaN exactly where a cell is empty; 1,5 is one if `decimal_comma`."""
     if decimal_comma:
         if any("." in cell for cell in cells):
             return _one_by_one(cells, may_be_empty, decimal_comma)

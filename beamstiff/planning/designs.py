@@ -326,11 +326,7 @@ def how_many(
     criterion: Criterion = "A",
     repeats: int = 1,
 ) -> Enough:
-    """Return the best designs of several sizes, each started from the one before.
-
-    `information` (N, m, m): of each candidate. `counts`: numbers of tests, growing. `repeats`: how often a
-    candidate may be taken.
-    """
+    """Return the best designs of growing sizes `counts`, each started from the one before."""
     numbers = np.asarray(counts, dtype=np.int64)
     if numbers.ndim != 1 or not numbers.size or (np.diff(numbers) <= 0).any():
         raise BeamstiffError(f"numbers of tests: found {list(counts)!s:.60}, expected growing numbers")
@@ -356,10 +352,7 @@ class AtRandom:
 def random_designs(
     information: Array, count: int, criterion: Criterion, draws: int = 200, seed: int = 0
 ) -> AtRandom:
-    """Return what designs of `count` different tests, drawn evenly from the candidates, would tell.
-
-    `information` (N, m, m): of each candidate. `count`: number of tests of a design, N at most.
-    """
+    """Return what designs of `count` different tests, drawn evenly from all candidates, would tell."""
     if not 1 <= count <= len(information):
         raise BeamstiffError(
             f"{len(information)} candidates for {count} tests at random: make more candidates"

@@ -33,10 +33,7 @@ def reached(one: Target, point: Array) -> tuple[Array, Array]:
 
 
 def seated_postures(robot: Robot, one: Target, count: int, seed: int, point: str = "") -> Array:
-    """Return postures (n, A) within the limits at which a point, default the TCP, meets a set-up.
-
-    As many as can be found of `count`, from twenty times as many drawn at random.
-    """
+    """Return up to `count` postures (n, A) within the limits at which a point meets a set-up."""
     kinematics, node = compile_kinematics(robot), point or robot.tcp
     limits = [variable.limits or (-np.inf, np.inf) for variable in robot.actuated]
     low, high = np.array(limits).T

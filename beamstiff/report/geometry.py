@@ -101,10 +101,7 @@ def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, s
 
 
 def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[str] = ()) -> Verdict:
-    """Return the error before and after, against the noise, and what to do next.
-
-    `files`: the robot's and the tables, as a command names them.
-    """
+    """Return the error before and after against the noise, and what to do next with the `files` given."""
     before, after = found.before.position_rms, (found.held_out or found.after).position_rms
     if before is None or after is None:
         said = f"{counted(len(found.observability.identified), 'parameter')} calibrated"

@@ -176,10 +176,7 @@ def all_values(kinematics: Kinematics, free: Array) -> Array:
 
 
 def widened(kinematics: Kinematics, parameters: Sequence[tuple[int, int]]) -> Kinematics:
-    """Return the kinematics with parameters (frame, motion) of its frames as actuated variables too.
-
-    They stand behind the actuated ones, and count from the present constants: their value is 0.
-    """
+    """Return the kinematics with parameters (frame, motion) as actuated variables, the last ones, now 0."""
     joined, extra = kinematics.coupling, len(parameters)
     variables, free, actuated = *joined.matrix.shape, joined.actuated
     matrix = np.zeros((variables + extra, free + extra))

@@ -200,10 +200,7 @@ class Rigid(Described):
 
 
 class JointStiffness(Described):
-    """Six-direction spring: along and across the joint's axis, about it and about the axes across it.
-
-    What is not named is rigid.
-    """
+    """Six-direction spring along and across the joint's axis, about it and about those across; else rigid."""
 
     axial: TranslationalStiffness = RIGID
     radial: TranslationalStiffness = RIGID
@@ -281,10 +278,7 @@ class Mass(Described):
 
 
 class Obstacle(Described):
-    """A box, sides along the base frame's axes, that no part may touch in a posture that is proposed.
-
-    Parts are lines between nodes: enlarge the box by the radius of the arm.
-    """
+    """A box along the base frame's axes that no line between nodes may meet in a posture that is proposed."""
 
     name: Name
     low: Point
@@ -301,10 +295,7 @@ class Obstacle(Described):
 
 
 class AddedShape(Described):
-    """A shape of an effect with its parameters; see `AddedEffect`.
-
-    `weight`: by which it counts, where several shapes of an effect are averaged.
-    """
+    """A shape of an effect, its parameters and its weight among several; see `AddedEffect`."""
 
     shape: Name
     weight: Number = 1.0

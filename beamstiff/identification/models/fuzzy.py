@@ -248,14 +248,10 @@ class CorrectionFit:
 def fit_fuzzy_correction(
     robot: Robot, table: Measurements, parameters: Sequence[str] | None = None
 ) -> CorrectionFit:
-    """Fit fuzzy corrections of joint compliances to measured displacements.
+    """Fit fuzzy corrections of joint compliances, default those of ``robot.identify``, to displacements.
 
     Sets are added input by input, one or two at a time (a wave shows with three only), while the evidence
-    grows; the conclusions are shrunk towards no correction
-    (see `beamstiff.identification.models.configuration`), so that no test set is needed.
-
-    `table`: displacements, loaded minus unloaded. `parameters`: springs that may vary; default
-    ``robot.identify``.
+    grows; the conclusions are shrunk towards no correction (see `configuration`): no test set is needed.
     """
     start = begin_with(robot, table, parameters)
     names = table.variables

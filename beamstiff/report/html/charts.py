@@ -223,10 +223,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
 
 
 def confusion_figure(counts: Mapping[str, Mapping[str, int]], order: Sequence[str], table: Table) -> Figure:
-    """Return how often each truth, by rows, got each verdict, by columns: the share of the truth's cases.
-
-    `order`: of truths and verdicts. `table`: the counts.
-    """
+    """Return which share of each truth, by rows, got each verdict, by columns, both in an `order`."""
     given = {verdict for row in counts.values() for verdict in row}
     truths = [name for name in order if name in counts]
     verdicts = [name for name in order if name in given]

@@ -35,10 +35,7 @@ LOOKS = tuple(
 
 
 def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str:
-    """Return the report of a comparison as one HTML page.
-
-    `robot`: as it was given.
-    """
+    """Return the report of a comparison for a robot as it was given, as one HTML page."""
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
     errors, names = {key: 1e3 * one.error for key, one in keys.items()}, [one.name for one in keys.values()]

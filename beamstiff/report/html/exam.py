@@ -48,11 +48,7 @@ def exam_html(
     plan: bool = False,
     notes: Sequence[str] = (),
 ) -> str:
-    """Return the report of an exam as one HTML page.
-
-    `examined`: the robot, or what else. `facts`: what ``--json`` writes. `plan`: the cases are of one
-    campaign: what could it find?.
-    """
+    """Return the report of an exam, or of what one campaign (`plan`) could find, as one HTML page."""
     rich, lean = by_design(records)
     main = rich or lean
     rows = [row for row in headline(main, lean=not rich) if row.figure.count]

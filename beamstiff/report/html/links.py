@@ -51,10 +51,7 @@ class Lines:
 
 
 def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
-    """Return beams, rigids and struts, at most `MOST_LINKS` of them, evenly chosen.
-
-    `positions` (N, 3), m. `moved` (N, 6), m and rad.
-    """
+    """Return beams, rigids and struts, at most `MOST_LINKS`, at positions (N, 3) that moved by (N, 6)."""
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     parts = [(beam.name, beam.nodes, True) for beam in robot.beams]
     parts += [(rigid.name, rigid.nodes, False) for rigid in robot.rigids]
@@ -100,10 +97,7 @@ def _joined(lines: Iterator[tuple[str, Array, Array]]) -> Lines:
 
 
 def across(moved: Array, reach: Array) -> dict[str, Any]:
-    """Return the camera that sees how the tool moved, and the robot from its side.
-
-    `moved` (3,): of the tool. `reach` (3,): from the base to the tool.
-    """
+    """Return the camera that sees how the tool moved (3,), and the robot that reaches (3,) from its side."""
     seen = np.zeros((2, 2))
     for part, weight in ((moved, 1.0), (reach, SPREAD)):
         if (length := float(np.linalg.norm(part))) > 0.0:

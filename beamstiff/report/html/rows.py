@@ -64,10 +64,7 @@ def minded(rows: Measurements, robot: Robot) -> list[str]:
 def row_figures(
     compared: Compared, names: tuple[str, str] = ("the model", "with the cause")
 ) -> list[Section]:
-    """Return the sections that show rows.
-
-    `names`: what the predictions are of, before and after.
-    """
+    """Return the sections that show rows; `names`: what the predictions before and after are of."""
     gaps = {"before": compared.gap(compared.before)}
     if compared.after is not None:
         gaps["after"] = compared.gap(compared.after)

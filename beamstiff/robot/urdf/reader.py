@@ -200,10 +200,7 @@ def extension_of(root: Element) -> tuple[Element | None, dict[str, Any]]:
 
 
 def disagreement(tree: Robot, robot: Robot) -> str:
-    """Return what differs between frames of the same name, or an empty text.
-
-    Passive variables count as free here: loops are not closed.
-    """
+    """Return what differs between frames of the same name, or nothing; loops are not closed here."""
     try:
         one, other = compile_frames(tree), compile_frames(robot)
     except BeamstiffError as error:
