@@ -200,7 +200,10 @@ class Rigid(Described):
 
 
 class JointStiffness(Described):
-    """Six-direction spring along and across the joint's axis, about it and about those across; else rigid."""
+    """Six-direction spring: along and across the joint's axis, about it and about the axes across it.
+
+    What is not named is rigid.
+    """
 
     axial: TranslationalStiffness = RIGID
     radial: TranslationalStiffness = RIGID
@@ -278,7 +281,10 @@ class Mass(Described):
 
 
 class Obstacle(Described):
-    """A box along the base frame's axes that no line between nodes may meet in a posture that is proposed."""
+    """A box, sides along the base frame's axes, that no part may touch in a posture that is proposed.
+
+    Parts are lines between nodes: enlarge the box by the radius of the arm.
+    """
 
     name: Name
     low: Point
@@ -295,7 +301,10 @@ class Obstacle(Described):
 
 
 class AddedShape(Described):
-    """A shape of an effect, its parameters and its weight among several; see `AddedEffect`."""
+    """A shape of an effect with its parameters; see `AddedEffect`.
+
+    `weight`: by which it counts, where several shapes of an effect are averaged.
+    """
 
     shape: Name
     weight: Number = 1.0
