@@ -45,20 +45,17 @@ def size_of(errors: Array) -> Size:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Compensated(Shown):
-    """A corrected file, and what is known of it; N targets.
-
-    `content`: of the file. `points`: of the KRL `.dat` beside it, where targets stand in it. `after` (N, 6):
-    error of the real tool with the numbers as the file holds them, rounded. NaN where it cannot follow.
-    """
+    """A corrected file, and what is known of it; N targets."""
 
     correction: Correction
-    content: bytes
+    content: bytes  # of the file
+    # (N, 6): error of the real tool with the numbers as in the file, rounded; NaN where it cannot follow
     after: Array
     machine: Machine
     notes: tuple[str, ...] = ()
     std: Array | None = None  # (N, 6), m and rad: standard deviation of every correction; None: not asked for
     learned: Learned | None = None  # from measured runs, where there were any
-    points: bytes | None = None
+    points: bytes | None = None  # of the KRL `.dat` beside it, where targets stand in it
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
 
     @property

@@ -31,18 +31,10 @@ Path_ = str | os.PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What an exam found.
+    """What an exam found."""
 
-    Attributes
-    ----------
-    records : list of Record or CrowdedRecord
-    settings : mapping
-        Of what it was.
-    notes : tuple of str
-    """
-
-    records: Sequence[Any]
-    settings: Mapping[str, Any]
+    records: Sequence[Any]  # `Record` or `CrowdedRecord`
+    settings: Mapping[str, Any]  # of what it was
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

@@ -32,36 +32,21 @@ Joints = Mapping[str, ArrayLike] | ArrayLike
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TcpStiffness(Shown):
-    """Stiffness and compliance at the TCP in one posture, SI, base frame.
-
-    Attributes
-    ----------
-    robot : Robot
-    stiffness, compliance : (6, 6) array
-        ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``. No
-        stiffness (None) where the TCP is rigid in some direction.
-    tcp, orientation : (3,) array, m and rad
-        Place of the TCP, and the rotation vector of its frame.
-    variables : dict of str to float, rad or m
-        All joint variables, passive ones solved.
-    preload : bool
-        Tangent stiffness of the loaded machine.
-    rigid : (R, 6) array
-        Wrenches that do not displace the TCP, a basis of them; empty where there are none.
-    singular : str
-        Why there is no stiffness; empty where there is one.
-    notes : tuple of str
-    """
+    """Stiffness and compliance at the TCP in one posture, SI, base frame."""
 
     robot: Robot
+    # (6, 6): ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``; no
+    # stiffness (None) where the TCP is rigid in some direction
     stiffness: Array | None
     compliance: Array
+    # (3,), m and rad: place of the TCP, and the rotation vector of its frame
     tcp: Array
     orientation: Array
-    variables: dict[str, float]
-    preload: bool = False
+    variables: dict[str, float]  # rad or m: all joint variables, passive ones solved
+    preload: bool = False  # tangent stiffness of the loaded machine
+    # (R, 6): a basis of the wrenches that do not displace the TCP; empty where there are none
     rigid: Array = field(default_factory=lambda: np.zeros((0, 6)))
-    singular: str = ""
+    singular: str = ""  # why there is no stiffness; empty where there is one
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
