@@ -229,10 +229,7 @@ def _walk(kinematics: Kinematics, start: Array, goal: Array) -> Array | None:
 
 
 def between(first: Array, second: Array, share: Array) -> Array:
-    """Return poses (K, 4, 4) a share (K,) of the way from the first to the second, (K or 1, 4, 4) each.
-
-    Positions along the straight line, rotations about one axis.
-    """
+    """Return poses (K, 4, 4) a share (K,) of the way between poses: along the line, turned about one axis."""
     turn = first[:, :3, :3].swapaxes(1, 2) @ second[:, :3, :3]
     vector = share[:, None] * vector_from_rotation(turn)
     rotation = first[:, :3, :3] @ Rotation.from_rotvec(vector).as_matrix()

@@ -154,10 +154,7 @@ def _asked(
 
 
 def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]:
-    """Return the share of each kind of case, and the effects asked, of names of kinds and effects.
-
-    Every name gets an equal share; ``single`` stands for all effects.
-    """
+    """Return shares by kind, and effects, of their names, one share each; ``single`` is all effects."""
     names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
     if unknown := [name for name in names if name not in known]:
         found = f"found {unknown[0]!r}{suggest(unknown[0], known)}"

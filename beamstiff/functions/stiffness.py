@@ -232,10 +232,7 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
 
 
 def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Posture) -> Array:
-    """Return what effects add to the compliance at the TCP under loads of 1 N and 1 N m, (6, 6).
-
-    Of loads either way the mean: what does not follow the load, as a drift, is no compliance.
-    """
+    """Return what effects add to the compliance (6, 6) at the TCP: the mean of 1 N, 1 N m either way."""
     names = [one.name for one in robot.actuated]
     q = np.tile(where.values[0, : len(names)], (6, 1))  # the actuated variables come first
     machine = robot.model_copy(update={"effects": tuple(effects)})

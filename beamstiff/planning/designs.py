@@ -241,11 +241,7 @@ def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Arra
 
 
 def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
-    """Return what no choice of tests can exceed, from weighted designs on the way to the best of them.
-
-    `information` (N, m, m). `count`: sum of the weights, each between 0 and `repeats`. `start` (m, m):
-    information of a design to start from.
-    """
+    """Return what no choice of tests exceeds, from weighted designs between `start` (m, m) and the best."""
     full, left = divmod(count, repeats)
     most = np.full(full + (left > 0), float(repeats))
     if left:

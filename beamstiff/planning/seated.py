@@ -54,10 +54,7 @@ def seated_postures(robot: Robot, one: Target, count: int, seed: int, point: str
 def seated_rows(
     robot: Robot, targets: Sequence[Target], count: int, seed: int, point: str = ""
 ) -> Measurements:
-    """Return rows at `count` postures of each set-up, as a table to fill in: readings are missing.
-
-    Raises BeamstiffError when a set-up is out of reach.
-    """
+    """Return rows at `count` postures of each set-up to fill in; BeamstiffError where one is out of reach."""
     each = [seated_postures(robot, one, count, seed + at, point) for at, one in enumerate(targets)]
     for one, found in zip(targets, each, strict=True):
         if not len(found):

@@ -115,10 +115,7 @@ def _drives(result: Diagnosis) -> str:
 
 
 def _compliant(result: Diagnosis) -> list[str]:
-    """Return the drives that are rigid in the robot file, if a compliance of one is told or a look-alike.
-
-    With a start value its stiffness is fitted, and causes are judged beside it.
-    """
+    """Return the drives that are rigid in the robot file, if a compliance of one is told or a look-alike."""
     robot = result.baseline.nominal
     alike = [key for one in several(result) for key in one.indistinguishable]
     found = {*(one.key for one in told(result)), *alike}

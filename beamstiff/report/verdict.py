@@ -85,10 +85,7 @@ def diagnose_command(files: Sequence[str]) -> str:
 
 
 def rigid_drives(robot: Robot) -> list[str]:
-    """Return the driven joints that are rigid about or along their axis.
-
-    None where struts are the drives.
-    """
+    """Return the driven joints that are rigid about or along their axis; none where struts are the drives."""
     return [
         joint.name
         for joint in robot.joints

@@ -65,20 +65,18 @@ class FuzzyFit:
 def fit_fuzzy(
     robot: Robot,
     table: Measurements,
-    inputs: Sequence[str] | None = None,
     seed: int = 0,
     each_term: bool = False,
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
 
     `robot`: names the variables and the TCP; nothing else of it is used. `table`: displacements of the TCP
-    under loads there. `inputs`: what the compliance may depend on: actuated variables, and components of the
-    wrench; default the actuated variables that vary.
-    `seed`: of the test set and of the random search. `each_term`: a partition of its own for every term of
-    the compliance, as in seed 003 (the matrix is symmetric, and positive definite where the readings say
-    so); the steps of all terms stand one after the other.
+    under loads there. The inputs are the actuated variables that vary. `seed`: of the test set and of the
+    random search. `each_term`: a partition of its own for every term of the compliance, as in seed 003 (the
+    matrix is symmetric, and positive definite where the readings say so); the steps of all terms stand one
+    after the other.
     """
-    whole = _state_task(robot, table, inputs, seed)
+    whole = _state_task(robot, table, seed)
     tasks = [whole.term(at) for at in range(len(whole.readings.terms))] if each_term else [whole]
     systems, steps = zip(*(_grown(task, seed) for task in tasks), strict=True)
     model = FuzzyCompliance(table.variables, systems[0], tuple(systems[1:]))
@@ -142,10 +140,10 @@ class _Task:
         return Step(premises.sets, float(train), float(test))
 
 
-def _state_task(robot: Robot, table: Measurements, inputs: Sequence[str] | None, seed: int) -> _Task:
-    names = tuple(inputs) if inputs is not None else table.variables
-    x = inputs_of(names, table.variables, table.q, table.wrench)
-    if inputs is None and (varying := np.ptp(x, axis=0) > 0).any():
+def _state_task(robot: Robot, table: Measurements, seed: int) -> _Task:
+    names = table.variables
+    x = inputs_of(names, names, table.q)
+    if (varying := np.ptp(x, axis=0) > 0).any():
         names = tuple(name for name, varies in zip(names, varying, strict=True) if varies)
         x = x[:, varying]
     readings = build_readings(table, compile_kinematics(robot).size, robot.tcp)
@@ -205,12 +203,9 @@ def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> P
 def solis_wets(
     cost: Callable[[Array], float], begin: Array, step: float, evaluations: int, random: np.random.Generator
 ) -> tuple[Array, float]:
-    """Return the best point found, and its cost.
+    """Return the best point (n,) found, and its cost, which is infinite where it is not allowed.
 
     Steps are normal about a bias that follows what went well; where one fails its opposite is tried.
-
-    `cost`: of a point (n,); infinite where it is not allowed. `step`: standard deviation of the
-    first steps. `evaluations`: at most.
     """
     at, best, bias = np.array(begin, dtype=np.float64), cost(begin), np.zeros(len(begin))
     good = bad = 0

@@ -45,10 +45,7 @@ class Readings:
         )
 
     def term(self, at: int) -> Self:
-        """Return the readings of one term, where no row's displacement is the sum of several.
-
-        That is so where the load of every row lies along one axis.
-        """
+        """Return the readings of one term, where the load of every row lies along one axis."""
         others = np.arange(len(self.terms)) != at
         if (np.abs(self.gram[:, at, others]) > 1e-9 * np.abs(self.gram[:, at, at, None])).any():
             raise BeamstiffError(
@@ -213,10 +210,7 @@ def _definite(readings: Readings, conclusions: Array) -> bool:
 
 
 def _made_definite(readings: Readings, conclusions: Array) -> Array:
-    """Return the closest conclusions (R, K) whose square part is positive definite.
-
-    Closest in the Frobenius norm, in which a term off the diagonal counts twice.
-    """
+    """Return the closest conclusions (R, K) with a positive definite square part, in the Frobenius norm."""
     matrices, least = _as_matrices(readings, conclusions)
     if matrices.shape[1] == 0:
         return conclusions

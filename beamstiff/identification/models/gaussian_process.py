@@ -231,11 +231,7 @@ def _by_log_length(distance: Array) -> Array:
 def most_evident(
     readings: LinearReadings, postures: Array, begin: Covariance, noise: float, sigma_known: bool
 ) -> tuple[Covariance, float]:
-    """Return the covariance and the noise of most evidence.
-
-    `postures` (P, A). `noise`: to begin with. `sigma_known`: it is stated: the readings may scatter
-    more, not less.
-    """
+    """Return covariance and noise of most evidence; a noise that is stated (`sigma_known`) may grow only."""
     evidence = Evidence(readings, postures, begin)
     start = evidence.theta(noise)
     bounds = [(LOWEST, HIGHEST)] * (len(start) - 1) + [(0.0 if sigma_known else LOWEST, LOUDEST)]
