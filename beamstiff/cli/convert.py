@@ -113,9 +113,9 @@ def convert(
     """
     others = (path for path in (like, profile, joints) if path is not None)
     outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
+    from beamstiff.errors import counted
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
-    from beamstiff.report.tables import counted
     from beamstiff.units import in_unit
 
     if mend_labels:

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import RenderableType
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, counted
 from beamstiff.functions.checks import effects_text
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.report.figures import new_figure, plain
-from beamstiff.report.tables import Table, counted, table
+from beamstiff.report.tables import Table, table
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 

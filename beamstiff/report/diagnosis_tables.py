@@ -14,9 +14,9 @@ from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.recalibration import Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import Smallest
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.tables import Column, Table, below, counted, number, scale_of, table
+from beamstiff.report.tables import Column, Table, below, number, scale_of, table
 from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
 

@@ -12,10 +12,10 @@ from beamstiff.calibration.parameters import SPARE
 from beamstiff.calibration.recursion import Recursion
 from beamstiff.calibration.result import Calibration, Found
 from beamstiff.calibration.sensitivity import SensitivityIndices
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.report.verdict import Level, Verdict, data_of, diagnose_command, level_of, rounded
 from beamstiff.se3 import Array
 

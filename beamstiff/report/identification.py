@@ -7,12 +7,12 @@ from math import inf, sqrt
 import numpy as np
 from rich.console import RenderableType
 
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.functions.checks import effects_text
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table, times_off, worth
+from beamstiff.report.tables import Column, Table, number, table, times_off, worth
 from beamstiff.report.verdict import (
     BEYOND_NOISE,
     Level,

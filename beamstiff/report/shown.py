@@ -16,7 +16,7 @@ from rich.text import Text
 from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
 from beamstiff.functions.stiffness import TcpStiffness
@@ -36,7 +36,7 @@ from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.residuals import residual_figure
 from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
-from beamstiff.report.tables import Table, counted, spaced
+from beamstiff.report.tables import Table, spaced
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import reference_posture
 

@@ -149,12 +149,3 @@ def times_off(ratio: float) -> str:
     """
     how, factor = ("softer", 1.0 / ratio) if ratio < 1.0 else ("stiffer", ratio)
     return f"{float(f'{factor:.2g}'):g} times {how}"
-
-
-def counted(count: int, what: str) -> str:
-    """Return a number of things.
-
-    >>> counted(1, "test"), counted(12, "pose")
-    ('1 test', '12 poses')
-    """
-    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from beamstiff.errors import counted
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
@@ -23,7 +24,7 @@ from beamstiff.report.html.parts import Fact, Figure, Section, axis, chart_layou
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
-from beamstiff.report.tables import Table, counted
+from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from beamstiff.errors import counted
 from beamstiff.exam import score
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure as Rate
@@ -27,7 +28,6 @@ from beamstiff.report.html.parts import (
 )
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.tables import counted
 
 Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"

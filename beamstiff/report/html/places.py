@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.errors import counted
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.parts import (
     Figure,
@@ -21,7 +22,7 @@ from beamstiff.report.html.parts import (
     scatter,
     shared,
 )
-from beamstiff.report.tables import Table, counted
+from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
