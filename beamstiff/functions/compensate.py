@@ -13,8 +13,8 @@ from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, StatedFrame
+from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.process.load import Constant, Process, Together
-from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
