@@ -21,10 +21,9 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from beamstiff.identification.problem import Problem
+from beamstiff.identification.problem import Problem, balanced_stiffness
 from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, join
 from beamstiff.identification.result import Combination
-from beamstiff.identification.start import balanced_stiffness
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array

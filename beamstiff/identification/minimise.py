@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import SPAN, Parameters
-from beamstiff.identification.start import balanced_stiffness
+from beamstiff.identification.problem import balanced_stiffness
 from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
