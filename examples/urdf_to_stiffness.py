@@ -80,8 +80,9 @@ def softest(robot: Robot, q: dict[str, float]) -> tuple[float, np.ndarray]:
 
 
 def springy(robot: Robot) -> Robot:
-    """Return the robot with springs about its joints."""
-    return robot.with_parameters({f"{name}.torsional": value for name, value in STIFFNESS.items()})
+    """Return the robot with springs about its joints, which measurements may identify."""
+    stiffness = {f"{name}.torsional": value for name, value in STIFFNESS.items()}
+    return robot.with_parameters(stiffness).model_copy(update={"identify": tuple(stiffness)})
 
 
 def main(folder: Path) -> None:
