@@ -115,6 +115,15 @@ def listed(names: Iterable[str], most: int = 8) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
+def counted(count: int, what: str) -> str:
+    """Return a number of things.
+
+    >>> counted(1, "test"), counted(12, "pose")
+    ('1 test', '12 poses')
+    """
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 class _Short(reprlib.Repr):
     """`repr` that looks at the first few entries only, so that a huge value costs no time."""
 

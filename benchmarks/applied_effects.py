@@ -32,10 +32,9 @@ from beamstiff.exam.robots import random_arm
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.overview import describe
 from beamstiff.robot.closure import close_loops
-from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.kinematics import compile_kinematics, reference_posture
 from beamstiff.robot.library import robot_names, robot_path
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.reference import reference_posture
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.robot.yaml_edit import robot_yaml
 from beamstiff.se3 import vector_from_rotation

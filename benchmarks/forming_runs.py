@@ -27,8 +27,8 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
+from beamstiff.compensation.process.files import process_to_yaml
 from beamstiff.compensation.process.load import Process, Together
-from beamstiff.compensation.process.writer import process_to_yaml
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.rows import subset
 from beamstiff.robot.writer import robot_to_yaml

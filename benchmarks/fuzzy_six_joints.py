@@ -12,8 +12,7 @@ import numpy as np
 
 from beamstiff import Robot, load_robot
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.fuzzy import fit_fuzzy
-from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy import fit_fuzzy, fit_fuzzy_correction
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.model.protocol import Model, StructuralModel

@@ -30,8 +30,7 @@ from beamstiff.exam.laws import Situation, varying
 from beamstiff.exam.machine import TURN, machine_of
 from beamstiff.exam.simulate import readings
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.fuzzy import fit_fuzzy
-from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy import fit_fuzzy, fit_fuzzy_correction
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import fit_grid
 from beamstiff.measure.table import Measurements, make_measurements

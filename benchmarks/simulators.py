@@ -32,9 +32,8 @@ from beamstiff.model.linear import predict_displacements
 from beamstiff.report.tables import table
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.kinematics import compile_kinematics, sampled_postures
 from beamstiff.robot.parts import Beam, Mass, Node
-from beamstiff.robot.reference import sampled_postures
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.simulators.assemble import assemble
 from beamstiff.simulators.bodies import BodyTree

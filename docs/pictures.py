@@ -25,7 +25,7 @@ from beamstiff import (
 from beamstiff.calibration.sensitivity import sensitivity_indices
 from beamstiff.compensation.formats import read_program
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.process.reader import read_process
+from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.rewrite import compensate_program
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.identification.models.fuzzy import fit_fuzzy

@@ -27,8 +27,8 @@ from beamstiff.compensation.formats import read_program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path_correction import errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
+from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.process.load import Process, Together
-from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import compensate_program, size_of
 from beamstiff.files import write_whole
 from beamstiff.report.compensation import compensation_figure

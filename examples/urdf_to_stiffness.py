@@ -79,10 +79,16 @@ def softest(robot: Robot, q: dict[str, float]) -> tuple[float, np.ndarray]:
     return float(PUSH * sizes[-1]), direction
 
 
+def springy(robot: Robot) -> Robot:
+    """Return the robot with springs about its joints, which measurements may identify."""
+    stiffness = {f"{name}.torsional": value for name, value in STIFFNESS.items()}
+    return robot.with_parameters(stiffness).model_copy(update={"identify": tuple(stiffness)})
+
+
 def main(folder: Path) -> None:
     console = Console()
     text = urdf()
-    robot = parse_urdf(text, "arm.urdf", stiffness=STIFFNESS)
+    robot = springy(parse_urdf(text, "arm.urdf"))
     console.print(
         f"{robot.name}: {len(robot.actuated)} joints, {sum(mass.mass for mass in robot.masses):g} kg, "
         f"TCP {robot.tcp}"

@@ -22,10 +22,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
-from beamstiff.robot.frames import MOTIONS, Kinematics
+from beamstiff.robot.frames import MOTIONS, Kinematics, widened
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture_at, twist_jacobian
 from beamstiff.robot.loops import rotation_vector_rate
-from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, rotation_from_vector
 
 Indices = NDArray[np.intp]

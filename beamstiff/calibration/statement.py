@@ -20,10 +20,10 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import HELD
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE
+from beamstiff.robot.frames import widened
 from beamstiff.robot.loops import loop_equations, loop_system
 from beamstiff.robot.newton import least_squares
 from beamstiff.robot.stiffness import stiffness_parameters
-from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROWS = 100  # that say where base and reflectors are, to begin with

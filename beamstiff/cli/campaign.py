@@ -78,14 +78,8 @@ def campaign(
             from beamstiff.functions.campaign import campaign as run
 
             with working("diagnosing"):
-                state = run(
-                    kept.robot,
-                    kept.tables,
-                    rows=kept.rows,
-                    region=kept.region,
-                    directions=kept.directions,
-                    seed=kept.seed,
-                )
+                asked: dict[str, Any] = {"region": kept.region, "directions": kept.directions}
+                state = run(kept.robot, kept.tables, rows=kept.rows, seed=kept.seed, **asked)
             told = state.to_dict()
             kept.keep_result(told)
         counted = [
@@ -117,8 +111,9 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
 def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
     """Return what a terminal shows: verdict, expectation of the proposal, batches."""
     from beamstiff.diagnosis.notes import in_words
+    from beamstiff.errors import counted
     from beamstiff.report.diagnosis_words import percent
-    from beamstiff.report.tables import counted, table
+    from beamstiff.report.tables import table
     from beamstiff.report.verdict import Verdict
 
     proposed = f"Measure {counted(told['proposed'], 'row')} (campaign next --out writes them)."

@@ -133,7 +133,7 @@ def compensate(
       1500,-200,900,0,90,0,-350
     """
     from beamstiff.compensation.formats import points_beside
-    from beamstiff.compensation.process.writer import process_to_yaml
+    from beamstiff.compensation.process.files import process_to_yaml
     from beamstiff.functions.checks import one_of
     from beamstiff.functions.compensate import compensate as run
     from beamstiff.functions.compensate import compensate_online, read_std

@@ -11,9 +11,7 @@ from beamstiff.cli.parse import named, parse_variables, robot_file
 from beamstiff.errors import BeamstiffError, listed
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from beamstiff.measure.logs import LogTable
+    pass
 
 WRITTEN = {
     ".yaml": "robot file",
@@ -115,9 +113,9 @@ def convert(
     """
     others = (path for path in (like, profile, joints) if path is not None)
     outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
+    from beamstiff.errors import counted
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
-    from beamstiff.report.tables import counted
     from beamstiff.units import in_unit
 
     if mend_labels:
@@ -132,6 +130,7 @@ def convert(
     if is_bag(source) or (columns is not None and columns.samples):
         from beamstiff.functions.convert import convert_log
         from beamstiff.functions.robots import load_robot
+        from beamstiff.report.logs import log_figure
 
         table = convert_log(
             source,
@@ -147,7 +146,7 @@ def convert(
         write(out, table.text)
         said = f"{Path(source).name}: {counted(table.count, 'row')}."
         outputs.result(table.notes, [said], table.to_dict() | {"written": out})
-        outputs.draw("figure", lambda: draw_log(table))
+        outputs.draw("figure", lambda: log_figure(table))
         return
     if point or skip or lag or figure:
         log = "a log (a bag, or a profile of samples)"
@@ -167,8 +166,7 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    from beamstiff.functions.convert import missing_notes, read_any, with_joint_stiffness
-    from beamstiff.functions.written import robot_text
+    from beamstiff.functions.convert import missing_notes, read_any, robot_text, with_joint_stiffness
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.stiffness import stiffness_parameters
 
@@ -207,10 +205,3 @@ def convert(
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
     outputs.console.print(said, soft_wrap=True)
-
-
-def draw_log(table: LogTable) -> Figure:
-    """Draw what was kept of a log and what was cut."""
-    from beamstiff.report.logs import log_figure
-
-    return log_figure(table)

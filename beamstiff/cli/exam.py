@@ -64,7 +64,7 @@ def exam(
       beamstiff exam --crowded --cases 100 --seed 7 --out results.jsonl --json table.json
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """
-    from beamstiff.errors import OptionError
+    from beamstiff.errors import OptionError, counted
     from beamstiff.exam.table import by_design, headline
     from beamstiff.functions.examine import check_kept, examine, reports_of
     from beamstiff.report.exam import (
@@ -75,7 +75,7 @@ def exam(
         plan_verdict,
         reliability_figure,
     )
-    from beamstiff.report.tables import counted, spaced
+    from beamstiff.report.tables import spaced
 
     if crowded and (figure or html):
         raise OptionError("crowded", "found --figure or --html, which are of single effects, expected --json")

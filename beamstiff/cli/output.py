@@ -64,7 +64,7 @@ def write_robot(
     path: str, robot: Robot, source: Path, std: Mapping[str, float], head: str, holds: str = ""
 ) -> None:
     """Write a robot as YAML with lines `head`, or as the path's ending says, and note what that loses."""
-    from beamstiff.functions.written import applied_text
+    from beamstiff.functions.convert import applied_text
     from beamstiff.robot.yaml_edit import robot_yaml
 
     simulator = Path(path).suffix.lower() in (".xml", ".urdf", ".sdf")

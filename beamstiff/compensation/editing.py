@@ -82,11 +82,7 @@ def _line_starts(text: str) -> list[int]:
 
 
 def rewritten(text: str, value: float, decimals: int) -> str:
-    """Return a number in the form of another.
-
-    `text`: the number as it was. `value`: what it is to be, in the same unit. `decimals`: that it needs; what
-    `text` had stays if that is more.
-    """
+    """Return a number in the form of another `text`, with the decimals that it needs or had, if more."""
     parts = _PARTS.fullmatch(text)
     if parts is None:
         raise ValueError(text)
@@ -123,12 +119,7 @@ def _signed(parts: re.Match[str], number: str, value: float) -> str:
 
 
 def replaced(text: str, changes: Iterable[tuple[Slot, float]]) -> str:
-    """Return a text with numbers replaced.
-
-    Where a number is aligned by blanks in front of it, the number grows into the blanks, but for one.
-
-    `changes`: new values in SI.
-    """
+    """Return a text with new values, SI, of numbers; one aligned by blanks grows into them, but for one."""
     parts, at = [], 0
     for slot, value in sorted(changes, key=lambda change: change[0].start):
         new = rewritten(slot.text, value / slot.unit, slot.decimals)

@@ -121,18 +121,11 @@ class Machine:
 
     def node_rows(self, q: Array, wrench: Array) -> Measurements:
         """Return states (N, A) as rows, under loads (N, 6) at the `tcp` node, base frame."""
-        names = [variable.name for variable in self.real.actuated]
-        count = len(q)
+        names, tcp = [variable.name for variable in self.real.actuated], self.real.tcp
         kinematics = self._real_kinematics
-        nominal = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
+        position, pose = pose_of(kinematics, posture(kinematics, q), tcp)[:, :3, 3], np.arange(len(q))
         return make_measurements(
-            names,
-            q,
-            tcp=self.real.tcp,
-            wrench=wrench,
-            position=nominal[:, :3, 3],
-            pose=np.arange(count),
-            source="path",
+            names, q, tcp=tcp, wrench=wrench, position=position, pose=pose, source="path"
         )
 
 

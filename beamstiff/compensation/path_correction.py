@@ -276,11 +276,9 @@ def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array],
 
 
 def settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
-    """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A).
+    """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A), from `near`.
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
-
-    `near` (N, 4, 4): where to begin.
     """
     undeformed = machine.undeformed(q)
     x = machine.moved(q, load(near), near)

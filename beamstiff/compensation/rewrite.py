@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.editing import ENCODING
+from beamstiff.compensation.follow import resample
 from beamstiff.compensation.formats import path_csv
 from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.learn import Learned
@@ -15,7 +16,6 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
 from beamstiff.compensation.process.load import Process, beside_columns
-from beamstiff.compensation.resample import resample
 from beamstiff.compensation.uncertainty import correction_std, doubtful
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.kinematics import pose_of, posture
@@ -45,20 +45,17 @@ def size_of(errors: Array) -> Size:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Compensated(Shown):
-    """A corrected file, and what is known of it; N targets.
-
-    `content`: of the file. `points`: of the KRL `.dat` beside it, where targets stand in it. `after` (N, 6):
-    error of the real tool with the numbers as the file holds them, rounded. NaN where it cannot follow.
-    """
+    """A corrected file, and what is known of it; N targets."""
 
     correction: Correction
-    content: bytes
+    content: bytes  # of the file
+    # (N, 6): error of the real tool with the numbers as in the file, rounded; NaN where it cannot follow
     after: Array
     machine: Machine
     notes: tuple[str, ...] = ()
     std: Array | None = None  # (N, 6), m and rad: standard deviation of every correction; None: not asked for
     learned: Learned | None = None  # from measured runs, where there were any
-    points: bytes | None = None
+    points: bytes | None = None  # of the KRL `.dat` beside it, where targets stand in it
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
 
     @property

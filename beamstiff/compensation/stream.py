@@ -95,7 +95,8 @@ class OnlineTargets:
             )
         here = np.linalg.solve(frame, answer.command)
         turn = frame[:3, :3].T
-        std = np.concatenate([_turned_std(turn, part) for part in (answer.std[:3], answer.std[3:])])
+        # in another frame, as those of independent components
+        std = np.concatenate([np.sqrt(turn**2 @ part**2) for part in (answer.std[:3], answer.std[3:])])
         numbers = [*here[:3, 3], *vector_from_rotation(here[None, :3, :3])[0], *std, *answer.q]
         state = f"{'warm' if answer.warm else 'cold'} {'left' if answer.left_alone else 'corrected'}"
         return f"ok {' '.join(f'{value:.9g}' for value in numbers)} {state}"
@@ -111,11 +112,6 @@ def prepared(
         row, reason = next(iter(reasons.items()))
         raise BeamstiffError(f"{path.place(row)}: {reason}")
     return OnlineTargets(program, online, path.poses, wrench)
-
-
-def _turned_std(turn: Array, std: Array) -> Array:
-    """Return standard deviations (3,) in another frame, as those of independent components."""
-    return np.asarray(np.sqrt((turn**2) @ std**2))
 
 
 def _numbers(words: list[str]) -> Array:

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.unknowns import Unknowns, joint_unknowns, joint_values, number_unknowns
-from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Kinematics, compile_kinematics
+from beamstiff.robot.reader import RobotLike, as_robot
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array
 

@@ -21,7 +21,7 @@ from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate, require_tracker, row_digests
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 from beamstiff.units import quantity
 
 Prior = float | str

@@ -13,7 +13,7 @@ from beamstiff.functions.plan import MOST_TESTS, plan
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.planning.candidates import ANYWHERE, AXES
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 from beamstiff.shown import Shown
 
 ROWS = 10  # of a batch

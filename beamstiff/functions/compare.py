@@ -13,7 +13,7 @@ from beamstiff.identification.models.side_by_side import FITS, Models, Options, 
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 
 
 def compare(

@@ -28,8 +28,8 @@ from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import TableLike, as_tables, doubts_of
 from beamstiff.measure.rows import require_tracker
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
 

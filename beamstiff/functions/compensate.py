@@ -13,8 +13,8 @@ from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, StatedFrame
+from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.process.load import Constant, Process, Together
-from beamstiff.compensation.process.reader import read_process
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
@@ -23,8 +23,8 @@ from beamstiff.functions.checks import names_of, six_numbers
 from beamstiff.functions.compensation_notes import compensation_notes
 from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.kinematics import actuated_values
+from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 
 

@@ -22,7 +22,7 @@ from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate, row_digests
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 
 
 def diagnose(

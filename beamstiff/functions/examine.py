@@ -23,26 +23,18 @@ from beamstiff.functions.checks import left_out, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.reader import RobotLike
 
 Path_ = str | os.PathLike[str]
 
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What an exam found.
+    """What an exam found."""
 
-    Attributes
-    ----------
-    records : list of Record or CrowdedRecord
-    settings : mapping
-        Of what it was.
-    notes : tuple of str
-    """
-
-    records: Sequence[Any]
-    settings: Mapping[str, Any]
+    records: Sequence[Any]  # `Record` or `CrowdedRecord`
+    settings: Mapping[str, Any]  # of what it was
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -162,10 +154,7 @@ def _asked(
 
 
 def shares_of(classes: Sequence[str]) -> tuple[dict[Kind, int], tuple[str, ...]]:
-    """Return the share of each kind of case, and the effects asked, of names of kinds and effects.
-
-    Every name gets an equal share; ``single`` stands for all effects.
-    """
+    """Return shares by kind, and effects, of their names, one share each; ``single`` is all effects."""
     names, known = list(dict.fromkeys(classes)), (*KINDS, *EFFECTS)
     if unknown := [name for name in names if name not in known]:
         found = f"found {unknown[0]!r}{suggest(unknown[0], known)}"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, OptionError, shown, suggest
-from beamstiff.identification.models.grid_kinematics import with_kinematics
+from beamstiff.identification.models.grid import with_kinematics
 from beamstiff.identification.models.side_by_side import FITS, GIVEN, Judged, Models, Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import Measurements

@@ -35,8 +35,8 @@ from beamstiff.measure.doubts import counted_once
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.parallel import check_places
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 
 USES: tuple[Components, ...] = ("both", "position", "rotation")

@@ -25,9 +25,9 @@ from beamstiff.planning.designs import (
     random_designs,
 )
 from beamstiff.planning.moving import driven, sooner_driven
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
@@ -40,36 +40,17 @@ GROWING = (0.5, 1, 2, 4)  # sizes that are looked at, to say how many tests are 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasurementPlan(Shown):
-    """Tests to make, and what is expected of them.
-
-    Attributes
-    ----------
-    robot : Robot
-    campaign : Plan
-        The tests, and the standard errors that they should give.
-    candidates : int
-        How many tests, or poses, there were to choose from.
-    at_random : AtRandom
-        Random choices of as many.
-    enough : Enough
-        Choices of growing size.
-    left_out : dict of str to str
-        Parameters that cannot be found, and why not.
-    unit : str
-        What was chosen: a "test", or a "pose" with all loads.
-    seed : int
-    moving : two floats, s, or None
-        Time for moving of the most telling tests, and of those chosen; None where no speed is known.
-    """
+    """Tests to make, and what is expected of them."""
 
     robot: Robot
-    campaign: Plan
-    candidates: int
-    at_random: AtRandom
-    enough: Enough
-    left_out: dict[str, str]
-    unit: str
+    campaign: Plan  # the tests, and the standard errors that they should give
+    candidates: int  # how many tests, or poses, there were to choose from
+    at_random: AtRandom  # random choices of as many
+    enough: Enough  # choices of growing size
+    left_out: dict[str, str]  # parameters that cannot be found, and why not
+    unit: str  # what was chosen: a "test", or a "pose" with all loads
     seed: int
+    # s: for moving, of the most telling tests and of those chosen; None where no speed is known
     moving: tuple[float, float] | None = None
 
     def to_csv(self) -> str:

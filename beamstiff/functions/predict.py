@@ -15,8 +15,8 @@ from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.correction import extrapolation_notes, model_correction, model_std
 from beamstiff.model.linear import predict_displacements, preload_notes
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
@@ -24,32 +24,18 @@ from beamstiff.shown import Shown
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prediction(Shown):
-    """Predicted displacements, N rows.
-
-    Attributes
-    ----------
-    robot : Robot
-    rows : Measurements
-        Postures and loads; where they hold measured displacements, these are compared.
-    displacement : (N, 6) array, m and rad
-        Loaded minus unloaded, base frame. Of absolute rows: off the undeformed machine, under its own weight,
-        payload and load.
-    preload : bool
-        Whether gravity, payload and the load stiffen or soften the machine.
-    notes : tuple of str
-    pose : (N, 6) array or None, m and rad
-        Of absolute rows: position of the point read and rotation vector of the TCP, base frame.
-    std : (N, 6) array or None, m and rad
-        Standard deviations of the displacements, where the robot's model is a Gaussian process.
-    """
+    """Predicted displacements, N rows."""
 
     robot: Robot
-    rows: Measurements
+    rows: Measurements  # postures and loads; where they hold measured displacements, these are compared
+    # (N, 6), m and rad: loaded minus unloaded, base frame. Of absolute rows: off the undeformed machine, by
+    # its own weight, payload and load
     displacement: Array
-    preload: bool
+    preload: bool  # whether gravity, payload and the load stiffen or soften the machine
     notes: tuple[str, ...] = ()
+    # (N, 6), m and rad: of absolute rows: position of the point read, rotation vector of the TCP, base frame
     pose: Array | None = None
-    std: Array | None = None
+    std: Array | None = None  # (N, 6), m and rad: of `displacement`, if the model is a Gaussian process
 
     @property
     def gap(self) -> Array:

@@ -9,18 +9,15 @@ from pathlib import Path
 
 from beamstiff.diagnosis.apply import EffectError, check_effects
 from beamstiff.errors import BeamstiffError, OptionError
-from beamstiff.robot import coerce, reader
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot import reader
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike
 
 
 def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None) -> Robot:
-    """Return a robot: itself, or read from its file with its effects checked, see `robot.coerce.as_robot`.
-
-    Its loops are put together as `assembly` says, where it is given.
-    """
+    """Return a robot: itself, or read with its effects checked; its loops assembled as `assembly` says."""
     found = (
-        coerce.as_robot(robot, what) if isinstance(robot, Robot) or not _mjcf(robot) else load_robot(robot)
+        reader.as_robot(robot, what) if isinstance(robot, Robot) or not _mjcf(robot) else load_robot(robot)
     )
     if not isinstance(robot, Robot):
         found = check_known(found, Path(robot))

@@ -18,12 +18,11 @@ from beamstiff.functions.checks import effects_text, left_out, six_numbers, star
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.correction import compliance_correction
-from beamstiff.robot.coerce import RobotLike
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
-from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture
+from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture, reference_posture
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.robot.reference import reference_posture
+from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
@@ -33,36 +32,21 @@ Joints = Mapping[str, ArrayLike] | ArrayLike
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TcpStiffness(Shown):
-    """Stiffness and compliance at the TCP in one posture, SI, base frame.
-
-    Attributes
-    ----------
-    robot : Robot
-    stiffness, compliance : (6, 6) array
-        ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``. No
-        stiffness (None) where the TCP is rigid in some direction.
-    tcp, orientation : (3,) array, m and rad
-        Place of the TCP, and the rotation vector of its frame.
-    variables : dict of str to float, rad or m
-        All joint variables, passive ones solved.
-    preload : bool
-        Tangent stiffness of the loaded machine.
-    rigid : (R, 6) array
-        Wrenches that do not displace the TCP, a basis of them; empty where there are none.
-    singular : str
-        Why there is no stiffness; empty where there is one.
-    notes : tuple of str
-    """
+    """Stiffness and compliance at the TCP in one posture, SI, base frame."""
 
     robot: Robot
+    # (6, 6): ``wrench = K displacement``, with the wrench ``[f, m]`` and the displacement ``[d, r]``; no
+    # stiffness (None) where the TCP is rigid in some direction
     stiffness: Array | None
     compliance: Array
+    # (3,), m and rad: place of the TCP, and the rotation vector of its frame
     tcp: Array
     orientation: Array
-    variables: dict[str, float]
-    preload: bool = False
+    variables: dict[str, float]  # rad or m: all joint variables, passive ones solved
+    preload: bool = False  # tangent stiffness of the loaded machine
+    # (R, 6): a basis of the wrenches that do not displace the TCP; empty where there are none
     rigid: Array = field(default_factory=lambda: np.zeros((0, 6)))
-    singular: str = ""
+    singular: str = ""  # why there is no stiffness; empty where there is one
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -248,10 +232,7 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
 
 
 def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Posture) -> Array:
-    """Return what effects add to the compliance at the TCP under loads of 1 N and 1 N m, (6, 6).
-
-    Of loads either way the mean: what does not follow the load, as a drift, is no compliance.
-    """
+    """Return what effects add to the compliance (6, 6) at the TCP: the mean of 1 N, 1 N m either way."""
     names = [one.name for one in robot.actuated]
     q = np.tile(where.values[0, : len(names)], (6, 1))  # the actuated variables come first
     machine = robot.model_copy(update={"effects": tuple(effects)})

@@ -15,7 +15,7 @@ from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.coerce import RobotLike
+from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 from beamstiff.simulators.deflection import mujoco_deflection
 
@@ -54,21 +54,14 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
 
 @dataclass(frozen=True, eq=False)
 class SecondOpinion:
-    """Deflections of rows by this package and by a physics engine, N rows.
-
-    Attributes
-    ----------
-    engine : str
-    displacement, other : (N, 6) array, m and rad
-        Loaded minus unloaded, base frame: with the stiffness of the loaded machine, and the engine's.
-    notes : tuple of str
-        What the engine's model lacks.
-    """
+    """Deflections of rows by this package and by a physics engine, N rows."""
 
     engine: str
+    # (N, 6), m and rad: loaded minus unloaded, base frame: with the stiffness of the loaded machine, and the
+    # engine's
     displacement: Array
     other: Array
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what the engine's model lacks
 
     @property
     def difference(self) -> Array:

@@ -26,10 +26,7 @@ VALUES = 4  # measured ones for each that is fitted: of fewer another assembly m
 
 
 def displacement_doubts(robot: Robot, rows: Measurements, names: Sequence[str]) -> Iterator[str]:
-    """Yield that displacements fit the loops put together in another way; mostly nothing.
-
-    `names`: stiffness values that are fitted with each assembly.
-    """
+    """Yield that displacements fit the loops put together in another way, with `names` fitted to each."""
     seen = rows.measured_mask[:, :3].any(axis=1) & rows.wrench.any(axis=1)
     if not robot.loops or rows.kind != "displacement" or not seen.any():
         return

@@ -12,7 +12,7 @@ twice, and the model is fitted to the first n of them; many orders show what is 
 move come from enough tests.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -80,16 +80,14 @@ def bootstrap(
     theta: Array,
     repetitions: int = 1000,
     seed: int = 0,
-    progress: Callable[[int], None] | None = None,
     *,
     processes: int = 1,
     scheduler: str | None = None,
 ) -> Bootstrap:
     """Fit a stated identification again to poses drawn with replacement.
 
-    `theta` (t,): its optimum. `progress`: called with the number of draws that are fitted, after every 25 of
-    them. `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws, and what is found,
-    are the same.
+    `theta` (t,): its optimum. `scheduler`: of dask, ``tcp://host:port``; see `beamstiff.parallel`. The draws,
+    and what is found, are the same.
     """
     objective = statement.objective
     group, poses = blocks_of(objective, statement.problem.pose)
@@ -103,12 +101,8 @@ def bootstrap(
     if objective.loss == "linear":
         objective = without_leverage(objective, theta, group)
     refits = partial(_refits, objective, slopes, theta, group)
-    blocks, fitted = dict[int, list[Array]](), 0
     drawn = _draws(poses, repetitions, seed)
-    for at, (count, thetas) in parallel_map(refits, drawn, processes=processes, scheduler=scheduler):
-        blocks[at], fitted = thetas, fitted + count
-        if progress is not None:
-            progress(fitted)
+    blocks = dict(parallel_map(refits, drawn, processes=processes, scheduler=scheduler))
     found = [one for at in sorted(blocks) for one in blocks[at]]
     if 2 * len(found) < repetitions:
         raise BeamstiffError(
@@ -123,15 +117,8 @@ def bootstrap(
         name: _interval(stiffness[:, at], ends) for at, name in enumerate(names) if alone(statement, name)
     }
     intervals |= {sum_.text(): _interval(sums[:, at], ends) for at, sum_ in enumerate(relations)}
-    return Bootstrap(
-        names,
-        stiffness,
-        tuple(sum_.text() for sum_ in relations),
-        sums,
-        intervals,
-        poses,
-        repetitions - len(found),
-    )
+    texts, undetermined = tuple(sum_.text() for sum_ in relations), repetitions - len(found)
+    return Bootstrap(names, stiffness, texts, sums, intervals, poses, undetermined)
 
 
 def _draws(poses: int, repetitions: int, seed: int) -> Iterator[Integers]:
@@ -144,10 +131,10 @@ def _draws(poses: int, repetitions: int, seed: int) -> Iterator[Integers]:
 
 def _refits(
     objective: Objective, slopes: Array, theta: Array, group: Integers, draws: Integers
-) -> tuple[int, list[Array]]:
-    """Return the number of draws, and the optima of those that leave no parameter open."""
+) -> list[Array]:
+    """Return the optima of those draws that leave no parameter open."""
     often = draws[:, group].astype(np.float64)
-    return len(draws), [refit(objective, theta, counts) for counts in often if determines(slopes, counts)]
+    return [refit(objective, theta, counts) for counts in often if determines(slopes, counts)]
 
 
 def without_leverage(objective: Objective, theta: Array, group: Integers) -> Objective:

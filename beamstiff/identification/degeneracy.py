@@ -21,10 +21,9 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from beamstiff.identification.problem import Problem
+from beamstiff.identification.problem import Problem, balanced_stiffness
 from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, join
 from beamstiff.identification.result import Combination
-from beamstiff.identification.start import balanced_stiffness
 from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness import parameter_unit
 from beamstiff.se3 import Array
@@ -79,11 +78,7 @@ class _Acting:
 
 
 def find_degeneracy(problem: Problem, seed: int = 0) -> Degeneracy:
-    """Return what the rows of a problem cannot distinguish.
-
-    All series and parallel springs that these rows join exactly, with the names of `problem.model`; `seed`:
-    of the random stiffness values.
-    """
+    """Return what the rows of a problem cannot distinguish: all springs that they join exactly."""
     model = problem.model
     rng = np.random.default_rng(seed)
     balanced = balanced_stiffness(model)

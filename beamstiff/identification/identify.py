@@ -86,10 +86,7 @@ def _loose(statement: Statement, options: Options) -> Statement:
 
 
 def conclude(statement: Statement, found: Minimum, method: str, folds: int = 5) -> Identification:
-    """Return what a minimum says.
-
-    `method`: by which it was found. `folds`: of the held-out errors; 0 for none.
-    """
+    """Return what a minimum that a method found says, with errors held out in so many folds (0: none)."""
     problem, objective = statement.problem, statement.objective
     stiffness = statement.parameters.stiffness(found.theta)
     told, rms = estimate(statement, found.theta), position_rms(problem, stiffness)
@@ -184,17 +181,9 @@ def _combinations(
         elif known:
             low, high = spread.compliance_interval(value, by_theta, std)
             interval = (low if min(sum_.ratios) < 0 else max(low, 0.0), high)
-        result.append(
-            Combination(
-                sum_.members,
-                sum_.text(),
-                value if known else None,
-                std if known else None,
-                sum_.kind,
-                unit if sum_.kind == "parallel" else INVERSE_UNITS[unit],
-                interval=interval,
-            )
-        )
+        own = unit if sum_.kind == "parallel" else INVERSE_UNITS[unit]
+        told = (value, std) if known else (None, None)
+        result.append(Combination(sum_.members, sum_.text(), told[0], told[1], sum_.kind, own, "", interval))
     return result
 
 
@@ -250,22 +239,13 @@ def check_units(table: Measurements, size: float) -> None:
         np.linalg.norm(np.nan_to_num(table.displacement[:, part]), axis=1)
         for part in (slice(0, 3), slice(3, 6))
     )
+    known = np.where(np.isfinite(table.sigma), table.sigma, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         quantities = (
             ("displacement over load", "m/N", moved / load, "dx [mm], fx [kN]"),
             ("rotation over load", "rad/N", turned / load, "rx [deg], fx [kN]"),
-            (
-                "noise of positions",
-                "m",
-                np.nanmin(_known(table.sigma[:, :3]), axis=1),
-                "sigma_position: 0.03 mm",
-            ),
-            (
-                "noise of rotations",
-                "rad",
-                np.nanmin(_known(table.sigma[:, 3:]), axis=1),
-                "sigma_rotation: 0.01 deg",
-            ),
+            ("noise of positions", "m", known[:, :3].min(axis=1), "sigma_position: 0.03 mm"),
+            ("noise of rotations", "rad", known[:, 3:].min(axis=1), "sigma_rotation: 0.01 deg"),
         )
     for what, unit, values, header in quantities:
         medians = []
@@ -285,16 +265,8 @@ def check_units(table: Measurements, size: float) -> None:
             )
 
 
-def _known(sigma: Array) -> Array:
-    """Return standard deviations with infinity where none is known."""
-    return np.where(np.isfinite(sigma), sigma, np.inf)
-
-
 def cautions(problem: Problem, parameters: Parameters, theta: Array, rms: float) -> Iterator[str]:
-    """Yield, in sentences, what limits the result of an identification.
-
-    `theta` (t,): the optimum. `rms`, m: of the position residual.
-    """
+    """Yield, in sentences, what limits an identification with the optimum theta (t,) and its RMS, m."""
     poses, rows = np.unique(problem.pose).size, problem.readings
     if poses == 1 and rows > 1:
         yield f"all {rows} rows are of one pose: how the model does at others is not known"

@@ -48,11 +48,7 @@ class Uncertainty:
     profile: Profile  # the likelihood around the optimum, from which intervals come
 
     def stiffness_interval(self, value: float, direction: Array, std: float) -> tuple[float, float]:
-        """Return the 95 % interval of a stiffness.
-
-        `value`: at the optimum. `direction` (t,): derivatives of its logarithm by theta. `std`: standard
-        deviation of its logarithm.
-        """
+        """Return the 95 % interval of a stiffness; slopes by theta (t,) and std are of its logarithm."""
         down, up = self.profile.interval(direction, std)
         return value / (1 + up), value / (1 + down) if down > -1 else np.inf
 

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import SPAN, Parameters
-from beamstiff.identification.start import balanced_stiffness
+from beamstiff.identification.problem import balanced_stiffness
 from beamstiff.parallel import parallel_map
 from beamstiff.se3 import Array
 
@@ -164,12 +164,9 @@ def minimise(
         if not np.isfinite(search.best_cost):
             raise
         message, interrupted = "stopped by hand: the best so far", True
-    if (
-        begin is None
-        and polish
-        and not interrupted
-        and _near_rigid_or_free(objective.parameters, search.best)
-    ):
+    low, high = objective.parameters.lower, objective.parameters.upper
+    at_end = np.minimum(search.best - low, high - search.best) < AT_END * (high - low)
+    if begin is None and polish and not interrupted and at_end.any():
         message, interrupted = _again(search, effort, message)
     if not np.isfinite(search.best_cost):
         raise BeamstiffError(f"the identification did not converge: {message}")
@@ -227,11 +224,6 @@ def _at_edge(parameters: Parameters, begin: Array, theta: Array) -> str:
     edge = np.minimum(theta - low, high - theta) < 1e-3 * (high - low)
     names = [parameters.names[at] for at in parameters.first[edge]]
     return f"; at the edge of the values searched: {listed(names)}" if names else ""
-
-
-def _near_rigid_or_free(parameters: Parameters, theta: Array) -> bool:
-    low, high = parameters.lower, parameters.upper
-    return bool((np.minimum(theta - low, high - theta) < AT_END * (high - low)).any())
 
 
 def _again(search: Search, effort: Effort, message: str) -> tuple[str, bool]:

@@ -60,7 +60,7 @@ class _Point:
 def pareto_front(statement: Statement, stiffness: Array, count: int) -> Front:
     """Return at most `count` points, both ends included, about the optimum at stiffness values (m,).
 
-    `statement`: of squared errors, without errors of its inputs, which would mix positions and rotations.
+    Errors of the inputs, which mix positions and rotations, are no part of the statement.
     """
     if count < 2:
         raise OptionError("pareto", f"found {count}, expected 2 points or more")

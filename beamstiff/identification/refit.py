@@ -18,10 +18,7 @@ LEAST_CURVED = 0.1  # of its weight: beyond, a robust loss bends down, and a ste
 
 
 def refit(objective: Objective, begin: Array, counts: Array | None = None) -> Array:
-    """Return the optimum theta (t,) of an objective, from a start that is close.
-
-    `counts` (n,): how often each whitened residual counts; default once.
-    """
+    """Return the optimum theta (t,), from one close by; `counts` (n,): how often each residual counts."""
     if begin.size == 0:
         return begin
     parameters, n = objective.parameters, objective.problem.count

@@ -128,10 +128,9 @@ def as_they_were(
     count: int,
     random: np.random.Generator,
 ) -> Iterator[PortModel]:
-    """Yield the model of the rows at loads and joint values drawn around those in the table, several times.
+    """Yield the model of N rows at loads and joint values drawn around those in the table, several times.
 
-    `rows`: N rows; those of a pose share the error of the joint values. `parameters`: the open stiffness
-    values. `count`: how many times.
+    Rows of a pose share the error of the joint values.
     """
     n = len(rows)
     pose = np.unique(rows.pose, return_inverse=True)[1].reshape(-1)

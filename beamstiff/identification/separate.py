@@ -127,10 +127,7 @@ def with_separations(
     components: Components = "both",
     seed: int = 0,
 ) -> Identification:
-    """Return an identification that says what would distinguish what it could not.
-
-    `robot, measurements, components`: of which it was made. `seed`: of other postures.
-    """
+    """Return an identification of a robot and rows that says what would distinguish what it could not."""
     groups = {item.parameters: "" for item in (*found.degenerate, *found.ill_determined)}
     groups |= {(item.name,): "" for item in found.parameters if item.silent}
     if not groups:

@@ -11,9 +11,8 @@ from beamstiff.identification.degeneracy import Degeneracy, Mixed, find_degenera
 from beamstiff.identification.input_errors import InputErrors, Response, build_response
 from beamstiff.identification.objective import LOSSES, Loss, Objective
 from beamstiff.identification.parameters import Parameters, build_parameters
-from beamstiff.identification.problem import Components, Problem, build_problem
+from beamstiff.identification.problem import Components, Problem, build_problem, start_values
 from beamstiff.identification.relations import Joined
-from beamstiff.identification.start import start_values
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

@@ -43,12 +43,9 @@ class HeldOut:
 
 
 def held_out(objective: Objective, groups: Integers, folds: int, begin: Array) -> HeldOut | None:
-    """Return the errors on held-out groups of rows, fold by fold.
+    """Return the errors on held-out groups (N,) of rows, poses or loads, in so many folds, from `begin` (t,).
 
-    `groups` (N,): rows of one group are left out together: poses, or loads; those behind the table's rows
-    go with theirs. `folds`: at most so many fits.
-    `begin` (t,): where to start: the optimum of all rows. None with fewer than three groups, or where
-    too few rows are left to fit.
+    Rows behind the table's go with theirs. None with fewer than three groups, or too few rows left to fit.
     """
     groups = groups[: objective.problem.readings]
     residual = np.full((len(groups), 6), np.nan)

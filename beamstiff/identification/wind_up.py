@@ -36,38 +36,26 @@ Contrasts = Callable[[Measurements, int, bool], tuple[sparse.csr_array, Array]]
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive with an encoder behind its gear.
+    """A drive with an encoder behind its gear."""
 
-    `at`: column of the table.
-    `turns`: whether it is revolute.
-    `port`: the port of its own spring.
-    `gain`: 1, or -1 where its spring opens as its variable falls.
-    `sigma`: rad or m; noise of a reading.
-    """
-
-    at: int
-    turns: bool
-    port: int
-    gain: float
-    sigma: float
+    at: int  # column of the table
+    turns: bool  # whether it is revolute
+    port: int  # of its own spring
+    gain: float  # 1, or -1 where its spring opens as its variable falls
+    sigma: float  # rad or m: noise of a reading
 
 
 @dataclass(frozen=True)
 class WindUp:
-    """Contrasts of readings behind the gears.
-
-    `port`: (E,) array of int; the port that each sees open.
-    `value`, `sigma`: (E,) arrays, rad or m.
-    `contrast`: (E, N) sparse array; what each counts of the table's rows.
-    `notes`: what was used, and what was not.
-    """
+    """Contrasts of readings behind the gears."""
 
     drives: tuple[Drive, ...]
-    port: Integers
+    port: Integers  # (E,): the port that each sees open
+    # (E,), rad or m
     value: Array
     sigma: Array
-    contrast: sparse.csr_array
-    notes: tuple[str, ...] = ()
+    contrast: sparse.csr_array  # (E, N): what each counts of the table's rows
+    notes: tuple[str, ...] = ()  # what was used, and what was not
 
     @property
     def first(self) -> Integers:

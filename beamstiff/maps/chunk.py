@@ -161,10 +161,7 @@ def _compliance(job: Job, posture: Posture) -> Array:
 def _where_it_works(
     work: Callable[[NDArray[np.intp]], Array], poses: int, shape: tuple[int, ...]
 ) -> tuple[Array, Mask, str]:
-    """Return what some work gives at each pose (P, ...), where it gives nothing, and what it said first.
-
-    Work that refuses some poses is halved until those are alone.
-    """
+    """Return what work gives at each pose (P, ...), halving what it refuses, where nothing, and why."""
     result, failed, message = np.full((poses, *shape), np.nan), np.zeros(poses, dtype=np.bool_), ""
     todo = [np.arange(poses)] if poses else []
     while todo:

@@ -61,7 +61,7 @@ class Reach:
     def solve(self, targets: Array) -> tuple[Array, NDArray[np.int8]]:
         """Return actuated values (P, A) at targets (P, 4, 4) or (P, 3), and reasons (P,).
 
-        Where a target is reached only in another configuration, they are of that; NaN where it is not at all.
+        Of a target in another configuration they are of that; NaN where it is not reached at all.
         """
         q = np.full((len(targets), self.start.size), np.nan)
         reasons = np.full(len(targets), Reason.OUT_OF_REACH, dtype=np.int8)

@@ -23,7 +23,7 @@ from beamstiff.maps.parts import Parts
 from beamstiff.maps.quantities import Reason
 from beamstiff.maps.summary import reason_counts
 from beamstiff.parallel import check_places, parallel_map
-from beamstiff.robot.coerce import RobotLike, as_robot
+from beamstiff.robot.reader import RobotLike, as_robot
 
 if TYPE_CHECKING:
     import xarray

@@ -12,11 +12,7 @@ Integers = NDArray[np.int64]
 
 
 def finite(value: ArrayLike, name: str, *tail: int, missing: bool = False) -> Array:
-    """Return `value` as a float array whose last axes are `tail`, every entry finite.
-
-    `name`: what it is, for the message. `*tail`: lengths of the last axes; -1 for any. `missing`: whether NaN
-    is allowed, as "not measured".
-    """
+    """Return floats with last axes `tail` (-1: any), finite, or NaN if `missing`; messages say `name`."""
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

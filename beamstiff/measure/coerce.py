@@ -23,11 +23,7 @@ DataLike = TableLike | Sequence[TableLike]
 def as_tables(
     data: DataLike, robot: Robot, *, require_measured: bool = True, what: str = "data"
 ) -> list[Measurements]:
-    """Return tables of measurements: themselves, or read from their CSV files.
-
-    `robot`: whose joint variables the columns are. `require_measured`: refuse tables that hold loads alone.
-    `what`: the argument, for messages.
-    """
+    """Return tables: themselves, or read from CSV; loads alone are refused if `require_measured`."""
     given = [data] if isinstance(data, Measurements | str | os.PathLike) else data
     if not isinstance(given, Sequence):
         raise _refused(data, what)

@@ -78,10 +78,7 @@ def fail(source: str, line: int, column: str, message: str) -> NoReturn:
 def read_header(
     cells: Sequence[str], robot: Robot, turns_declared: bool, source: str, line: int
 ) -> list[Column]:
-    """Return the columns that header cells such as ``q1 [deg]`` name.
-
-    `turns_declared`: whether the table says what its columns A, B, C (or a, b, c) mean.
-    """
+    """Return the columns of cells such as ``q1 [deg]``; `turns_declared`: what A, B, C mean is said above."""
     declared = {variable.name: variable for variable in robot.variables}
     wrong = partial(fail, source, line)
     columns: list[Column] = []

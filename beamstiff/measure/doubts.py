@@ -30,11 +30,7 @@ FINE = 0.8  # share of readings of other states that differ, of an instrument th
 
 
 def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
-    """Return, one sentence each, what in a table looks like a mistake of sign, unit or frame; mostly nothing.
-
-    These are no errors: a plain number is SI, and a strange machine may be measured. They are for people to
-    read.
-    """
+    """Return what in a table looks like a mistake of sign, unit or frame, a sentence each: no errors."""
     misread = tuple(position_doubts(measurements, robot))
     loads = () if misread else tuple(load_doubts(measurements, robot))
     return (

@@ -118,13 +118,8 @@ def signals_of(text: str, profile: Profile, name: str = "<log>") -> list[Signal]
                 flips = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0, -1.0, 1.0)
                 quaternions[1:] *= np.cumprod(flips)[:, None]
                 at = np.stack([own[key] for key in POSITION], axis=1)[known]
-                placed = Signal(
-                    placed.name,
-                    "pose",
-                    (*POSITION, "qx", "qy", "qz", "qw"),
-                    own["t"][known],
-                    np.hstack([at, quaternions]),
-                )
+                columns, poses = (*POSITION, "qx", "qy", "qz", "qw"), np.hstack([at, quaternions])
+                placed = Signal(placed.name, "pose", columns, own["t"][known], poses)
             found.append(placed)
     return [one.shifted(one.time) for one in found if len(one)]
 
@@ -154,12 +149,8 @@ def _rows(text: str, profile: Profile, name: str) -> tuple[list[list[str]], list
         line_of_header, header = found.pop(0)
         for ours, column in profile.columns.items():
             if isinstance(column, str) and column not in header:
-                fail(
-                    name,
-                    line_of_header,
-                    ours,
-                    f"there is no column {column!r} in the header{suggest(column, header)}",
-                )
+                missing = f"there is no column {column!r} in the header{suggest(column, header)}"
+                fail(name, line_of_header, ours, missing)
             wanted.append(header.index(column) if isinstance(column, str) else column - 1)
     else:
         wanted = [int(column) - 1 for column in profile.columns.values()]

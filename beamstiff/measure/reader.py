@@ -12,7 +12,7 @@ decided so:
   ``# orientation: KUKA ABC`` converts columns A B C (or a b c), R = Rz(A) Ry(B) Rx(C), to the rotation
   vector, and so do ``Euler ZYZ``, ``fixed XYZ`` and the like; ``# orientation: rotation vector`` says that
   columns A B C (or a b c) are one.
-- Orientations may be quaternions or matrices instead (`measure.pose_columns`).
+- Orientations may be quaternions or matrices instead (`measure.orientation`).
 - ``q2_link`` is the reading of an encoder behind the gear of q2, ``tau_q2`` the measured torque (or force) of
   its drive; empty cells are unmeasured.
 - Semicolons or tabs separate where the header has these and no comma; decimal commas only after
@@ -37,8 +37,7 @@ from beamstiff.measure.camera import corner_noise, robot_poses
 from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of, read_header, to_si
 from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
-from beamstiff.measure.orientation import EulerAngles, Orientation, named_orientation
-from beamstiff.measure.pose_columns import with_rotation_vectors
+from beamstiff.measure.orientation import EulerAngles, Orientation, named_orientation, with_rotation_vectors
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import CHOICES, RawTable, RowError, numbers, split_table
 from beamstiff.robot.description import Robot

@@ -16,10 +16,7 @@ from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 
 def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
-    """Return some rows of a table.
-
-    `mask`: (N,) of bool, rows to keep; or their indices in the wanted order.
-    """
+    """Return some rows of a table: where a mask (N,) is true, or by their indices in the wanted order."""
     chosen = np.asarray(mask)
     if chosen.dtype == np.bool_:
         if chosen.shape != (len(measurements),):
@@ -48,10 +45,7 @@ def without_rows(rows: Measurements, places: Sequence[str]) -> Measurements:
 
 
 def row_digests(rows: Measurements) -> list[str]:
-    """Return six hexadecimal digits of each row: of joint values, load and readings, to nm and nrad.
-
-    Rows that differ agree by chance in one of 17 million pairs.
-    """
+    """Return six hexadecimal digits of each row's state and readings, to nm and nrad; few agree by chance."""
     values = np.nan_to_num(np.column_stack([rows.q, rows.wrench, rows.measured])).round(9) + 0.0  # no -0
     return [sha256(row.tobytes()).hexdigest()[:6] for row in values]
 

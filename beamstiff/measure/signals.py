@@ -25,22 +25,14 @@ SLOW = tuple((share, lasts) for share in (0.2, 0.5, 0.8) for lasts in (0.03, 0.0
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Readings of one source.
+    """Readings of one source."""
 
-    `name`: topic, or column group of a file.
-    `kind`: of a pose the values are x y z and the unit quaternion x y z w, signs continuous.
-    `columns`: names of the values: joints by their names.
-    `time`: (N,) array, s; not decreasing.
-    `values`: (N, D) array, SI.
-    `frame`: frame that the source names, empty where it names none.
-    """
-
-    name: str
-    kind: SignalKind
-    columns: tuple[str, ...]
-    time: Array
-    values: Array
-    frame: str = ""
+    name: str  # topic, or column group of a file
+    kind: SignalKind  # of a pose the values are x y z and the unit quaternion x y z w, signs continuous
+    columns: tuple[str, ...]  # names of the values: joints by their names
+    time: Array  # (N,), s; not decreasing
+    values: Array  # (N, D), SI
+    frame: str = ""  # that the source names, if it names one
 
     def __len__(self) -> int:
         return len(self.time)

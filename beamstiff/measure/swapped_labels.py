@@ -38,29 +38,20 @@ Order = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Body:
-    """States that read the same reflectors of one body, and what their distances say.
+    """States that read the same reflectors of one body, and what their distances say."""
 
-    `names`: (P,) tuple of str.
-    `rows`: (S, P) array of int; row of the table of each reflector in each state.
-    `orders`: by state whose names are wrong: orders in which they are right, ``rows[state, order[k]]`` being
-        reflector ``names[k]``.
-    `off`: by state that no names make right: the reflectors without which its distances are.
-    `far`: (S, P) array, m; how far the distances of each reflector are off, by its name.
-    `sides`: number of states whose names are held for right, and of the most that agree on others.
-    `placed`: the robot file's places say which names are right.
-    `alike`: (P,) array of bool; reflectors that may be exchanged without a change of distances beyond `fine`.
-    `fine`: m.
-    """
-
-    names: tuple[str, ...]
-    rows: Integers
+    names: tuple[str, ...]  # (P)
+    rows: Integers  # (S, P): row of the table of each reflector in each state
+    # by state whose names are wrong: orders in which they are right, ``rows[state, order[k]]`` being
+    # reflector ``names[k]``
     orders: dict[int, list[Order]]
-    off: dict[int, Order]
-    far: Array
-    sides: tuple[int, int]
-    placed: bool
+    off: dict[int, Order]  # by state that no names make right: reflectors without which its distances are
+    far: Array  # (S, P), m: how far the distances of each reflector are off, by its name
+    sides: tuple[int, int]  # how many states are held for right, and of the most that agree on other names
+    placed: bool  # the robot file's places say which names are right
+    # (P,): reflectors that may be exchanged without a change of distances beyond `fine`
     alike: NDArray[np.bool_]
-    fine: float
+    fine: float  # m
 
     @property
     def exchanged(self) -> dict[Order, list[int]]:

@@ -30,112 +30,56 @@ MEASURED: dict[Kind, tuple[str, ...]] = {"displacement": DISPLACEMENT, "absolute
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measurements:
-    """Measured states of a machine, N rows, SI, base frame.
+    """Measured states of a machine, N rows, SI, base frame, from a file or `make_measurements`."""
 
-    Made by `read_measurements` or `make_measurements`.
-
-    Attributes
-    ----------
-    variables : tuple of str
-        Names of the actuated variables, the columns of `q` (A).
-    kind : "displacement" or "absolute"
-        Whether the rows hold TCP displacements (loaded minus unloaded) or absolute TCP positions.
-    q : (N, A) array, rad or m
-        Actuated variables, drive-side readings.
-    wrench : (N, 6) array, N and N m
-        Wrench ``[f, m]`` at `load_point`, base frame.
-    displacement : (N, 6) array, m and rad
-        ``[d, r]`` of `point`, r a rotation vector; NaN where not measured.
-    position, rotation : (N, 3) arrays, m and rad
-        Absolute position of `point` and rotation vector of the TCP frame; NaN where not measured.
-    sigma : (N, 6) array, m and rad
-        Standard deviation of every measured value, the row's own where known, else the table's; NaN unknown.
-    point, load_point : (N,) arrays of str
-        Nodes where the displacement was measured and the wrench applied.
-    pose : (N,) array of int
-        Rows of one configuration have one id; ids of different runs differ.
-    step : (N,) array
-        Order within the pose; NaN where not given.
-    time : (N,) array, s
-        Since the start of the run; NaN where not given.
-    temperature : (N,) array, degC
-        NaN where not given.
-    link : (N, A) array, rad or m
-        Readings of encoders behind the gears (`q2_link`); NaN where not read.
-    torque : (N, A) array, N m or N
-        Measured drive torques or forces (`tau_q2`); NaN where not measured.
-    direction : (N, 3) array
-        Unit vector along which a row reads one number, the first of `measured`; NaN: along the base's.
-    sight : (N, 3) array, m
-        Of a camera's rows the way from what is on the robot to the other, of camera and tag; else NaN.
-    target : (N,) array of str
-        Name of what an instrument other than a tracker was set on, one of `targets`; "" for a tracker.
-    rows : (N,) array of int
-        Line of the file that each row stands in.
-    run : (N,) array of int
-        File of each row, an index into `sources`.
-    sigma_position, sigma_rotation : float or None
-        Standard deviation of a measured value (of the difference itself for displacements), m and rad, where
-        one holds for the whole table.
-    shared_unloaded : bool
-        All rows of a pose were differenced with one unloaded reading, so their errors are correlated.
-    continuous : bool
-        The load history runs on from pose to pose; otherwise each pose starts unloaded.
-    metadata : mapping of str to str
-        What the ``# key: value`` lines say.
-    sources : tuple of str
-        Files the rows come from.
-    units : mapping of str to str
-        Of variables and of the time in the file, such as ``{"q1": "deg", "t": "s"}``: `q` is SI, what is
-        written for people follows them.
-    region : three pairs, m, or None
-        Least and largest x, y and z of the TCP where it can be measured; None: not said.
-    batch : int or None
-        Rows that a proposal has at most; None: whole load cycles.
-    directions : tuple of str
-        Axes of the base along which a proposal may pull, such as ``("x", "-z")``; none: those of the rows.
-    sigma_load : float or None, N
-        Standard deviation of the size of each load; `identify` counts it in.
-    targets : tuple of Target
-        Sockets, base balls, planes and gauges, with what is known of them (`measure.instruments`).
-    camera : "on robot", "fixed", or ""
-        Where the camera is that read the rows (`measure.camera`); none: "".
-    """
-
-    variables: tuple[str, ...]
+    variables: tuple[str, ...]  # names of the actuated variables, the columns of `q` (A)
+    # whether the rows hold TCP displacements (loaded minus unloaded) or absolute TCP positions
     kind: Kind
-    q: Array
-    wrench: Array
-    displacement: Array
+    q: Array  # (N, A), rad or m: actuated variables, drive-side readings
+    wrench: Array  # (N, 6), N and N m: ``[f, m]`` at `load_point`, base frame
+    displacement: Array  # (N, 6), m and rad: ``[d, r]`` of `point`, r a rotation vector; NaN: not measured
+    # (N, 3), m and rad: of `point`, and rotation vector of the TCP frame; NaN where not measured
     position: Array
     rotation: Array
+    # (N, 6), m and rad: standard deviation of every measured value, the row's own where known, else the
+    # table's; NaN unknown
     sigma: Array
+    # (N,): nodes where the displacement was measured and the wrench applied
     point: Names
     load_point: Names
-    pose: Integers
-    step: Array
-    time: Array
-    temperature: Array
-    link: Array
-    torque: Array
+    pose: Integers  # (N,): rows of one configuration have one id; ids of different runs differ
+    step: Array  # (N,): order within the pose; NaN where not given
+    time: Array  # (N,), s: since the start of the run; NaN where not given
+    temperature: Array  # (N,), degC; NaN where not given
+    link: Array  # (N, A), rad or m: readings of encoders behind the gears (`q2_link`); NaN where not read
+    torque: Array  # (N, A), N m or N: measured drive torques or forces (`tau_q2`); NaN where not measured
+    # (N, 3): unit vector along which a row reads one number, the first of `measured`; NaN: along the base's
     direction: Array
+    # (N, 3), m: of a camera's rows the way from what is on the robot, camera or tag, to the other; else NaN
     sight: Array
+    # (N,): what an instrument other than a tracker was set on, one of `targets`; "" for a tracker
     target: Names
-    rows: Integers
-    run: Integers
+    rows: Integers  # (N,): line of the file that each row stands in
+    run: Integers  # (N,): file of each row, an index into `sources`
+    # m and rad: of a measured value (for displacements the difference), where one holds for the whole table
     sigma_position: float | None
     sigma_rotation: float | None
+    # all rows of a pose were differenced with one unloaded reading, so their errors are correlated
     shared_unloaded: bool
-    continuous: bool
-    metadata: Mapping[str, str]
-    sources: tuple[str, ...]
+    continuous: bool  # the load history runs on from pose to pose; else each pose starts unloaded
+    metadata: Mapping[str, str]  # what the ``# key: value`` lines say
+    sources: tuple[str, ...]  # files the rows come from
+    # of variables and of the time in the file, such as ``{"q1": "deg", "t": "s"}``: `q` is SI, what is
+    # written for people follows them
     units: Mapping[str, str] = field(default_factory=dict)
+    # least and largest x, y and z of the TCP where it can be measured, m; None: not said
     region: tuple[tuple[float, float], ...] | None = None
-    batch: int | None = None
+    batch: int | None = None  # rows that a proposal has at most; None: whole load cycles
+    # axes of the base along which a proposal may pull, such as ``("x", "-z")``; none: those of the rows
     directions: tuple[str, ...] = ()
-    sigma_load: float | None = None
-    targets: tuple[Target, ...] = ()
-    camera: str = ""
+    sigma_load: float | None = None  # N: of the size of each load; `identify` counts it in
+    targets: tuple[Target, ...] = ()  # sockets, base balls, planes, gauges (`measure.instruments`)
+    camera: str = ""  # "on robot" or "fixed": where the camera is that read the rows (`measure.camera`)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -174,10 +118,7 @@ class Measurements:
         return None if np.isnan(self.direction).all() else axes_along(self.direction)
 
     def along(self, values: Array) -> Array:
-        """Return values (N, 6, ...), base frame, along the axes that each row is read in.
-
-        A camera that is turned sees the tag move.
-        """
+        """Return values (N, 6, ...), base frame, along the axes that each row is read in."""
         if self.axes is None:
             return values
         moved = values[:, :3]

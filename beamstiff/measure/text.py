@@ -177,13 +177,8 @@ def _ragged(row: list[str], header: list[str], separator: str, source: str, numb
     )
     if other:
         hint = f"; the header is separated by a {SEPARATORS[separator]}, this row by a {SEPARATORS[other]}"
-    fail(
-        source,
-        number,
-        "",
-        f"found {len(row)} cells, expected {len(header)} as in the header ({shown(header[0])} to "
-        f"{shown(header[-1])}){hint}",
-    )
+    ends = f"({shown(header[0])} to {shown(header[-1])})"
+    fail(source, number, "", f"found {len(row)} cells, expected {len(header)} as in the header {ends}{hint}")
 
 
 class RowError(BeamstiffError):
@@ -195,10 +190,7 @@ class RowError(BeamstiffError):
 
 
 def numbers(cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = False) -> Array:
-    """Return the numbers of a column, NaN exactly where a cell is empty.
-
-    `decimal_comma`: numbers are written ``1,5``.
-    """
+    """Return the numbers of a column, NaN exactly where a cell is empty; 1,5 is one if `decimal_comma`."""
     if decimal_comma:
         if any("." in cell for cell in cells):
             return _one_by_one(cells, may_be_empty, decimal_comma)

@@ -16,9 +16,9 @@ from beamstiff.measure.columns import READINGS, Column, to_si
 from beamstiff.measure.instruments import PLACE
 from beamstiff.measure.table import ABSOLUTE, DISPLACEMENT, MEASURED, WRENCH, Measurements
 from beamstiff.measure.text import METADATA
-from beamstiff.robot.coerce import RobotLike, as_robot
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Variable
+from beamstiff.robot.reader import RobotLike, as_robot
 from beamstiff.se3 import Array
 from beamstiff.units import UNITS, quantity, unit_factor
 

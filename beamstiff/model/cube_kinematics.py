@@ -12,9 +12,8 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
-from beamstiff.robot.frames import MOTIONS, Kinematics
+from beamstiff.robot.frames import MOTIONS, Kinematics, widened
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at, twist_jacobian
-from beamstiff.robot.widened import widened
 from beamstiff.se3 import Array, vector_from_rotation
 
 OF_A_FRAME = ("alpha", "d", "r")

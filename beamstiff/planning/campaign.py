@@ -41,11 +41,7 @@ def plan_of(
     whole_poses: bool = False,
     speed: Array | float = 1.0,
 ) -> Plan:
-    """Return the campaign of a design.
-
-    `tests`: the candidates, as from `candidate_tests`. `design`: what is chosen of them, or of their poses.
-    `speed` (A,): of the joints, by which the nearest pose is the one that is soonest driven to.
-    """
+    """Return the campaign of a design of tests, or of whole poses, each soonest driven to at speeds (A,)."""
     rows = design.chosen
     if whole_poses:
         rows = np.arange(len(tests)).reshape(int(tests.pose.max()) + 1, -1)[rows].reshape(-1)

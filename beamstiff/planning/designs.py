@@ -187,12 +187,8 @@ def _best_addition(
     """Return the allowed candidate with which the criterion is largest, and the criterion."""
     candidates = np.flatnonzero(allowed)
     at_once = max(1, AT_ONCE // total.size)
-    values = np.concatenate(
-        [
-            criterion_of(total + information[candidates[start : start + at_once]], criterion)
-            for start in range(0, candidates.size, at_once)
-        ]
-    )
+    parts = (candidates[start : start + at_once] for start in range(0, candidates.size, at_once))
+    values = np.concatenate([criterion_of(total + information[part], criterion) for part in parts])
     best = int(np.argmax(values))
     return int(candidates[best]), float(values[best])
 
@@ -245,11 +241,7 @@ def _sensitivity(total: Array, information: Array, criterion: Criterion) -> Arra
 
 
 def upper_bound(information: Array, count: int, criterion: Criterion, repeats: int, start: Array) -> float:
-    """Return what no choice of tests can exceed, from weighted designs on the way to the best of them.
-
-    `information` (N, m, m). `count`: sum of the weights, each between 0 and `repeats`. `start` (m, m):
-    information of a design to start from.
-    """
+    """Return what no choice of tests exceeds, from weighted designs between `start` (m, m) and the best."""
     full, left = divmod(count, repeats)
     most = np.full(full + (left > 0), float(repeats))
     if left:
@@ -330,11 +322,7 @@ def how_many(
     criterion: Criterion = "A",
     repeats: int = 1,
 ) -> Enough:
-    """Return the best designs of several sizes, each started from the one before.
-
-    `information` (N, m, m): of each candidate. `counts`: numbers of tests, growing. `repeats`: how often a
-    candidate may be taken.
-    """
+    """Return the best designs of growing sizes `counts`, each started from the one before."""
     numbers = np.asarray(counts, dtype=np.int64)
     if numbers.ndim != 1 or not numbers.size or (np.diff(numbers) <= 0).any():
         raise BeamstiffError(f"numbers of tests: found {list(counts)!s:.60}, expected growing numbers")
@@ -360,10 +348,7 @@ class AtRandom:
 def random_designs(
     information: Array, count: int, criterion: Criterion, draws: int = 200, seed: int = 0
 ) -> AtRandom:
-    """Return what designs of `count` different tests, drawn evenly from the candidates, would tell.
-
-    `information` (N, m, m): of each candidate. `count`: number of tests of a design, N at most.
-    """
+    """Return what designs of `count` different tests, drawn evenly from all candidates, would tell."""
     if not 1 <= count <= len(information):
         raise BeamstiffError(
             f"{len(information)} candidates for {count} tests at random: make more candidates"

@@ -38,11 +38,7 @@ class Grid:
 
 
 def joint_grid(robot: Robot, over: Mapping[str, ArrayLike], held: Mapping[str, float] | None = None) -> Grid:
-    """Return the poses of a grid over two actuated variables.
-
-    `over`, rad or m: in growing order, at least two. `held`, rad or m: the other variables; those not named
-    are 0.
-    """
+    """Return the poses of a grid `over` two actuated variables, growing values; those not `held` are 0."""
     names, held = list(over), dict(held or {})
     if len(names) != 2:
         raise BeamstiffError(f"a map needs two joint variables, found {listed(names) or 'none'}")

@@ -33,10 +33,7 @@ def reached(one: Target, point: Array) -> tuple[Array, Array]:
 
 
 def seated_postures(robot: Robot, one: Target, count: int, seed: int, point: str = "") -> Array:
-    """Return postures (n, A) within the limits at which a point, default the TCP, meets a set-up.
-
-    As many as can be found of `count`, from twenty times as many drawn at random.
-    """
+    """Return up to `count` postures (n, A) within the limits at which a point meets a set-up."""
     kinematics, node = compile_kinematics(robot), point or robot.tcp
     limits = [variable.limits or (-np.inf, np.inf) for variable in robot.actuated]
     low, high = np.array(limits).T
@@ -57,10 +54,7 @@ def seated_postures(robot: Robot, one: Target, count: int, seed: int, point: str
 def seated_rows(
     robot: Robot, targets: Sequence[Target], count: int, seed: int, point: str = ""
 ) -> Measurements:
-    """Return rows at `count` postures of each set-up, as a table to fill in: readings are missing.
-
-    Raises BeamstiffError when a set-up is out of reach.
-    """
+    """Return rows at `count` postures of each set-up to fill in; BeamstiffError where one is out of reach."""
     each = [seated_postures(robot, one, count, seed + at, point) for at, one in enumerate(targets)]
     for one, found in zip(targets, each, strict=True):
         if not len(found):

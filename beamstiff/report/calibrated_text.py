@@ -53,10 +53,7 @@ def calibrated_worse(result: Diagnosis) -> str:
 
 
 def changes_text(changed: Recalibration, others: str = "in --json and --apply") -> str:
-    """Return, in words, what the geometry beside the causes changed most.
-
-    `others`: where the changes stand that are not named.
-    """
+    """Return what the geometry beside the causes changed most; the `others` stand elsewhere."""
     each = ", ".join(_in_words(one) for one in changed.changes[:NAMED])
     rest = len(changed.changes) - NAMED
     more = f" ({rest} more {others})" if rest > 0 else ""

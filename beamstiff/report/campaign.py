@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from rich.console import RenderableType
 
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.planning.campaign import Plan
 from beamstiff.planning.candidates import Noise
 from beamstiff.planning.designs import AtRandom
-from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.report.verdict import Verdict
 from beamstiff.robot.stiffness import parameter_unit
 

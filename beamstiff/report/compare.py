@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import RenderableType
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, counted
 from beamstiff.functions.checks import effects_text
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.report.figures import new_figure, plain
-from beamstiff.report.tables import Table, counted, table
+from beamstiff.report.tables import Table, table
 from beamstiff.report.verdict import Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
@@ -29,7 +29,7 @@ def models_told(models: Models) -> Iterator[RenderableType]:
     yield from models_verdict(models).lines()
     yield models_table(models, f"{name}position error, RMS / max, mm")
     yield ""
-    yield loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    yield loads_table(models)
     yield from ("", *models_text(models))
 
 
@@ -47,12 +47,12 @@ def models_table(models: Models, title: str) -> Table:
     return result
 
 
-def loads_table(models: Models, title: str) -> Table:
+def loads_table(models: Models) -> Table:
     """Return RMS and largest error of every model over the rows that were not fitted, by load."""
     split = models.split
     some = {f"{split.loads[at]:.4g} {split.unit}": rows for at, rows in held_out_levels(models).items()}
     some |= {"all": ~split.fitted} if len(some) > 1 else {}
-    result = table(title, "model", *some)
+    result = table("Held-out rows, by load: RMS / max, mm", "model", *some)
     for one in models.judged:
         if one.model is not None:
             result.add_row(one.name, *(_both(one, rows) for rows in some.values()))

@@ -13,9 +13,10 @@ from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import Frames, difference
 from beamstiff.compensation.rewrite import Compensated, size_of
+from beamstiff.errors import counted
 from beamstiff.functions.checks import effects_text
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Column, Table, counted, nice, number, table
+from beamstiff.report.tables import Column, Table, nice, number, table
 from beamstiff.report.verdict import NOTHING, Verdict, rounded
 
 UNCORRECTED = "Targets that cannot be corrected"

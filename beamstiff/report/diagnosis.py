@@ -20,16 +20,21 @@ from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import changes_text, drives_table, far_stiffness
+from beamstiff.report.diagnosis_tables import (
+    INTERVAL,
+    drift_tables,
+    hidden_text,
+    smallest_table,
+    steps,
+    steps_table,
+)
 from beamstiff.report.diagnosis_text import (
     remainder_text,
     summary,
     verdict,
 )
-from beamstiff.report.drift import drift_tables
 from beamstiff.report.identification import far_off_text
 from beamstiff.report.next_action import proposed, separations
-from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.steps import INTERVAL, steps, steps_table
 from beamstiff.report.tables import Column, Table, below, scale_of, table, worth
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.errors import counted
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
-from beamstiff.report.tables import counted
 from beamstiff.report.verdict import (
     Verdict,
     data_of,

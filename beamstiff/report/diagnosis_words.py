@@ -11,7 +11,8 @@ from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.report.tables import counted, number
+from beamstiff.errors import counted
+from beamstiff.report.tables import number
 from beamstiff.se3 import Array
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
+from beamstiff.errors import counted
 from beamstiff.exam import score
 from beamstiff.exam.crowded.record import CrowdedRecord
 from beamstiff.exam.crowded.score import by_data, figures, is_main_exact, names_of, pairs_of, with_main
@@ -17,7 +18,7 @@ from beamstiff.exam.record import Record
 from beamstiff.exam.score import calibration_error, reliability
 from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Table, counted, table
+from beamstiff.report.tables import Table, table
 from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]

@@ -19,9 +19,7 @@ LINES = (BLUE, ORANGE, GREEN)
 def rules_figure(model: FuzzyCompliance, angles: Sequence[str] = ()) -> Figure:
     """Draw the largest terms of a fuzzy compliance over its first two inputs, and the sets of every input.
 
-    As figure 13 of seed 003. Inputs beyond the two are in the middle of their trained range.
-
-    `model`: with rules on a partition. `angles`: inputs that are angles, drawn in degrees.
+    As figure 13 of seed 003; other inputs are in the middle of their trained range, `angles` in degrees.
     """
     premises = model.system.premises
     chosen = _largest(model)

@@ -12,10 +12,10 @@ from beamstiff.calibration.parameters import SPARE
 from beamstiff.calibration.recursion import Recursion
 from beamstiff.calibration.result import Calibration, Found
 from beamstiff.calibration.sensitivity import SensitivityIndices
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.measure.table import Measurements
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Column, Table, counted, number, table
+from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.report.verdict import Level, Verdict, data_of, diagnose_command, level_of, rounded
 from beamstiff.se3 import Array
 
@@ -101,10 +101,7 @@ def combination_text(name: str, like: Mapping[str, float], units: Mapping[str, s
 
 
 def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[str] = ()) -> Verdict:
-    """Return the error before and after, against the noise, and what to do next.
-
-    `files`: the robot's and the tables, as a command names them.
-    """
+    """Return the error before and after against the noise, and what to do next with the `files` given."""
     before, after = found.before.position_rms, (found.held_out or found.after).position_rms
     if before is None or after is None:
         said = f"{counted(len(found.observability.identified), 'parameter')} calibrated"

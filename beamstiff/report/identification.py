@@ -7,12 +7,12 @@ from math import inf, sqrt
 import numpy as np
 from rich.console import RenderableType
 
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.functions.checks import effects_text
 from beamstiff.identification.pareto import Front
 from beamstiff.identification.result import Combination, Identification, Parameter
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import Column, Table, counted, number, table, times_off, worth
+from beamstiff.report.tables import Column, Table, number, table, times_off, worth
 from beamstiff.report.verdict import (
     BEYOND_NOISE,
     Level,
@@ -46,10 +46,7 @@ ACTS = {
 def identification_told(
     found: Identification, folds: int = 5, files: Sequence[str] = ()
 ) -> Iterator[RenderableType]:
-    """Yield what a terminal shows of an identification.
-
-    `folds`: that were asked for. `files`: see `identification_verdict`.
-    """
+    """Yield what a terminal shows of an identification; `files`: see `identification_verdict`."""
     if found.rows is not None:
         yield from identification_verdict(found, found.rows, files).lines()
     title = f"{found.robot.name}: identified stiffness"
@@ -66,10 +63,7 @@ def identification_told(
 def identification_table(
     found: Identification, robot: Robot | None = None, title: str = "Identified stiffness"
 ) -> Table:
-    """Return a table: value before, identified value with its standard deviation, or a lower bound.
-
-    `robot`: as it was before; default `found.start`.
-    """
+    """Return a table: value before (in `robot`), identified value with its std, or a lower bound."""
     before = robot or found.start
     named = {joint.name: joint.variable for joint in found.robot.joints if joint.variable}
     drives = [named.get(item.name.rpartition(".")[0], "") for item in found.parameters]

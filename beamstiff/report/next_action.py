@@ -13,11 +13,10 @@ from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Candidate, Diagnosis
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load
 from beamstiff.report.diagnosis_words import load_lever, named, several, told, unrealistic
-from beamstiff.report.tables import counted
 from beamstiff.report.verdict import rigid_drives, rigid_text, rounded, undetermined_text
 
 TOO_FEW, NOTHING = "Too few rows to say anything", "nothing beyond noise"  # headlines
@@ -115,10 +114,7 @@ def _drives(result: Diagnosis) -> str:
 
 
 def _compliant(result: Diagnosis) -> list[str]:
-    """Return the drives that are rigid in the robot file, if a compliance of one is told or a look-alike.
-
-    With a start value its stiffness is fitted, and causes are judged beside it.
-    """
+    """Return the drives that are rigid in the robot file, if a compliance of one is told or a look-alike."""
     robot = result.baseline.nominal
     alike = [key for one in several(result) for key in one.indistinguishable]
     found = {*(one.key for one in told(result)), *alike}

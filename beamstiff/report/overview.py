@@ -18,9 +18,8 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.frames import all_values
 from beamstiff.robot.graph import structural_loops, structure_graph, support_tree
-from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at
+from beamstiff.robot.kinematics import Kinematics, Posture, forward, posture_at, sampled_postures
 from beamstiff.robot.parts import STIFFNESS_KINDS, Variable
-from beamstiff.robot.reference import sampled_postures
 from beamstiff.se3 import Array
 
 MOST_UNKNOWNS = 3000  # the condition is found from a dense matrix

@@ -7,8 +7,8 @@ from typing import Any
 from rich.console import RenderableType
 from rich.tree import Tree
 
-from beamstiff.errors import listed
-from beamstiff.report.tables import MOST_ROWS, Table, counted, millimetres, number, table
+from beamstiff.errors import counted, listed
+from beamstiff.report.tables import MOST_ROWS, Table, millimetres, number, table
 
 MOST_LOOPS = 5
 MOST_PASSIVE = 6

@@ -16,7 +16,7 @@ from rich.text import Text
 from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
 from beamstiff.diagnosis.result import Diagnosis
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
 from beamstiff.functions.stiffness import TcpStiffness
@@ -36,9 +36,9 @@ from beamstiff.report.overview_tables import overview_tables
 from beamstiff.report.residuals import residual_figure
 from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
-from beamstiff.report.tables import Table, counted, spaced
+from beamstiff.report.tables import Table, spaced
 from beamstiff.robot.description import Robot
-from beamstiff.robot.reference import reference_posture
+from beamstiff.robot.kinematics import reference_posture
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -199,7 +199,10 @@ def _(thing: Identification) -> Iterable[RenderableType]:
 plot.register(Diagnosis, diagnosis_figure)
 plot.register(Compensated, compensation_figure)
 plot.register(Models, lambda thing: models_figure(thing, ""))
-plot.register(Calibration, lambda thing: calibration_figure(thing, _title(thing)))
+plot.register(
+    Calibration,
+    lambda thing: calibration_figure(thing, f"{thing.robot.name}: calibrated geometry".replace("$", r"\$")),
+)
 told.register(Robot, lambda thing: spaced(overview_tables(describe(thing, samples=100))))
 told.register(Diagnosis, diagnosis_tables)
 told.register(Compensated, compensation_told)
@@ -208,7 +211,3 @@ told.register(Prediction, deflection_told)
 told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(Calibration, calibration_told)
-
-
-def _title(found: Calibration) -> str:
-    return f"{found.robot.name}: calibrated geometry".replace("$", r"\$")

@@ -23,11 +23,7 @@ TOOL_POINT = "tool point"  # where the tool is taken to be, which may be off
 
 
 def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
-    """Draw a robot in a posture, its parts coloured by their shares.
-
-    `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by joint component, beam, rigid,
-    ``base``, ``tool`` or ``tool point``.
-    """
+    """Draw a robot in a posture (A,), its parts (also base, tool, tool point) coloured by shares, 0 to 1."""
     positions = posture(compile_kinematics(robot), q[None]).node_positions[0]
     names = (node.name for node in robot.nodes)
     at = dict(zip(names, _flat(positions, np.array(robot.gravity)), strict=True))
@@ -55,11 +51,7 @@ def draw_shares(axes: Axes, robot: Robot, q: Array, shares: Mapping[str, float])
 
 
 def draw_in_space(axes: Any, robot: Robot, q: Array, shares: Mapping[str, float]) -> None:
-    """Draw a robot in three dimensions with the names of its joints, base and tool.
-
-    `axes`: of the projection 3d. `q` (A,): actuated joint values, rad or m. `shares`: from 0 to 1, by part,
-    which colour it.
-    """
+    """Draw a robot in a posture (A,) on axes 3d, parts coloured by shares, joints, base and tool named."""
     positions = posture(compile_kinematics(robot), q[None]).node_positions[0]
     at = dict(zip((node.name for node in robot.nodes), positions, strict=True))
     _, colour = _colours(shares)

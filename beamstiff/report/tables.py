@@ -71,10 +71,7 @@ class Table:
 def table(
     title: str, *columns: Column | str, left: int = 1, rows: Iterable[Sequence[str]] | None = None
 ) -> Table:
-    """Return a table, its first `left` columns aligned left and the others right.
-
-    Of `rows` a console shows the first `MOST_ROWS`; without them the table is empty.
-    """
+    """Return a table, `left` columns aligned left; of `rows` a console shows the first `MOST_ROWS`."""
     made = Table(title, columns, left=left, most=None if rows is None else MOST_ROWS)
     for row in rows or ():
         made.add_row(*row)
@@ -152,12 +149,3 @@ def times_off(ratio: float) -> str:
     """
     how, factor = ("softer", 1.0 / ratio) if ratio < 1.0 else ("stiffer", ratio)
     return f"{float(f'{factor:.2g}'):g} times {how}"
-
-
-def counted(count: int, what: str) -> str:
-    """Return a number of things.
-
-    >>> counted(1, "test"), counted(12, "pose")
-    ('1 test', '12 poses')
-    """
-    return f"{count} {what}{'' if count == 1 else 's'}"

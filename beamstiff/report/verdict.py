@@ -11,9 +11,8 @@ from rich.text import Text
 
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.residual.baseline import own_direction
-from beamstiff.errors import listed
+from beamstiff.errors import counted, listed
 from beamstiff.measure.table import Measurements
-from beamstiff.report.tables import counted
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 
@@ -85,10 +84,7 @@ def diagnose_command(files: Sequence[str]) -> str:
 
 
 def rigid_drives(robot: Robot) -> list[str]:
-    """Return the driven joints that are rigid about or along their axis.
-
-    None where struts are the drives.
-    """
+    """Return the driven joints that are rigid about or along their axis; none where struts are the drives."""
     return [
         joint.name
         for joint in robot.joints

@@ -70,11 +70,7 @@ def vtu_text(
 
 
 def beam_shape(start: Array, end: Array, first: Array, second: Array, at: Array) -> Array:
-    """Return displacements ``[d, r]`` (S, 6) along a beam from those of its ends.
-
-    `start`, `end` (3,)s, m. `first`, `second` (6,)s, m and rad: ``[d, r]`` of the ends. `at` (S,): places
-    from 0 to 1.
-    """
+    """Return ``[d, r]`` (S, 6) at places (S,), 0 to 1, along a beam from those (6,) of its ends (3,)."""
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
     s = at[:, None]

@@ -63,10 +63,7 @@ class Assembly:
 
 
 def _leading_rows(jacobian: Array, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return as many rows as columns: each the first that adds at least half of what any other would.
-
-    By halves, since many rows are equally good in machines whose axes stand square.
-    """
+    """Return as many rows as columns, each the first that adds at least half of what any other would."""
     if len(rows) == len(columns):
         return rows
     left = np.linalg.qr(jacobian[np.ix_(rows, columns)])[0]

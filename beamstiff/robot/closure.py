@@ -47,7 +47,9 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
-    assembly = kinematics.assembly or _assembly_near(system, free) or _without_branches(system, free[0])
+    assembly = kinematics.assembly or _assembly_near(system, free)
+    if assembly is None:  # poses so singular that they have no branches
+        assembly = Assembly(free[0], np.zeros((system.rows[-1].stop, passive)), ())
     starts = (
         None if near is None else near[:, [joined.names.index(x) for x in joined.free[joined.actuated :]]]
     )
@@ -215,11 +217,6 @@ def _assembly_near(system: LoopSystem, free: Array) -> Assembly | None:
             if assembly is not None:
                 return assembly
     return None
-
-
-def _without_branches(system: LoopSystem, start: Array) -> Assembly:
-    """Return an assembly without branches, for poses so singular that they have none."""
-    return Assembly(start, np.zeros((system.rows[-1].stop, len(start) - system.actuated)), ())
 
 
 def _at_dead_centre(system: LoopSystem, free: Array, closed: Mask) -> Mask:

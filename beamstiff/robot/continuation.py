@@ -24,15 +24,12 @@ STEEP = 50.0  # near a singular posture rates lead nowhere
 
 
 class Attempt(NamedTuple):
-    """How far closing came: free variables (P, A + Q), gaps (P, M), and two masks (P,).
+    """How far closing came."""
 
-    `closed` in the branch asked for; `flipped` where only other branches were found.
-    """
-
-    free: Array
-    gaps: Array
-    closed: Mask
-    flipped: Mask
+    free: Array  # (P, A + Q): free variables
+    gaps: Array  # (P, M)
+    closed: Mask  # (P,): in the branch asked for
+    flipped: Mask  # (P,): where only other branches were found
 
 
 @dataclass(frozen=True, eq=False)

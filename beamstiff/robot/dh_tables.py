@@ -340,16 +340,8 @@ def _chain(rows: list[Row], read: list[Row], convention: str) -> tuple[list[Row]
             elif expression.constant:
                 frame[key] = expression.constant
         stiffness = {key: row[key] for key in STIFFNESS_KINDS if key in row} if own else {}
-        joints.append(
-            TreeJoint(
-                name=own.get("variable") or f"{name} mount",
-                parent=parent,
-                child=name,
-                kind=own.get("kind", "fixed"),
-                placed=np.eye(4),
-                stiffness=stiffness,
-            )
-        )
+        joint, kind = own.get("variable") or f"{name} mount", own.get("kind", "fixed")
+        joints.append(TreeJoint(joint, parent, name, kind, np.eye(4), stiffness=stiffness))
         frames.append(frame)
 
     for at, (row, own) in enumerate(zip(rows, read, strict=True), start=1):

@@ -15,10 +15,7 @@ FARTHEST = 200.0  # m, that a slide may have
 
 
 def robot_doubts(robot: Robot) -> tuple[str, ...]:
-    """Return, one sentence each, what in a robot looks like a mistake; mostly nothing.
-
-    These are no errors: a plain number is SI, and strange machines are built.
-    """
+    """Return, one sentence each, what in a robot looks like a mistake; mostly nothing, and no error."""
     of_loops = assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
     return (*_of_limits(robot), *_of_joints(robot), *of_loops)
 

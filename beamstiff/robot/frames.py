@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -173,3 +173,32 @@ def all_values(kinematics: Kinematics, free: Array) -> Array:
     """Return the values of all variables (P, V) from those of the free ones (P, A + Q)."""
     joined = kinematics.coupling
     return free @ joined.matrix.T + joined.offset
+
+
+def widened(kinematics: Kinematics, parameters: Sequence[tuple[int, int]]) -> Kinematics:
+    """Return the kinematics with parameters (frame, motion) as actuated variables, the last ones, now 0."""
+    joined, extra = kinematics.coupling, len(parameters)
+    variables, free, actuated = *joined.matrix.shape, joined.actuated
+    matrix = np.zeros((variables + extra, free + extra))
+    matrix[:variables, :actuated] = joined.matrix[:, :actuated]
+    matrix[:variables, actuated + extra :] = joined.matrix[:, actuated:]
+    matrix[variables:, actuated : actuated + extra] = np.eye(extra)
+    coefficients = np.zeros((*kinematics.coefficients.shape[:2], variables + extra))
+    coefficients[:, :, :variables] = kinematics.coefficients
+    names = []
+    for at, (frame, motion) in enumerate(parameters):
+        coefficients[frame, motion, variables + at] = 1.0
+        names.append(f"{kinematics.frame_names[frame]}.{MOTIONS[motion][0]}")
+    shifts = [MOTIONS[motion][1] == "shift" for _, motion in parameters]
+    return replace(
+        kinematics,
+        coupling=Coupling(
+            names=(*joined.names, *names),
+            free=(*joined.free[:actuated], *names, *joined.free[actuated:]),
+            actuated=actuated + extra,
+            matrix=matrix,
+            offset=np.concatenate([joined.offset, np.zeros(extra)]),
+        ),
+        prismatic=np.concatenate([kinematics.prismatic, np.array(shifts, dtype=np.bool_)]),
+        coefficients=coefficients,
+    )

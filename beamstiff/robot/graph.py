@@ -31,10 +31,7 @@ def structure_graph(robot: Robot) -> Structure:
 
 
 def joined(robot: Robot, node: str) -> dict[str, int]:
-    """Return the nodes that rigids and beams join to a node, the nearest first, and how many lie between.
-
-    No joint and no strut is between them; the node itself is the first.
-    """
+    """Return the nodes that rigids and beams join to a node, itself first, and how many lie between."""
     graph: nx.Graph[str] = nx.Graph()
     graph.add_node(node)
     graph.add_edges_from(part.nodes for part in robot.rigids)

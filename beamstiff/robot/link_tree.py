@@ -187,24 +187,6 @@ def springs_joined(tree: LinkTree) -> LinkTree:
     return replace(tree, links=links, joints=tuple(joints))
 
 
-def with_stiffness(tree: LinkTree, stiffness: Mapping[str, Any]) -> LinkTree:
-    """Return the tree with a stiffness along or about the axis of joints that have none."""
-    moving = [joint.name for joint in tree.joints if joint.kind != "fixed"]
-    for name in stiffness:
-        if name not in moving:
-            raise BeamstiffError(
-                f"{tree.source}: there is no moving joint {name!r}{suggest(name, moving)}, expected one of "
-                f"{listed(moving, 12)}"
-            )
-    joints = tuple(
-        replace(joint, stiffness={ALONG[joint.kind]: stiffness[joint.name]} | dict(joint.stiffness))
-        if joint.name in stiffness
-        else joint
-        for joint in tree.joints
-    )
-    return replace(tree, joints=joints)
-
-
 def stiffness_of(item: Element) -> dict[str, Any]:
     """Return the stiffness that a joint's element `<beamstiff>` gives; `spring` stands alone."""
     extension = item.one(EXTENSION)

@@ -16,6 +16,7 @@ from beamstiff.robot.library import robot_names, robot_path
 from beamstiff.robot.yaml_text import Lines, parse_yaml
 
 VERSION = 1
+RobotLike = Robot | str | os.PathLike[str]
 
 
 def load_robot(path: str | os.PathLike[str]) -> Robot:
@@ -133,3 +134,15 @@ def _named_path(path: tuple[str | int, ...], data: Any) -> str:
         if isinstance(part, int) and isinstance(data, dict) and isinstance(data.get("name"), str):
             parts[-2:] = [f"{path_text(tuple(parts[-2:]))} ({data['name'][:40]})"]
     return path_text(tuple(parts))
+
+
+def as_robot(robot: RobotLike, what: str = "robot") -> Robot:
+    """Return a robot: itself, or read by `load_robot`; `what` names the argument in messages."""
+    if isinstance(robot, Robot):
+        return robot
+    if isinstance(robot, str | os.PathLike):
+        return load_robot(robot)
+    raise BeamstiffError(
+        f"{what}: found {shown(robot)}, expected a Robot, the path of a robot file, or the name of a bundled "
+        "robot"
+    )

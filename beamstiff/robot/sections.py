@@ -151,14 +151,8 @@ def _circle(outer: float) -> SectionProperties:
 
 def _rectangle(width: float, height: float) -> SectionProperties:
     area = width * height
-    return SectionProperties(
-        area,
-        width * height**3 / 12,
-        height * width**3 / 12,
-        _torsion_of_rectangle(width, height),
-        area * 5 / 6,
-        area * 5 / 6,
-    )
+    second = width * height**3 / 12, height * width**3 / 12
+    return SectionProperties(area, *second, _torsion_of_rectangle(width, height), area * 5 / 6, area * 5 / 6)
 
 
 def _torsion_of_rectangle(width: float, height: float) -> float:

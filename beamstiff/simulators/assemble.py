@@ -30,10 +30,7 @@ from beamstiff.simulators.struts import add_struts
 
 
 def assemble(robot: Robot, q: Array | None = None) -> BodyTree:
-    """Return the bodies of a robot.
-
-    What depends on the posture is that of `q` (A,), by default of the reference.
-    """
+    """Return the bodies of a robot; what varies is as in the posture `q` (A,), by default the reference."""
     robot = bare(robot)
     made = Assembly(machine_of(robot, q))
     elements: list[Element] = [*robot.rigids, *robot.joints, *robot.beams]

@@ -7,8 +7,14 @@ import numpy as np
 
 from beamstiff.robot.coupling import coupling
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import Kinematics, Posture, compile_kinematics, posture
-from beamstiff.robot.reference import reference_posture, sampled_postures
+from beamstiff.robot.kinematics import (
+    Kinematics,
+    Posture,
+    compile_kinematics,
+    posture,
+    reference_posture,
+    sampled_postures,
+)
 from beamstiff.robot.urdf.export import Step, elementary_steps
 from beamstiff.se3 import Array
 

@@ -37,10 +37,7 @@ class SeriesLink:
 def robot_to_series(
     robot: Robot, kind: str, q: Array | None = None, files: Files | None = None
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the text of a robot, `kind` "urdf" or "sdf", and what it does not say.
-
-    `q`, `files`: as of `robot_to_mjcf`.
-    """
+    """Return the URDF or SDF of a robot, and what it does not say; `q`, `files`: as of `robot_to_mjcf`."""
     tree = with_urdf_parts(assemble(robot, q), robot, files)
     lost = list(tree.lost)
     if tree.closures:

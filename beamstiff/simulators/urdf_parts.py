@@ -28,16 +28,12 @@ class Files:
         """Return the path of a mesh as seen from the file that is written; empty where there is none."""
         scheme, _, rest = uri.rpartition("://")
         places = [Path(rest)] if scheme == "file" else [self.source.parent / rest]
-        if scheme in ("package", "model"):  # folders of packages stand in one of those above
-            places = [folder / part for folder in self.source.resolve().parents for part in _tails(rest)]
+        if scheme in ("package", "model"):  # folders of packages stand in one of those above, by any name
+            tails = rest, rest.partition("/")[2]
+            places = [folder / part for folder in self.source.resolve().parents for part in tails]
         file = next((place for place in places if place.is_file()), None)
         folder = self.out.resolve().parent
         return "" if file is None else Path(os.path.relpath(file.resolve(), folder)).as_posix()
-
-
-def _tails(rest: str) -> tuple[str, str]:
-    """Return a path with and without its package, whose folder may be called otherwise."""
-    return rest, rest.partition("/")[2]
 
 
 def with_urdf_parts(tree: BodyTree, robot: Robot, files: Files | None) -> BodyTree:

@@ -152,7 +152,7 @@ def test_bad_input_ends_with_one_line_and_code_2(
 
 
 def test_stiffness_goes_to_the_joints_that_have_none_and_fit_its_unit() -> None:
-    robot = parse_urdf(EVERYTHING, tcp="jaw_a", stiffness={"base-yaw": 5e5})
+    robot = parse_urdf(EVERYTHING, tcp="jaw_a").with_parameters({"base-yaw.torsional": 5e5})
     new = with_joint_stiffness(robot, ["1e6 N*m/rad", "lift=2e8 N/m"])
     assert new.parameter("base-yaw.torsional") == 5e5
     assert new.parameter("grip.torsional") == 1e6

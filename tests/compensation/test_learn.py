@@ -14,9 +14,9 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.path_correction import correct_path, errors_of
 from beamstiff.compensation.process.cantilever import Cantilever
+from beamstiff.compensation.process.files import parse_process
 from beamstiff.compensation.process.load import Constant, FromPath, Process, Together
 from beamstiff.compensation.process.parameters import LoadCell
-from beamstiff.compensation.process.reader import parse_process
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array

@@ -7,9 +7,8 @@ import pytest
 
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.cantilever import Cantilever
-from beamstiff.compensation.process.cutting import CuttingTable
-from beamstiff.compensation.process.reader import parse_process
-from beamstiff.compensation.process.writer import process_to_yaml
+from beamstiff.compensation.process.files import parse_process, process_to_yaml
+from beamstiff.compensation.process.load import CuttingTable
 from beamstiff.errors import BeamstiffError
 
 BEAM = """\

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from beamstiff.compensation.follow import resample
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.resample import resample
 from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import transform
 

@@ -24,7 +24,7 @@ def example() -> ModuleType:
 
 
 def test_the_tool_gives_way_by_its_springs_alone(example: ModuleType) -> None:
-    robot = parse_urdf(example.urdf(), stiffness=example.STIFFNESS)
+    robot = example.springy(parse_urdf(example.urdf()))
     kinematics = compile_kinematics(robot)
     for q in example.POSTURES.values():
         size, direction = example.softest(robot, q)

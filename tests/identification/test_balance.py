@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beamstiff import load_robot
-from beamstiff.identification.problem import build_problem
-from beamstiff.identification.start import balanced_stiffness
+from beamstiff.identification.problem import balanced_stiffness, build_problem
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import reduce_to_ports
 from benchmarks.identification_methods import SEVEN, campaign

@@ -109,9 +109,7 @@ def test_the_same_seed_draws_the_same_poses() -> None:
 
 def test_processes_and_workers_find_the_same_to_the_bit(scheduler: str) -> None:
     statement, theta = fitted(measured(ROBOT, rows(ROBOT, 10), white(rows(ROBOT, 10), 4)))
-    told: list[int] = []
-    alone = bootstrap(statement, theta, 60, 5, told.append)
-    assert told == [25, 50, 60]
+    alone = bootstrap(statement, theta, 60, 5)
     for found in (
         bootstrap(statement, theta, 60, 5, processes=2),
         bootstrap(statement, theta, 60, 5, scheduler=scheduler),

@@ -10,7 +10,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.bags import read_bag
 from beamstiff.measure.clock_lag import LagError, clock_lag
 from beamstiff.measure.logs import table_of_log
-from beamstiff.measure.pose_columns import with_rotation_vectors
+from beamstiff.measure.orientation import with_rotation_vectors
 from beamstiff.measure.signals import Signal
 from beamstiff.measure.text import split_table
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.pose_columns import with_rotation_vectors
+from beamstiff.measure.orientation import with_rotation_vectors
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.text import split_table
 from beamstiff.robot.reader import parse_robot

@@ -20,6 +20,7 @@ from beamstiff.report.diagnosis import (
     probability_text,
     sizes_table,
 )
+from beamstiff.report.diagnosis_tables import TITLE, steps, steps_table
 from beamstiff.report.diagnosis_text import (
     headline,
     remainder_text,
@@ -31,7 +32,6 @@ from beamstiff.report.diagnosis_words import hardly_checked, percent, sure, unre
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.next_action import separations
-from beamstiff.report.steps import TITLE, steps, steps_table
 from beamstiff.report.tables import worth
 from beamstiff.report.verdict import rounded
 from tests.diagnosis.decomposition.test_decompose import SLIP, SLIPS_AT, found, machine_changes

@@ -17,14 +17,13 @@ from beamstiff.diagnosis.smallest import smallest_sizes
 from beamstiff.functions.checks import start_values
 from beamstiff.report.calibrated_text import drives_table
 from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
+from beamstiff.report.diagnosis_tables import REVEALED, drift_tables, hidden_text, smallest_table
 from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
-from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.diagnosis import diagnosis_html
 from beamstiff.report.html.provenance import provenance
 from beamstiff.report.html.robot_view import Shown, robot_view
 from beamstiff.report.html.rows import Compared, row_figures
-from beamstiff.report.smallest import TITLE, hidden_text, smallest_table
 from beamstiff.report.tables import Table
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
@@ -188,8 +187,8 @@ def test_no_cause_is_told_with_the_smallest_size_that_would_have_shown(
     sizes = {one.key: one for one in smallest_sizes(result)}
     slip = sizes["target-slip:null"]
     assert ur10.NOISE < slip.size < 10.0 * ur10.NOISE
-    assert TITLE in [getattr(part, "title", None) for part in diagnosis_tables(result)]
-    assert TITLE in diagnosis_html(result, provenance([], 0, []))
+    assert REVEALED in [getattr(part, "title", None) for part in diagnosis_tables(result)]
+    assert REVEALED in diagnosis_html(result, provenance([], 0, []))
     assert next(row for row in smallest_table(result).rows if row[0] == "target-slip")[3].endswith(" mm")
     assert "tool-compliance" in hidden_text(result)
     assert hidden_text(result) in diagnosis_html(result, provenance([], 0, []))

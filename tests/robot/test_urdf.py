@@ -98,7 +98,9 @@ def test_a_file_with_one_end_comes_back_without_a_single_change() -> None:
 
 
 def test_what_the_model_does_not_use_survives_yaml_and_a_new_stiffness() -> None:
-    robot = parse_urdf(EVERYTHING, tcp=TCP, stiffness={"base-yaw": "2e6 N*m/rad", "lift": "1e8 N/m"})
+    stiffness = {"base-yaw.torsional": 2e6, "lift.axial": 1e8}
+    robot = parse_urdf(EVERYTHING, tcp=TCP).with_parameters(stiffness)
+    robot = robot.model_copy(update={"identify": tuple(stiffness)})
     again = parse_robot(robot_to_yaml(robot))
     assert again == robot
     text = robot_to_urdf(again.with_parameters({"base-yaw.torsional": 1.25e6}))

@@ -14,8 +14,7 @@ from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics
-from beamstiff.robot.reference import sampled_postures
+from beamstiff.robot.kinematics import compile_kinematics, sampled_postures
 from beamstiff.simulators.deflection import follow_posture, mujoco_deflection
 from beamstiff.simulators.mjcf_writer import robot_to_mjcf
 from beamstiff.simulators.statics import MujocoModel

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from beamstiff import load_robot, predict, tcp_compliance
 from beamstiff.cli.main import app
-from beamstiff.functions.written import SERIES, applied_text
+from beamstiff.functions.convert import SERIES, applied_text
 from beamstiff.measure.table import make_measurements
 from beamstiff.measure.writer import write_measurements
 from beamstiff.robot.description import Robot

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.functions.convert import read_any, with_joint_stiffness
-from beamstiff.functions.written import robot_text
+from beamstiff.functions.convert import read_any, robot_text, with_joint_stiffness
 from beamstiff.se3 import Array
 
 mujoco = pytest.importorskip("mujoco")

@@ -8,9 +8,10 @@ begins a comment. FROM, GODLTA, CIRCLE and all else stay as they are.
 import re
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines
-from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import ToolAxis
 
 UNITS = {
@@ -41,7 +42,7 @@ def read(text: str, source: str) -> Program:
         word, tail = match["word"].upper(), statement[match.end() :]
         if word == "UNITS":
             if (name := tail.strip().upper()) not in UNITS:
-                refuse(source, number, "", f"found UNITS/{tail.strip()}, expected one of {', '.join(UNITS)}")
+                fail(source, number, "", f"found UNITS/{tail.strip()}, expected one of {', '.join(UNITS)}")
             unit = UNITS[name]
         elif word == "GOTO":
             name = f"GOTO {len(places) + 1}"
@@ -83,11 +84,11 @@ def _numbers(tail: str, at: int, source: str, line: int, name: str, unit: float)
     slots: list[Slot] = []
     pieces = tail.split(",")
     if len(pieces) not in (3, 6):
-        refuse(source, line, name, f"found {len(pieces)} numbers, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)")
+        fail(source, line, name, f"found {len(pieces)} numbers, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)")
     for number, piece in enumerate(pieces):
         bare = piece.strip()
         if not _NUMBER.fullmatch(bare):
-            refuse(source, line, name, f"found {shown(bare)}, expected a number")
+            fail(source, line, name, f"found {shown(bare)}, expected a number")
         form = (unit, DECIMALS[unit]) if number < 3 else (1.0, AXIS_DECIMALS)
         slots.append(Slot(at + len(piece) - len(piece.lstrip()), bare, *form))
         at += len(piece) + 1

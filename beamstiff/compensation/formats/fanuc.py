@@ -13,10 +13,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.compensation.editing import NUMBER, Slot, line_of
-from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import StatedPosture
 from beamstiff.errors import BeamstiffError, listed, shown
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import EulerAngles
 from beamstiff.units import unit_factor
 
@@ -89,14 +90,14 @@ def _slot(parts: dict[str, re.Match[str]], key: str, at: int, text: str, source:
     """Return the number of a component, or refuse what stands there."""
     unit = "mm" if key in POSITION else "deg"
     if key not in parts:
-        refuse(source, line_of(text, at), name, f"found no {key}, expected all of X, Y, Z, W, P, R")
+        fail(source, line_of(text, at), name, f"found no {key}, expected all of X, Y, Z, W, P, R")
     match = parts[key]
     start = at + match.start("value")
     if not _NUMBER.fullmatch(match["value"]):
         found = shown(match["value"])
-        refuse(source, line_of(text, start), name, f"{key}: found {found}, expected a number")
+        fail(source, line_of(text, start), name, f"{key}: found {found}, expected a number")
     if match["unit"] != unit:
-        refuse(
+        fail(
             source, line_of(text, start), name, f"{key}: found {match['unit'] or 'no unit'}, expected {unit}"
         )
     return Slot(start, match["value"], UNITS[unit], DECIMALS[unit])

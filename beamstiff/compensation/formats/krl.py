@@ -22,9 +22,10 @@ from functools import partial
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.krl_frames import FrameState, Literals
-from beamstiff.compensation.formats.program import SEAM, Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import SEAM, Place, Program, make_program
 from beamstiff.compensation.posture import TURNING, WHOLE, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import KUKA
 from beamstiff.units import unit_factor
 
@@ -170,13 +171,11 @@ def _groups(line: str, source: str, number: int) -> Iterator[tuple[int, int]]:
         elif letter == "}":
             depth -= 1
             if depth < 0:
-                refuse(source, number, "", "found '}' without '{' before it")
+                fail(source, number, "", "found '}' without '{' before it")
             if depth == 0:
                 yield start, at
     if depth:
-        refuse(
-            source, number, "", f"found {shown(line[start:].strip())}, expected a closing '}}' in this line"
-        )
+        fail(source, number, "", f"found {shown(line[start:].strip())}, expected a closing '}}' in this line")
 
 
 def _before(text: str) -> tuple[str | None, str | None]:
@@ -211,16 +210,16 @@ def _target(
             end = inner.find(",", offset)
             piece = inner[offset : end if end >= 0 else len(inner)].strip()
             hint = "; decimals follow a point, not a comma" if _NUMBER.fullmatch(piece) else ""
-            refuse(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
+            fail(source, line, name, f"found {shown(piece)}, expected a component such as X 12.5{hint}")
         key, value = match["key"].upper(), match["value"]
         if key in ("S", "T") and (bits := _BITS.fullmatch(value)):
             stated[key] = int(bits["digits"], {"B": 2, "H": 16}.get(bits["base"].upper(), 10))
         if key not in POSITION + ROTATION:
             continue
         if not _NUMBER.fullmatch(value):
-            refuse(source, line, name, f"{key}: found {shown(value)}, expected a number")
+            fail(source, line, name, f"{key}: found {shown(value)}, expected a number")
         if key in slots:
-            refuse(source, line, name, f"{key}: found twice, expected once")
+            fail(source, line, name, f"{key}: found twice, expected once")
         kind = "position" if key in POSITION else "orientation"
         unit = MILLIMETRE if kind == "position" else DEGREE
         slots[key] = Slot(at + offset + match.start("value"), value, unit, DECIMALS[kind])
@@ -231,7 +230,7 @@ def _target(
         inherited = last.inherited or tuple(slot.value for slot in last.orientation)
     elif missing:
         why = ": values that it does not state follow the target before, which is corrected" if motion else ""
-        refuse(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
+        fail(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
     position = tuple(slots[key] for key in POSITION)
     return Place(name, line, position, rotation, inherited, posture=_stated(stated))

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamstiff.compensation.editing import NUMBER, Slot, lines, proper
-from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.path import ToolPath
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Orientation, Quaternion, RotationVector, ToolAxis, named_orientation
 from beamstiff.measure.table import WRENCH
 from beamstiff.se3 import Array
@@ -76,15 +77,10 @@ def read(text: str, source: str) -> Program:
             continue
         cells = _cells(bare, at, separator)
         if len(cells) != len(header):
-            comma = (
-                "; write decimal points, not commas" if separator == "," and len(cells) > len(header) else ""
-            )
-            refuse(
-                source,
-                number,
-                "",
-                f"found {len(cells)} cells, expected {len(header)} as in the header{comma}",
-            )
+            comma = separator == "," and len(cells) > len(header)
+            hint = "; write decimal points, not commas" if comma else ""
+            said = f"found {len(cells)} cells, expected {len(header)} as in the header{hint}"
+            fail(source, number, "", said)
         rows.append((number, cells))
     if header is None or not rows:
         raise BeamstiffError(
@@ -145,21 +141,19 @@ def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_C
     for number, cell in enumerate((proper(cell) for _, cell in cells), start=1):
         match = _CELL.fullmatch(cell)
         if match is None or not match["name"] or _NUMBER.fullmatch(cell):
-            refuse(
+            fail(
                 source, line, f"column {number}", f"found {shown(cell)}, expected a name and its unit: x [mm]"
             )
         name = match["name"]
         known = name.lower() if name.lower() in (*_KIND, "name") else name
         if any(column.name == known for column in columns):
-            refuse(source, line, known, "found twice, expected once")
+            fail(source, line, known, "found twice, expected once")
         columns.append(_column(known, match["unit"], source, line))
     names = [column.name for column in columns]
     for axis in POSITION:
         if axis not in names:
             hint = suggest(axis, names)
-            refuse(
-                source, line, axis, f"this column is missing{hint}, found {listed(names)}, expected x, y, z"
-            )
+            fail(source, line, axis, f"this column is missing{hint}, found {listed(names)}, expected x, y, z")
     return columns
 
 
@@ -186,8 +180,8 @@ def _column(name: str, unit: str | None, source: str, line: int) -> _Column:
         except BeamstiffError as error:
             problem = problem or str(error)
     if name in _KIND:
-        refuse(source, line, name, problem)
-    refuse(source, line, name, f"unknown unit {shown(unit)}")
+        fail(source, line, name, problem)
+    fail(source, line, name, f"unknown unit {shown(unit)}")
 
 
 def _orientation(
@@ -199,16 +193,16 @@ def _orientation(
         try:
             angles = named_orientation(declared[0])
         except BeamstiffError as error:
-            refuse(source, declared[1], "orientation", str(error))
+            fail(source, declared[1], "orientation", str(error))
     kinds = ((ANGLES, angles), (QUATERNION, Quaternion()), (AXIS, ToolAxis()))
     present = [(columns, kind) for columns, kind in kinds if set(columns) & set(names)]
     if len(present) > 1:
-        refuse(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
+        fail(source, line, present[1][0][0], f"found beside {present[0][0][0]}, expected one orientation")
     if not present:
         return RotationVector(), ()
     columns, kind = present[0]
     if missing := [name for name in columns if name not in names]:
-        refuse(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
+        fail(source, line, missing[0], f"this column is missing, expected all of {' '.join(columns)}")
     return kind, columns
 
 
@@ -228,11 +222,11 @@ def _program(
             column, (start, cell) = header[at[name]], cells[at[name]]
             if not _NUMBER.fullmatch(cell):
                 hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
-                refuse(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
+                fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
             turned = float(cell) * column.unit
             if name in ANGLES and abs(turned) > TURN:
                 found = f"{proper(cell)}, which is {turned:.3g} rad: more than a turn"
-                refuse(source, line, name, f"found {found}; angles in degrees have a header {name} [deg]")
+                fail(source, line, name, f"found {found}; angles in degrees have a header {name} [deg]")
             decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
             slots[name] = Slot(start, cell, column.unit, decimals)
         label = proper(cells[at["name"]][1]) if "name" in at else ""
@@ -264,7 +258,7 @@ def _numbers(
         cell = cells[at][1]
         if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
             if strict:
-                refuse(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
+                fail(source, line, column.name, f"found {shown(proper(cell))}, expected a number")
             return None
         values[row] = float(cell) * column.unit + column.offset
     return values

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from beamstiff.compensation.editing import ENCODING, Slot, replaced
 from beamstiff.compensation.path import StatedFrame, ToolPath
 from beamstiff.compensation.posture import StatedPosture
 from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Orientation
 from beamstiff.measure.text import RowError
 from beamstiff.se3 import Array, transform
@@ -124,11 +124,6 @@ def common_frame(frames: Sequence[StatedFrame | None], name: str, line: int) -> 
     return frames[0] if frames else None
 
 
-def refuse(source: str, line: int, name: str, message: str) -> NoReturn:
-    """Raise an error at a line of a file, and at a target or column of it where one has a name."""
-    raise BeamstiffError(f"{source}:{line}: {name}: {message}" if name else f"{source}:{line}: {message}")
-
-
 def make_program(
     text: str,
     source: str,
@@ -149,17 +144,13 @@ def make_program(
             continue
         numbers[row] = [slot.value for slot in place.orientation] or place.inherited
         if not (np.isfinite(numbers[row]).all() and np.isfinite(positions[row]).all()):
-            refuse(source, place.line, place.name, "found a number that is not finite")
+            fail(source, place.line, place.name, "found a number that is not finite")
         if np.abs(numbers[row]).max() > MOST_TURNED:
-            refuse(source, place.line, place.name, "found an angle of more than 100 turns; check the unit")
+            fail(source, place.line, place.name, "found an angle of more than 100 turns; check the unit")
         if np.abs(positions[row]).max() > MOST:
-            refuse(
-                source,
-                place.line,
-                place.name,
-                f"found a position {np.abs(positions[row]).max():.3g} m away, expected one that a robot "
-                "reaches; check the unit",
-            )
+            reach = "expected one that a robot reaches; check the unit"
+            far = f"{np.abs(positions[row]).max():.3g} m away"
+            fail(source, place.line, place.name, f"found a position {far}, {reach}")
     try:
         rotations = orientation.rotations(numbers)
     except RowError as error:

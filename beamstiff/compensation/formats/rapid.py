@@ -13,10 +13,11 @@ from typing import NoReturn
 import numpy as np
 
 from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
-from beamstiff.compensation.formats.program import Place, Program, make_program, refuse
+from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.formats.rapid_frames import Motions
 from beamstiff.compensation.posture import TURNING, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
+from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Quaternion
 
 SIZES = (3, 4, 4, 6)
@@ -171,4 +172,4 @@ def _stated(configuration: tuple[int, ...]) -> StatedPosture:
 
 
 def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:
-    refuse(source, line_of(code, at), name, message)
+    fail(source, line_of(code, at), name, message)

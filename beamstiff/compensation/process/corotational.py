@@ -61,10 +61,7 @@ def under_load(beam: Bent, load: float, friction: float = 0.0, increments: int =
 
 
 def at_ratio(beam: Bent, ratio: float, friction: float = 0.0) -> Bent:
-    """Return the beam whose tip lies in a direction from the clamp, deflection over distance.
-
-    `beam`: near it: the increment before.
-    """
+    """Return the beam whose tip is in a direction, deflection over distance, from the one before."""
     return _equilibrium(beam.nodes, beam.load, friction, ratio)
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from beamstiff.compensation.path import ToolPath
 from beamstiff.compensation.process.cantilever import Cantilever
-from beamstiff.compensation.process.cutting import CuttingTable
-from beamstiff.compensation.process.load import Process, Together
+from beamstiff.compensation.process.load import CuttingTable, Process, Together
 from beamstiff.se3 import Array, rotate_screw, rotation_from_vector
 
 GAIN, TURN = 0.05, float(np.radians(2.0))  # of a load cell as it is calibrated and mounted

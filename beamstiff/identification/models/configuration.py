@@ -57,8 +57,7 @@ class Begin:
 def begin_with(robot: Robot, table: Measurements, parameters: Sequence[str] | None = None) -> Begin:
     """Identify one stiffness for all configurations, and keep the springs that the readings feel.
 
-    One that fits best as good as rigid begins where a reading would just show it: in places it may be
-    compliant.
+    One as good as rigid begins where a reading would just show it: in places it may be compliant.
     """
     found = identify(robot, table, parameters, folds=0)
     felt = [not item.silent for item in found.parameters]

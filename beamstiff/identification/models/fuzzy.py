@@ -10,15 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.identification.models.fuzzy_rules import Method, Readings, build_readings, fit_conclusions
+from beamstiff.identification.models.configuration import Begin, Varying, begin_with, fit_varying
+from beamstiff.identification.models.fuzzy_rules import Readings, build_readings, fit_conclusions
 from beamstiff.identification.models.split import configurations
 from beamstiff.measure.table import Measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, inputs_of
+from beamstiff.model.fuzzy_correction import FuzzyCorrection
 from beamstiff.model.fuzzy_inference import FuzzySystem, Partition, equal_parts
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics
@@ -35,6 +38,9 @@ CLOSER_LOOK = 2  # inputs whose one more set is placed by random search: those t
 
 WIDER, NARROWER, AFTER = 2.0, 0.5, (5, 3)  # the step after so many successes, failures
 SMALLEST = 1e-4
+WORTH = 6.0  # by how much one more set must raise the logarithm of the evidence: many are tried
+MOST_RULES = 36
+NEAR = 0.4  # share of an input's range over which the corrections of rules are alike
 
 
 @dataclass(frozen=True)
@@ -59,28 +65,25 @@ class FuzzyFit:
 def fit_fuzzy(
     robot: Robot,
     table: Measurements,
-    inputs: Sequence[str] | None = None,
-    method: Method = "exact",
     seed: int = 0,
     each_term: bool = False,
 ) -> FuzzyFit:
     """Fit fuzzy compliance rules on a partition of the inputs to measured displacements.
 
     `robot`: names the variables and the TCP; nothing else of it is used. `table`: displacements of the TCP
-    under loads there. `inputs`: what the compliance may depend on: actuated variables, and components of the
-    wrench; default the actuated variables that vary. `method`: how the conclusions are fitted in the end.
-    `seed`: of the test set and of the random search. `each_term`: a partition of its own for every term of
-    the compliance, as in seed 003 (the matrix is symmetric, and positive definite where the readings say
-    so); the steps of all terms stand one after the other.
+    under loads there. The inputs are the actuated variables that vary. `seed`: of the test set and of the
+    random search. `each_term`: a partition of its own for every term of the compliance, as in seed 003 (the
+    matrix is symmetric, and positive definite where the readings say so); the steps of all terms stand one
+    after the other.
     """
-    whole = _state_task(robot, table, inputs, seed)
+    whole = _state_task(robot, table, seed)
     tasks = [whole.term(at) for at in range(len(whole.readings.terms))] if each_term else [whole]
-    systems, steps = zip(*(_grown(task, method, seed) for task in tasks), strict=True)
+    systems, steps = zip(*(_grown(task, seed) for task in tasks), strict=True)
     model = FuzzyCompliance(table.variables, systems[0], tuple(systems[1:]))
     return FuzzyFit(model, tuple(step for some in steps for step in some), ~whole.train)
 
 
-def _grown(task: _Task, method: Method, seed: int) -> tuple[FuzzySystem, list[Step]]:
+def _grown(task: _Task, seed: int) -> tuple[FuzzySystem, list[Step]]:
     """Return the rules of a task, and how their structure grew."""
     random = np.random.default_rng([seed, 1])
     variable = np.ptp(task.trained, axis=1) > 0
@@ -103,7 +106,7 @@ def _grown(task: _Task, method: Method, seed: int) -> tuple[FuzzySystem, list[St
         else:
             for_nothing += 1
     firing = best.firing(task.x)
-    found = fit_conclusions(task.readings, best, firing, method, positive=True)
+    found = fit_conclusions(task.readings, best, firing, positive=True)
     return FuzzySystem(best, task.readings.matrices(found), firing.max(axis=0)), steps
 
 
@@ -137,10 +140,10 @@ class _Task:
         return Step(premises.sets, float(train), float(test))
 
 
-def _state_task(robot: Robot, table: Measurements, inputs: Sequence[str] | None, seed: int) -> _Task:
-    names = tuple(inputs) if inputs is not None else table.variables
-    x = inputs_of(names, table.variables, table.q, table.wrench)
-    if inputs is None and (varying := np.ptp(x, axis=0) > 0).any():
+def _state_task(robot: Robot, table: Measurements, seed: int) -> _Task:
+    names = table.variables
+    x = inputs_of(names, names, table.q)
+    if (varying := np.ptp(x, axis=0) > 0).any():
         names = tuple(name for name, varies in zip(names, varying, strict=True) if varies)
         x = x[:, varying]
     readings = build_readings(table, compile_kinematics(robot).size, robot.tcp)
@@ -200,12 +203,9 @@ def _placed(task: _Task, partition: Partition, random: np.random.Generator) -> P
 def solis_wets(
     cost: Callable[[Array], float], begin: Array, step: float, evaluations: int, random: np.random.Generator
 ) -> tuple[Array, float]:
-    """Return the best point found, and its cost.
+    """Return the best point (n,) found, and its cost, which is infinite where it is not allowed.
 
     Steps are normal about a bias that follows what went well; where one fails its opposite is tried.
-
-    `cost`: of a point (n,); infinite where it is not allowed. `step`: standard deviation of the
-    first steps. `evaluations`: at most.
     """
     at, best, bias = np.array(begin, dtype=np.float64), cost(begin), np.zeros(len(begin))
     good = bad = 0
@@ -228,3 +228,54 @@ def solis_wets(
         elif bad >= AFTER[1]:
             step, bad = NARROWER * step, 0
     return at, best
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionFit:
+    """A fitted gray box."""
+
+    model: FuzzyCorrection
+    varying: Varying  # what the fit says of the conclusions
+    # numbers of sets of the inputs as the structure grew, with the logarithm of the evidence
+    sets: tuple[tuple[tuple[int, ...], float], ...]
+
+
+def fit_fuzzy_correction(
+    robot: Robot, table: Measurements, parameters: Sequence[str] | None = None
+) -> CorrectionFit:
+    """Fit fuzzy corrections of joint compliances, default those of ``robot.identify``, to displacements.
+
+    Sets are added input by input, one or two at a time (a wave shows with three only), while the evidence
+    grows; the conclusions are shrunk towards no correction (see `configuration`): no test set is needed.
+    """
+    start = begin_with(robot, table, parameters)
+    names = table.variables
+    x = inputs_of(names, names, table.q)
+    trained = np.stack([x.min(axis=0), x.max(axis=0)], axis=1)
+    premises = equal_parts(names, trained, [1] * len(names))
+    best = _fit(start, premises, x)
+    grown = [(premises.sets, best.evidence)]
+    while True:
+        tried = []
+        for at, more in product(np.flatnonzero(np.ptp(trained, axis=1) > 0), (1, 2)):
+            sets = [count + more * (one == at) for one, count in enumerate(premises.sets)]
+            if np.prod(sets) <= MOST_RULES:
+                partition = equal_parts(names, trained, sets)
+                tried.append((_fit(start, partition, x), partition))
+        if not tried:
+            break
+        found, partition = max(tried, key=lambda one: one[0].evidence)
+        if found.evidence < best.evidence + WORTH:
+            break
+        best, premises = found, partition
+        grown.append((premises.sets, best.evidence))
+    system = FuzzySystem(premises, best.change, premises.firing(x).max(axis=0))
+    model = FuzzyCorrection(start.robot, start.parameters, start.compliance, system)
+    return CorrectionFit(model, best, tuple(grown))
+
+
+def _fit(start: Begin, premises: Partition, x: Array) -> Varying:
+    corners, span = premises.corners(), np.ptp(premises.trained, axis=1)
+    apart = (corners[:, None] - corners) / (NEAR * np.where(span > 0, span, 1.0))
+    alike = np.exp(-0.5 * (apart**2).sum(axis=2)) + 1e-6 * np.eye(len(corners))
+    return fit_varying(start.problem, premises.firing(x), start.compliance, alike)

@@ -1,4 +1,4 @@
-"""Conclusions of fuzzy compliance rules from displacements: linear, so by least squares; or by gradient.
+"""Conclusions of fuzzy compliance rules from displacements: linear, so by least squares.
 
 With firing strengths alpha_r(q) and compliance terms b_rk of the rules, ``d = sum_r alpha_r sum_k T_k b_rk``,
 T_k the displacement by each term under the row's load (seed 003, eqs 36 and 38): linear in the conclusions.
@@ -6,7 +6,7 @@ Rules that readings hardly reach follow their neighbours: differences between co
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,6 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.model.fuzzy_inference import Partition
 from beamstiff.se3 import Array
-
-Method = Literal["exact", "gradient"]
 
 # weight of differences between conclusions, in readings of usual noise and load; data soon outweigh it
 SMOOTH = 1e-4
@@ -47,10 +45,7 @@ class Readings:
         )
 
     def term(self, at: int) -> Self:
-        """Return the readings of one term, where no row's displacement is the sum of several.
-
-        That is so where the load of every row lies along one axis.
-        """
+        """Return the readings of one term, where the load of every row lies along one axis."""
         others = np.arange(len(self.terms)) != at
         if (np.abs(self.gram[:, at, others]) > 1e-9 * np.abs(self.gram[:, at, at, None])).any():
             raise BeamstiffError(
@@ -141,38 +136,16 @@ def _used(table: Measurements, length: float) -> tuple[NDArray[np.bool_], Array]
     return used, np.where(used, 1.0 / sigma, 0.0)
 
 
-def rapid_prototype(readings: Readings, firing: Array) -> Array:
-    """Return conclusions (R, K) by which each rule explains the readings that it fires at, on its own.
+def fit_conclusions(readings: Readings, premises: Partition, firing: Array, positive: bool = False) -> Array:
+    """Return the conclusions (R, K) that explain the readings best, of rules that fire (N, R).
 
-    The mean of the readings weighted by the firing strength, where a reading is one term; the weighted least
-    squares of the rule where it holds several. Rules that never fire take the mean of all.
-    """
-    together = np.concatenate([firing, np.ones((len(firing), 1))], axis=1)
-    gram = np.tensordot(together.T, readings.gram, 1)
-    moment = together.T @ readings.moment
-    scale: Array = np.trace(gram, axis1=1, axis2=2)
-    gram = gram + 1e-9 * np.maximum(scale, 1e-300)[:, None, None] * np.eye(gram.shape[1])
-    own: Array = np.linalg.solve(gram, moment[..., None])[..., 0]
-    fired = scale[:-1] > 1e-9 * scale[-1]
-    return np.where(fired[:, None], own[:-1], own[-1])
-
-
-def fit_conclusions(
-    readings: Readings, premises: Partition, firing: Array, method: Method = "exact", positive: bool = False
-) -> Array:
-    """Return the conclusions (R, K) that explain the readings best.
-
-    `readings`: N rows. `firing` (N, R). `method`: least squares by a direct solution, or descent from the
-    rapid prototype. `positive`: every rule's compliance is positive definite, hence that of every mean of
-    them.
+    `positive`: every rule's compliance is positive definite, hence that of every mean of them.
     """
     hessian, slope = _normal_equations(readings, premises, firing)
-    if method == "gradient":
-        return _descend(readings, hessian, slope, rapid_prototype(readings, firing), positive)
     found = np.asarray(np.linalg.solve(hessian, slope).reshape(firing.shape[1], -1), dtype=np.float64)
     if not positive or _definite(readings, found):
         return found
-    return _descend(readings, hessian, slope, _made_definite(readings, found), positive)
+    return _descend(readings, hessian, slope, _made_definite(readings, found))
 
 
 def _normal_equations(readings: Readings, premises: Partition, firing: Array) -> tuple[Array, Array]:
@@ -189,19 +162,18 @@ def _normal_equations(readings: Readings, premises: Partition, firing: Array) ->
     return square + np.kron(both, np.diag(each)), slope
 
 
-def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array, positive: bool) -> Array:
+def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array) -> Array:
     """Accelerated gradient descent with restarts (Nesterov 1983; O'Donoghue and Candes 2015)."""
-    size = 1.0 / np.sqrt(np.diagonal(hessian))
-    if positive:  # the metric in which `_made_definite` is a projection
-        size = np.tile(np.where(readings.terms[:, 0] == readings.terms[:, 1], 1.0, np.sqrt(0.5)), len(begin))
+    # the metric in which `_made_definite` is a projection
+    i, j = readings.terms.T
+    size: Array = np.tile(np.where(i == j, 1.0, np.sqrt(0.5)), len(begin))
     scaled = size[:, None] * hessian * size
     step = 1.0 / float(np.linalg.eigvalsh(scaled)[-1])
     right, at = size * slope, begin.reshape(-1) / size
     ahead, momentum = at, 1.0
     for _ in range(STEPS):
         new = ahead - step * (scaled @ ahead - right)
-        if positive:
-            new = _made_definite(readings, (new * size).reshape(begin.shape)).reshape(-1) / size
+        new = _made_definite(readings, (new * size).reshape(begin.shape)).reshape(-1) / size
         moved = new - at
         if (ahead - new) @ moved > 0:  # the momentum points uphill
             momentum = 1.0
@@ -210,7 +182,7 @@ def _descend(readings: Readings, hessian: Array, slope: Array, begin: Array, pos
         at, momentum = new, following
         if np.abs(moved).max() <= CLOSE * np.abs(at).max():
             break
-    return (at * size).reshape(begin.shape)
+    return np.asarray((at * size).reshape(begin.shape))
 
 
 def _square(readings: Readings) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -238,10 +210,7 @@ def _definite(readings: Readings, conclusions: Array) -> bool:
 
 
 def _made_definite(readings: Readings, conclusions: Array) -> Array:
-    """Return the closest conclusions (R, K) whose square part is positive definite.
-
-    Closest in the Frobenius norm, in which a term off the diagonal counts twice.
-    """
+    """Return the closest conclusions (R, K) with a positive definite square part, in the Frobenius norm."""
     matrices, least = _as_matrices(readings, conclusions)
     if matrices.shape[1] == 0:
         return conclusions

@@ -201,7 +201,8 @@ class Evidence:
         # the cost changes by half the sum of inner times the change of total: (m, P, P) by posture
         inner = inverse - np.outer(alpha, alpha)
         first = np.flatnonzero(np.diff(of, prepend=-1))
-        by_posture = np.stack([_summed(inner * np.outer(u, u), first) for u in readings.slopes.T])
+        weighted = np.stack([inner * np.outer(u, u) for u in readings.slopes.T])
+        by_posture = np.add.reduceat(np.add.reduceat(weighted, first, axis=1), first, axis=2)
         apart = (at[:, None] - at) / prior.scale
         squares = (apart / prior.lengths) ** 2
         distance = np.sqrt(squares.sum(axis=2))
@@ -221,11 +222,6 @@ class Evidence:
         return cost + 0.5 * float(away @ away), gradient + away / std
 
 
-def _summed(values: Array, first: NDArray[np.intp]) -> Array:
-    """Return the sums of blocks of a matrix, (P, P), that begin at rows and columns `first`."""
-    return np.add.reduceat(np.add.reduceat(values, first, axis=0), first, axis=1)
-
-
 def _by_log_length(distance: Array) -> Array:
     """Return the derivative of the Matern covariance by the logarithm of its length, ``-r k'(r)``."""
     scaled = np.sqrt(5.0) * distance
@@ -235,11 +231,7 @@ def _by_log_length(distance: Array) -> Array:
 def most_evident(
     readings: LinearReadings, postures: Array, begin: Covariance, noise: float, sigma_known: bool
 ) -> tuple[Covariance, float]:
-    """Return the covariance and the noise of most evidence.
-
-    `postures` (P, A). `noise`: to begin with. `sigma_known`: it is stated: the readings may scatter
-    more, not less.
-    """
+    """Return covariance and noise of most evidence; a noise that is stated (`sigma_known`) may grow only."""
     evidence = Evidence(readings, postures, begin)
     start = evidence.theta(noise)
     bounds = [(LOWEST, HIGHEST)] * (len(start) - 1) + [(0.0 if sigma_known else LOWEST, LOUDEST)]

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.fuzzy import fit_fuzzy
-from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy import fit_fuzzy, fit_fuzzy_correction
 from beamstiff.identification.models.fuzzy_rules import require_tcp
 from beamstiff.identification.models.gaussian_process import fit_gaussian_process
 from beamstiff.identification.models.grid import cubes_about, fit_grid
@@ -175,14 +174,14 @@ def _gray(robot: Robot, table: Measurements, options: Options) -> Fitted:
     fit = fit_fuzzy_correction(robot, table, options.parameters)
     premises = fit.model.system.premises
     sets = _sets(premises.inputs, fit.sets[-1][0])
-    about = f"{_counted(premises.count, 'rule')} for {_counted(len(fit.model.parameters), 'spring')} ({sets})"
+    about = f"{counted(premises.count, 'rule')} for {counted(len(fit.model.parameters), 'spring')} ({sets})"
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 
 def _fuzzy(robot: Robot, table: Measurements, options: Options) -> Fitted:
     fit = fit_fuzzy(robot, table, seed=options.seed, each_term=options.separate)
     premises = [system.premises for system in fit.model.systems]
-    about = "; ".join(f"{_counted(one.count, 'rule')} ({_sets(one.inputs, one.sets)})" for one in premises)
+    about = "; ".join(f"{counted(one.count, 'rule')} ({_sets(one.inputs, one.sets)})" for one in premises)
     return Fitted(fit.model.extrapolating(), about, fit.model.outside)
 
 
@@ -205,10 +204,6 @@ def _process(robot: Robot, table: Measurements, options: Options) -> Fitted:
     covariance = fit.model.covariance
     varied = np.sqrt(covariance.own_spread**2 + covariance.spread**2).max()
     return Fitted(fit.model, f"springs vary by a factor of up to {np.exp(varied):.2f}")
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _sets(inputs: Sequence[str], sets: Sequence[int]) -> str:

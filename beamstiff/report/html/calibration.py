@@ -42,10 +42,7 @@ def calibration_html(
     provenance: Provenance,
     files: Sequence[str] = (),
 ) -> str:
-    """Return the report of a calibration as one HTML page.
-
-    `robot`: as it was described. `measured`: the rows that were fitted. `files`: see `calibration_verdict`.
-    """
+    """Return the report of a calibration of the `robot` as it was described, as one HTML page."""
     values = {"before": _size(found.nominal_residual), "after": _size(found.residual)}
     sizes = Sizes(found.robot, measured, values, (BEFORE, AFTER), "error")
     return Page(

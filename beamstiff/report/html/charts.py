@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from beamstiff.report.html.parts import (
-    MARGIN,
     Figure,
     axis,
+    chart_layout,
     css,
     label,
     numbers,
@@ -159,12 +159,8 @@ def distribution(key: str, title: str, caption: str, sizes: Mapping[str, Array],
             line = {"color": css(colour), "dash": dash, "width": 2.5, "shape": "hv"}
             share, hover = numbers((at + 1) / own.size), f"%{{y:.0%}} below %{{x}} {unit}"
             traces.append(scatter(numbers(own[at]), share, label(name), hover, line=line))
-    layout = plain_layout(
-        380,
-        margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=log_axis(f"error, {unit}", traces, "x"),
-        yaxis=axis("share of the rows", tickformat=".0%", range=[0, 1.02]),
-    )
+    up = axis("share of the rows", tickformat=".0%", range=[0, 1.02])
+    layout = chart_layout(380, LEGEND + 10, log_axis(f"error, {unit}", traces, "x"), up)
     return Figure(key, title, caption, traces, layout)
 
 
@@ -195,12 +191,8 @@ def along(
             across, numbers(value, 4), label(name), "%{text}: %{y}", mark, line if lines else None
         )
         traces.append(trace | {"text": said})
-    layout = plain_layout(
-        380,
-        margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(axes[0]),
-        yaxis=log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power"),
-    )
+    up = log_axis(axes[1], traces) if log else axis(axes[1], exponentformat="power")
+    layout = chart_layout(380, LEGEND + 10, axis(axes[0]), up)
     return Figure(key, title, caption, traces, layout)
 
 
@@ -231,10 +223,7 @@ def correlation_figure(names: Sequence[str], correlation: Array) -> Figure:
 
 
 def confusion_figure(counts: Mapping[str, Mapping[str, int]], order: Sequence[str], table: Table) -> Figure:
-    """Return how often each truth, by rows, got each verdict, by columns: the share of the truth's cases.
-
-    `order`: of truths and verdicts. `table`: the counts.
-    """
+    """Return which share of each truth, by rows, got each verdict, by columns, both in an `order`."""
     given = {verdict for row in counts.values() for verdict in row}
     truths = [name for name in order if name in counts]
     verdicts = [name for name in order if name in given]

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from beamstiff.errors import counted
 from beamstiff.identification.models.side_by_side import Judged, Models
 from beamstiff.identification.models.split import KINDS
 from beamstiff.model.protocol import StructuralModel
@@ -19,11 +20,11 @@ from beamstiff.report.compare import (
 )
 from beamstiff.report.html.charts import intervals, log_axis
 from beamstiff.report.html.page import Page
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
+from beamstiff.report.html.parts import Fact, Figure, Section, axis, chart_layout, css, label, scatter
 from beamstiff.report.html.places import LEGEND, Sizes, over_places, rows_table
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import RobotView, robot_view, worst_postures
-from beamstiff.report.tables import Table, counted
+from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 
 KIND_MARKS = (("circle-open", "muted"), ("circle", "blue"), ("square", "orange"), ("triangle-up", "green"))
@@ -35,10 +36,7 @@ LOOKS = tuple(
 
 
 def comparison_html(models: Models, robot: Robot, provenance: Provenance) -> str:
-    """Return the report of a comparison as one HTML page.
-
-    `robot`: as it was given.
-    """
+    """Return the report of a comparison for a robot as it was given, as one HTML page."""
     answered = ranked(models)
     keys = {f"model{at + 1}": one for at, one in enumerate(answered) if one.name != "rigid"}
     errors, names = {key: 1e3 * one.error for key, one in keys.items()}, [one.name for one in keys.values()]
@@ -130,12 +128,8 @@ def _by_kind(models: Models, best: Sequence[Judged], kinds: Sequence[int]) -> Fi
         values = _millimetres(one.rms(models.split.kind == k) for one in best)
         hover = "%{text}: %{y:.4g} mm"
         traces.append(scatter(places, values, KINDS[k], hover, (symbol, colour, 10), text=names))
-    layout = plain_layout(
-        420,
-        margin=MARGIN | {"t": LEGEND + 10},
-        xaxis=axis(tickvals=places, ticktext=names),
-        yaxis=log_axis("RMS, mm", traces),
-    )
+    x, y = axis(tickvals=places, ticktext=names), log_axis("RMS, mm", traces)
+    layout = chart_layout(420, LEGEND + 10, x, y)
     caption = "Fitted rows beside held-out rows: a model that overfits does well on the fitted rows only."
     return Figure("kinds", "By what was held out", caption, traces, layout)
 
@@ -153,12 +147,8 @@ def _by_load(models: Models) -> Section:
         values = _millimetres(one.rms(rows) for rows in levels.values())
         hover, line = "%{y:.4g} mm under %{x} " + split.unit, {"color": css(colour), "width": 1.5}
         traces.append(scatter(loads, values, label(one.name), hover, (symbol, colour, 9), line))
-    layout = plain_layout(
-        420,
-        margin=MARGIN | {"t": LEGEND + 30},
-        xaxis=axis(f"load, {split.unit}"),
-        yaxis=log_axis("held-out RMS, mm", traces),
-    )
-    table: Table = loads_table(models, "Held-out rows, by load: RMS / max, mm")
+    x, y = axis(f"load, {split.unit}"), log_axis("held-out RMS, mm", traces)
+    layout = chart_layout(420, LEGEND + 30, x, y)
+    table: Table = loads_table(models)
     figure = Figure("loads-rms", "Errors by load", "Of held-out rows.", traces, layout, table)
     return Section("loads", "By load", figures=[figure])

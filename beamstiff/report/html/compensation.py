@@ -35,10 +35,7 @@ BEFORE, AFTER = "without compensation", "compensated, as written"
 
 
 def compensation_html(result: Compensated, robot: Robot, provenance: Provenance) -> str:
-    """Return the report of a corrected path as one HTML page.
-
-    `robot`: that the controller takes for true.
-    """
+    """Return the report of a path corrected for the controller's robot, as one HTML page."""
     count = len(result.known)
     # evenly chosen, the first and the last among them
     some = np.unique(np.linspace(0, count - 1, min(count, MOST)).astype(int))

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from beamstiff.errors import counted
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.deflection import UNITS, deflection_text, deflection_verdict
@@ -14,7 +15,7 @@ from beamstiff.report.html.places import MARKS, Sizes, line_of, over_places, row
 from beamstiff.report.html.provenance import Provenance
 from beamstiff.report.html.robot_view import robot_view, worst_postures
 from beamstiff.report.html.rows import Compared, row_figures
-from beamstiff.report.tables import counted, number
+from beamstiff.report.tables import number
 from beamstiff.se3 import Array
 
 

@@ -11,8 +11,8 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import changes_table, changes_text, drives_table, far_stiffness
+from beamstiff.report.diagnosis_tables import drift_tables, hidden_text, smallest_table, steps, steps_table
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
-from beamstiff.report.drift import drift_tables
 from beamstiff.report.html.charts import SHARE, bars
 from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
@@ -22,8 +22,6 @@ from beamstiff.report.html.robot_view import RobotView, Shown, robot_view
 from beamstiff.report.html.rows import Compared, minded, row_figures
 from beamstiff.report.identification import far_off_text
 from beamstiff.report.next_action import proposed, separations
-from beamstiff.report.smallest import hidden_text, smallest_table
-from beamstiff.report.steps import steps, steps_table
 from beamstiff.report.tables import Table, number
 from beamstiff.report.verdict import rounded
 

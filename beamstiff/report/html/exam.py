@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from beamstiff.errors import counted
 from beamstiff.exam import score
 from beamstiff.exam.names import EFFECTS, FAILED, NONE, UNKNOWN
 from beamstiff.exam.rates import Figure as Rate
@@ -13,10 +14,20 @@ from beamstiff.exam.table import Row, by_design, controls, effect_figures, headl
 from beamstiff.report import exam as told
 from beamstiff.report.html.charts import SHARE, confusion_figure, error_bars, named_rows
 from beamstiff.report.html.page import Page
-from beamstiff.report.html.parts import MARGIN, Fact, Figure, Section, axis, css, label, plain_layout, scatter
+from beamstiff.report.html.parts import (
+    MARGIN,
+    Fact,
+    Figure,
+    Section,
+    axis,
+    chart_layout,
+    css,
+    label,
+    plain_layout,
+    scatter,
+)
 from beamstiff.report.html.places import LEGEND
 from beamstiff.report.html.provenance import Provenance
-from beamstiff.report.tables import counted
 
 Records = Sequence[Record]
 HOVER = "%{text}<extra></extra>"
@@ -37,11 +48,7 @@ def exam_html(
     plan: bool = False,
     notes: Sequence[str] = (),
 ) -> str:
-    """Return the report of an exam as one HTML page.
-
-    `examined`: the robot, or what else. `facts`: what ``--json`` writes. `plan`: the cases are of one
-    campaign: what could it find?.
-    """
+    """Return the report of an exam, or of what one campaign (`plan`) could find, as one HTML page."""
     rich, lean = by_design(records)
     main = rich or lean
     rows = [row for row in headline(main, lean=not rich) if row.figure.count]
@@ -182,7 +189,7 @@ def _reliability(records: Records) -> Section:
         scatter(said, right, "examined, 95 %", HOVER, mark, text=texts, error_y=error),
     ]
     x, y = axis("probability said of the verdict", **SHARE), axis("share of verdicts that are right", **SHARE)
-    layout = plain_layout(430, margin=MARGIN | {"t": LEGEND}, xaxis=x, yaxis=y)
+    layout = chart_layout(430, LEGEND, x, y)
     table = replace(told.reliability_table(records), open=False)
     caption = "On the line, a verdict called 80 % sure is right in 80 % of the cases."
     counts = {

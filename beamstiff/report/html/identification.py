@@ -35,11 +35,7 @@ def identification_html(
     folds: int = 5,
     files: Sequence[str] = (),
 ) -> str:
-    """Return the report of an identification as one HTML page.
-
-    `robot`: as it was before: the start. `measured`: the rows that were fitted. `folds`: of the held-out gap
-    that was asked for. `files`: see `identification_verdict`.
-    """
+    """Return the report of an identification of the `robot` as it was before, as one HTML page."""
     used = measured.measured_mask
     before = before_fit(found, measured)
     predicted = (found.predicted, None) if before is None else (before, found.predicted)

@@ -1,4 +1,4 @@
-"""The parts of a robot as lines that move: links, bent as beams bend, and the axes of the joints."""
+"""The parts of a robot as lines that move, bent as beams bend, and the cameras from which they are seen."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
-from beamstiff.report.html.parts import places
+from beamstiff.report.html.parts import numbers, places
 from beamstiff.report.vtk import beam_shape
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
@@ -16,6 +16,18 @@ from beamstiff.se3 import Array
 BENT, STRAIGHT = 9, 3  # points along a beam, and along what stays straight
 MOST_LINKS = 2000  # that are drawn
 JOINT = 0.035  # of the robot's size: half the length of a joint
+DIAGONAL = 1.6  # of the figure's own lengths: that of its box, as in report.js; a wide robot must fit too
+CAMERAS = {
+    "oblique": {"eye": {"x": 1.25, "y": -1.45, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+    "front (along x)": {"eye": {"x": 1.9, "y": 0.0, "z": 0.0}},
+    "side (along y)": {"eye": {"x": 0.0, "y": -1.9, "z": 0.0}},
+    "top (along z)": {"eye": {"x": 0.0, "y": -0.01, "z": 2.0}},
+}
+# of the camera that looks across the deflection: from the axis, above the middle, and how far it is turned so
+# that the axis that points at it is seen too
+DISTANCE, HEIGHT, TURNED = 1.9, 0.5, np.radians(18.0)
+LOWER = {"x": 0.0, "y": 0.0, "z": -0.12}  # what it looks at: room for the axes' names below
+SPREAD = 0.3  # weight of the robot's own spread beside its deflection's, where the camera is chosen
 
 
 @dataclass(frozen=True)
@@ -39,10 +51,7 @@ class Lines:
 
 
 def link_lines(robot: Robot, positions: Array, moved: Array) -> Lines:
-    """Return beams, rigids and struts, at most `MOST_LINKS` of them, evenly chosen.
-
-    `positions` (N, 3), m. `moved` (N, 6), m and rad.
-    """
+    """Return beams, rigids and struts, at most `MOST_LINKS`, at positions (N, 3) that moved by (N, 6)."""
     index = {node.name: at for at, node in enumerate(robot.nodes)}
     parts = [(beam.name, beam.nodes, True) for beam in robot.beams]
     parts += [(rigid.name, rigid.nodes, False) for rigid in robot.rigids]
@@ -85,3 +94,16 @@ def _joined(lines: Iterator[tuple[str, Array, Array]]) -> Lines:
         moved += [way, np.zeros((1, 3))]
         names += [name] * (len(at) + 1)
     return Lines(np.concatenate(points), np.concatenate(moved), names)
+
+
+def across(moved: Array, reach: Array) -> dict[str, Any]:
+    """Return the camera that sees how the tool moved (3,), and the robot that reaches (3,) from its side."""
+    seen = np.zeros((2, 2))
+    for part, weight in ((moved, 1.0), (reach, SPREAD)):
+        if (length := float(np.linalg.norm(part))) > 0.0:
+            seen += weight * np.outer(part[:2], part[:2]) / length**2
+    eye = np.linalg.eigh(seen)[1][:, 0]  # along which the least is seen
+    eye = eye * (-1.0 if eye[1] > 1e-9 or (abs(eye[1]) <= 1e-9 and eye[0] < 0) else 1.0)  # from the front
+    eye = np.array([[np.cos(TURNED), -np.sin(TURNED)], [np.sin(TURNED), np.cos(TURNED)]]) @ eye
+    place = np.append(DISTANCE * eye, HEIGHT)
+    return {"eye": dict(zip("xyz", numbers(place), strict=True)), "center": LOWER}

@@ -140,6 +140,11 @@ def plain_layout(height: int = 340, **more: Any) -> dict[str, Any]:
     }
 
 
+def chart_layout(height: int, above: int, x: Any, y: Any, **more: Any) -> dict[str, Any]:
+    """Return the layout of a chart over two axes, with so much room above it, px."""
+    return plain_layout(height, margin=MARGIN | {"t": above}, xaxis=x, yaxis=y, **more)
+
+
 def embedded(value: Any) -> str:
     """Return JSON that may stand in a script of a page: no text in it can end the script."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"), default=_plain)

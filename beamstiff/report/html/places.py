@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.errors import counted
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.parts import (
-    MARGIN,
     Figure,
     Section,
     axis,
+    chart_layout,
     css,
     label,
     numbers,
@@ -21,7 +22,7 @@ from beamstiff.report.html.parts import (
     scatter,
     shared,
 )
-from beamstiff.report.tables import Table, counted
+from beamstiff.report.tables import Table
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
@@ -203,12 +204,8 @@ def _joints(sizes: Sizes) -> list[Figure]:
             scatter(q, shared(f"size_{key}"), label(name), hover, (symbol, colour, 6), **rest)
             for key, name, (symbol, colour) in zip(sizes.values, sizes.names, marks, strict=False)
         ]
-        layout = plain_layout(
-            320,
-            margin=MARGIN | {"t": LEGEND + 18 if len(traces) > 1 else BUTTONS},
-            xaxis=axis(label(headings[k])),
-            yaxis=axis(f"{sizes.what}, mm", rangemode="tozero"),
-            showlegend=len(traces) > 1,
-        )
+        x, y = axis(label(headings[k])), axis(f"{sizes.what}, mm", rangemode="tozero")
+        above, both = (LEGEND + 18, True) if len(traces) > 1 else (BUTTONS, False)
+        layout = chart_layout(320, above, x, y, showlegend=both)
         figures.append(Figure(f"joint-{k + 1}", f"Over {rows.variables[k]}", "", traces, layout))
     return figures

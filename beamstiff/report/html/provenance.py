@@ -27,10 +27,7 @@ class Provenance:
 
 
 def provenance(files: Iterable[str | Path], seed: int, arguments: Sequence[str]) -> Provenance:
-    """Return where a report comes from.
-
-    `files`: that were read. `arguments`: of the command ``beamstiff``; none where it was not by a command.
-    """
+    """Return where a report comes from: files that were read, and the words behind ``beamstiff``, if any."""
     return Provenance(
         command=shlex.join(["beamstiff", *arguments]) if arguments else "",
         files=tuple((str(path), sha256(path)) for path in files),

@@ -14,8 +14,7 @@ from beamstiff.fem.geometry import beam_directions
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
-from beamstiff.report.html.cameras import CAMERAS, across
-from beamstiff.report.html.links import Lines, joint_lines, link_lines
+from beamstiff.report.html.links import CAMERAS, Lines, across, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, axis, css, label, numbers, places, plain_layout
 from beamstiff.report.html.places import line_of
 from beamstiff.report.html.shapes import beam_solids, force_and_moment, solids_style
@@ -45,18 +44,14 @@ APART = 8 * "\u00a0"  # moves the title of the upright axis away from its ticks
 
 @dataclass(frozen=True)
 class Shown:
-    """A posture to show: its name, actuated values (A,), load (6,) and its node, shares of the parts.
-
-    Without shares the parts are coloured by their share of the strain energy. `marks`: of places that are no
-    part of the robot, the node where each is drawn.
-    """
+    """A posture to show."""
 
     name: str
-    q: Array
-    wrench: Array
+    q: Array  # (A,): actuated values
+    wrench: Array  # (6,): on a node
     load_point: str
-    shares: Mapping[str, float] | None = None
-    marks: Mapping[str, str] = field(default_factory=dict)
+    shares: Mapping[str, float] | None = None  # of the parts; None: of the strain energy
+    marks: Mapping[str, str] = field(default_factory=dict)  # where shares of no part are drawn: a node each
 
 
 @dataclass(frozen=True)

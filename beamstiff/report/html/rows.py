@@ -14,6 +14,7 @@ from beamstiff.report.html.parts import (
     Figure,
     Section,
     axis,
+    chart_layout,
     label,
     numbers,
     plain_layout,
@@ -63,10 +64,7 @@ def minded(rows: Measurements, robot: Robot) -> list[str]:
 def row_figures(
     compared: Compared, names: tuple[str, str] = ("the model", "with the cause")
 ) -> list[Section]:
-    """Return the sections that show rows.
-
-    `names`: what the predictions are of, before and after.
-    """
+    """Return the sections that show rows; `names`: what the predictions before and after are of."""
     gaps = {"before": compared.gap(compared.before)}
     if compared.after is not None:
         gaps["after"] = compared.gap(compared.after)
@@ -105,13 +103,8 @@ def _residuals(compared: Compared, sizes: Sizes) -> Section:
             scatter(x, shared(f"size_{key}"), label(name), hover, (symbol, colour, 6), text=rows)
             for key, name, (symbol, colour) in zip(sizes.values, names, marks, strict=False)
         ]
-        layout = plain_layout(
-            340,
-            margin=MARGIN | {"t": LEGEND},
-            xaxis=axis("pose"),
-            yaxis=axis("size of the residual, mm", rangemode="tozero"),
-            showlegend=len(traces) > 1,
-        )
+        up = axis("size of the residual, mm", rangemode="tozero")
+        layout = chart_layout(340, LEGEND, axis("pose"), up, showlegend=len(traces) > 1)
         figures.append(Figure("residual-pose", "Over the poses", "", traces, layout))
     title = "Residuals, before and after" if compared.after is not None else "Residuals"
     text = "Measured minus predicted position. A pattern over load or posture is more than noise."

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff.report.html.cameras import CAMERAS, DIAGONAL
-from beamstiff.report.html.links import joint_lines, link_lines
+from beamstiff.report.html.links import CAMERAS, DIAGONAL, joint_lines, link_lines
 from beamstiff.report.html.parts import Figure, css, label, numbers, places, shared
 from beamstiff.report.html.robot_view import AROUND, FURTHER, RobotView, base_and_tool, lines, space
 from beamstiff.report.tables import Table, nice

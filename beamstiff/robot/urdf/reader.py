@@ -9,7 +9,6 @@ stands in elements `<beamstiff>`, which other readers pass over:
 """
 
 import os
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,6 @@ from beamstiff.robot.link_tree import (
     robot_of,
     springs_joined,
     stiffness_of,
-    with_stiffness,
 )
 from beamstiff.robot.placement import from_roll_pitch_yaw
 from beamstiff.robot.xml_text import Element, parse_xml
@@ -46,20 +44,12 @@ POSTURES = 5  # in which a URDF and the frames in its extension are compared
 SAME_PLACE = 1e-9  # rad, and of the machine's size
 
 
-def read_urdf(
-    path: str | os.PathLike[str], *, tcp: str | None = None, stiffness: Mapping[str, Any] | None = None
-) -> Robot:
-    """Return the robot of a URDF file.
-
-    `tcp` is the link whose origin is the TCP, by default what the extension names, else the only end of the
-    tree; `stiffness` that along or about the axis by joint, for joints that the file gives none.
-    """
-    return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp, stiffness=stiffness)
+def read_urdf(path: str | os.PathLike[str], *, tcp: str | None = None) -> Robot:
+    """Return the robot of a URDF file; `tcp`: the link of the TCP, else what the extension or tree says."""
+    return parse_urdf(read_text(os.fspath(path)), str(path), tcp=tcp)
 
 
-def parse_urdf(
-    text: str, name: str = "<text>", *, tcp: str | None = None, stiffness: Mapping[str, Any] | None = None
-) -> Robot:
+def parse_urdf(text: str, name: str = "<text>", *, tcp: str | None = None) -> Robot:
     """Return the robot of a URDF text; otherwise as `read_urdf`.
 
     >>> robot = parse_urdf('''<robot name="crane"><link name="foot"/><link name="arm"/>
@@ -71,8 +61,6 @@ def parse_urdf(
     """
     root = parse_xml(text, name)
     tree = springs_joined(whole := read_tree(root))
-    if stiffness:
-        tree = with_stiffness(tree, stiffness)
     extension, fragment = extension_of(root)
     for joint in tree.joints:
         if joint.stiffness and "joints" in fragment:
@@ -212,10 +200,7 @@ def extension_of(root: Element) -> tuple[Element | None, dict[str, Any]]:
 
 
 def disagreement(tree: Robot, robot: Robot) -> str:
-    """Return what differs between frames of the same name, or an empty text.
-
-    Passive variables count as free here: loops are not closed.
-    """
+    """Return what differs between frames of the same name, or nothing; loops are not closed here."""
     try:
         one, other = compile_frames(tree), compile_frames(robot)
     except BeamstiffError as error:

@@ -218,7 +218,7 @@ def _write_places(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping
 def _onto_axis(
     edits: _Edits, element: Element, joint: TreeJoint, rest: Array, motion: Array, tree: LinkTree
 ) -> Array:
-    """Return where the joint is at 0: a link in between where the axis misses the origin of the child.
+    """Return where the joint is at 0: a link in between where the axis misses the child's origin.
 
     A turn by R about an axis through c moves the origin by ``(1 - R) c``.
     """

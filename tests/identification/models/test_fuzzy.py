@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.identification.models.fuzzy import fit_fuzzy, solis_wets
-from beamstiff.identification.models.fuzzy_rules import build_readings, fit_conclusions, rapid_prototype
+from beamstiff.identification.models.fuzzy_rules import build_readings, fit_conclusions
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
 from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
@@ -72,14 +72,6 @@ def test_planted_conclusions_come_back(loads: int) -> None:
     error = (found - truth.system.conclusions)[:, :loads, :loads]
     # neighbours draw a little (SMOOTH), as a ten-thousandth of a reading does
     assert np.abs(error).max() < 3e-4 * np.abs(truth.system.conclusions[:, :loads, :loads]).max()
-
-
-def test_descent_ends_where_the_direct_solution_is() -> None:
-    table = rows(planted(PARTITION).predict, 60, noise=5e-5)
-    readings, firing = build_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
-    exact = fit_conclusions(readings, PARTITION, firing)
-    descent = fit_conclusions(readings, PARTITION, firing, method="gradient")
-    assert np.abs(exact - descent).max() < 1e-5 * np.abs(exact).max()
 
 
 def barely_definite(table: Measurements) -> tuple[np.ndarray, np.ndarray]:
@@ -143,17 +135,6 @@ def test_conclusions_that_are_definite_anyway_are_left_alone() -> None:
     readings, firing = build_readings(table, LENGTH, "n7"), PARTITION.firing(table.q)
     free, held = (fit_conclusions(readings, PARTITION, firing, positive=p) for p in (False, True))
     assert np.array_equal(free, held)
-
-
-def test_the_rapid_prototype_is_the_mean_of_readings_weighted_by_firing() -> None:
-    random = np.random.default_rng(2)
-    compliance = 1e-6 * random.uniform(1, 2, 40)
-    table = rows(lambda _, wrench: compliance[:, None] * wrench, 40, loads=1)
-    readings = build_readings(table, LENGTH, "n7")
-    firing = PARTITION.firing(table.q)
-    found = readings.matrices(rapid_prototype(readings, firing))[:, 0, 0]
-    weight = firing * table.wrench[:, :1] ** 2  # loads differ: a reading counts by how well it tells
-    assert np.allclose(found, (weight * compliance[:, None]).sum(axis=0) / weight.sum(axis=0), rtol=1e-6)
 
 
 def test_a_rule_that_no_reading_reaches_follows_its_neighbours() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from beamstiff import BeamstiffError
 from beamstiff.identification.identify import identify
-from beamstiff.identification.models.fuzzy_correction import fit_fuzzy_correction
+from beamstiff.identification.models.fuzzy import fit_fuzzy_correction
 from beamstiff.model.fuzzy_correction import FuzzyCorrection
 from beamstiff.model.fuzzy_inference import FuzzySystem, Partition
 from beamstiff.model.linear import predict_displacements

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Robot
 from beamstiff.calibration.corrected import corrected
-from beamstiff.identification.models.grid_kinematics import with_kinematics
+from beamstiff.identification.models.grid import with_kinematics
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.cube_kinematics import CubeDeviations, deviating, kinematic_parameters
 from beamstiff.model.grid import Cubes, GriddedStiffness, tcp_positions

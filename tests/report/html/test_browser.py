@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.report.html.cameras import DIAGONAL
+from beamstiff.report.html.links import DIAGONAL
 from tests.report.html.conftest import JOINT_NAME, KINDS, LINK_NAME, ROBOT_NAME
 
 QUICK = ("diagnosis", "identification", "exam")  # opened in every run, the others by `make slow`

@@ -1,0 +1,158 @@
+"""Tables beside the causes of a diagnosis: errors step by step, courses of drifts, what would have shown."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.diagnosis.decomposition.causes import Cause
+from beamstiff.diagnosis.decomposition.forms import shift_of
+from beamstiff.diagnosis.effects.external import clock
+from beamstiff.diagnosis.held_out.score import parts_of
+from beamstiff.diagnosis.notes import in_words
+from beamstiff.diagnosis.recalibration import Recalibration
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.smallest import Smallest
+from beamstiff.errors import counted, listed
+from beamstiff.report import diagnosis_words as words
+from beamstiff.report.tables import Column, Table, below, number, scale_of, table
+from beamstiff.report.verdict import rounded
+from beamstiff.se3 import Array
+
+TITLE = "Position error, RMS; each line adds to those above it"
+INTERVAL = "90 % interval"
+HIDDEN = 3  # places that are named
+REVEALED = "Smallest effects that data like these would reveal"
+DRIFT, PARTS = "thermal-drift", 5
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model, and the position error that it leaves."""
+
+    model: str
+    error: float  # m
+    cause: Cause | None = None  # that was added
+
+
+def steps(result: Diagnosis) -> list[Step]:
+    """Return the models from the robot file to all causes, what each leaves, and the noise floor."""
+    found, changed = result.decomposition, result.recalibration
+    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed)
+    if found is None:
+        if result.verdict.shrink is not None:
+            made.append(Step(f"with {words.causes(result)}", result.verdict.shrink.after))
+        made.append(Step("any elastic model", result.ceiling))
+    else:
+        made += [Step(f"and {in_words([one.key])}", one.rms_after, one) for one in found.causes]
+        if found.unclear:
+            undecided = counted(len(found.unclear), "undecided cause")
+            made.append(Step(f"and {undecided}", found.unclear[-1].rms_after))
+        made += [
+            Step(f"and {one.forms[0].component} (outside the library)", one.rms_after, one)
+            for one in found.unmodelled
+        ]
+    return [*made, Step("noise floor", result.noise)]
+
+
+def _fitted(changed: Recalibration) -> list[Step]:
+    """Return what the file leaves, and what its calibration leaves step by step."""
+    made = [Step("robot file, measuring frame fitted", changed.before)]
+    if rounded(changed.placed) != rounded(changed.before):
+        made.append(Step("and places of the reflectors", changed.placed))
+    if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):
+        return [*made, Step("and geometry", changed.after)]
+    return [*made, Step("and geometry", changed.stiff), Step("and stiffness of the drives", changed.after)]
+
+
+def steps_table(result: Diagnosis) -> Table:
+    """Return the position error of each step, and what is known of the cause that it adds."""
+    some = steps(result)
+    told = ["closes", INTERVAL, "probability"] if any(step.cause for step in some) else []
+    made = table(TITLE, "model", "error", *told)
+    for step in some:
+        cells = [step.model, f"{1e3 * step.error:.3f} mm"]
+        if (cause := step.cause) is not None:
+            cells[0] = "\n    or ".join([step.model, *(in_words([one]) for one in cause.indistinguishable)])
+            cells += [words.percent(cause.closes), words.percents(cause.closes_interval)]
+            cells.append(words.chance(cause.probability))
+        made.add_row(*cells)
+    return made
+
+
+def smallest_table(result: Diagnosis) -> Table:
+    """Return, an effect a row, how large it would have had to be where it shows best, and where worst.
+
+    On a console an effect and its parameter stand in one cell, so that the table fits into 80 columns.
+    """
+    heads = [("effect", "page"), ("effect, its parameter", "console"), ("parameter", "page")]
+    heads += [("size where it shows best", ""), ("where it shows worst", "")]
+    made = table(REVEALED, *(Column(name, left=True, only=only) for name, only in heads))
+    for effect, some in _by_effect(result).items():
+        if seen := sorted((one for one in some if not one.hidden), key=lambda one: one.size):
+            name, last = seen[0].parameter.name, _said(seen[-1]) if len(seen) > 1 else "-"
+            made.add_row(effect, below(effect, name), name, _said(seen[0]), last)
+    return made
+
+
+def hidden_text(result: Diagnosis) -> str:
+    """Return, in words, which effects of a realistic size these rows would not have shown, and where."""
+    each = []
+    for effect, some in _by_effect(result).items():
+        names = [one.key.partition(":")[2] for one in some if one.hidden]
+        if names:
+            each.append(effect + (f" at {listed(names, HIDDEN)}" if len(names) < len(some) else ""))
+    return f"These rows would show no realistic size of: {'; '.join(each)}." if each else ""
+
+
+def _by_effect(result: Diagnosis) -> dict[str, list[Smallest]]:
+    found: dict[str, list[Smallest]] = {}
+    for one in result.smallest:
+        found.setdefault(one.key.partition(":")[0], []).append(one)
+    return found
+
+
+def _said(one: Smallest) -> str:
+    factor, unit = scale_of([one.size], one.parameter.unit)
+    place = one.key.partition(":")[2]
+    return f"{factor * one.size:.2g} {unit}" + ("" if place == "null" else f" at {place}")
+
+
+def drift_tables(result: Diagnosis) -> Iterator[Table]:
+    """Yield the course of each drift that was found: its mean over each part of the campaign."""
+    rows = result.baseline.rows
+    timed = bool(np.isfinite(rows.time).all())
+    along, unit = (rows.time, "s") if timed else (rows.temperature, "degC")
+    order = clock(result.baseline) if timed else along  # each table starts its clock again
+    parts = np.array_split(np.argsort(order, kind="stable"), min(PARTS, len(rows)))
+    named = timed and len(rows.sources) > 1
+    for shape, moved in _drifts(result):
+        means = np.array([1e3 * moved[part, :3].mean(axis=0) for part in parts])
+        if absolute := result.baseline.absolute:  # the base frame takes up what all rows have
+            means -= means[0]
+        what = "positions, against the first" if absolute else "displacements"
+        how = re.sub(r"(within|lagging by) ([\d.]+)", r"\1 \2 of the campaign", shape)
+        title = f"Course of {DRIFT} ({how}): what it adds to the {what}, mm, base frame"
+        made = table(title, "from", "to", "x", "y", "z")
+        for part, mean in zip(parts, means, strict=True):
+            ends = (
+                f"{f'{rows.sources[rows.run[at]]}: ' if named else ''}{number(float(along[at]))} {unit}"
+                for at in (part[0], part[-1])
+            )
+            made.add_row(*ends, *(f"{value + 0.0:.3f}" for value in mean.tolist()))
+        yield made
+
+
+def _drifts(result: Diagnosis) -> Iterator[tuple[str, Array]]:
+    """Yield the likeliest shape of each drift that was found, and what it adds to the rows, (N, 6)."""
+    found = result.decomposition
+    if found is not None:
+        for cause in found.causes:
+            if cause.forms[0].effect == DRIFT:
+                yield cause.shape, shift_of(cause.forms, cause.theta, len(result.baseline.rows))
+    elif result.fits:
+        named = [one for one in (result.verdict, result.also) if one is not None and one.effect != "outliers"]
+        for one, moved in zip(named, parts_of(result.linear, result.fits), strict=False):
+            if one.effect == DRIFT:
+                yield one.shape, moved
