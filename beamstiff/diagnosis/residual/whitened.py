@@ -180,7 +180,7 @@ def _axes(
 
 
 def _by_place(values: Array, vectors: Array) -> Array:
-    """Return eigenvectors (B, m, m) of which those of equal eigenvalues (B, m) are told apart by their place.
+    """Return eigenvectors (B, m, m), those of equal eigenvalues (B, m) turned to be in order of their place.
 
     Rounding would turn them among themselves, and with them what a robust scale takes for large.
     """
