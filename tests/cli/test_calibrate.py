@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import load_robot, read_measurements, save_robot, write_measurements
+from beamstiff import Robot, load_robot, read_measurements, save_robot, write_measurements
 from beamstiff.calibration.corrected import corrected
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.coupling import frame_expressions
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.cli.conftest import Refused, Run
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import load_robot, read_measurements
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot, read_measurements
 from beamstiff.functions.convert import with_joint_stiffness
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.cli.conftest import Refused, Run

@@ -4,8 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import load_robot, read_measurements
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot, read_measurements
 from tests.cli.conftest import Refused, Run
 
 CRANE = ("plan", "crane.yaml", "--candidates", "40")

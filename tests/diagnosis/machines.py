@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff import Robot, load_robot
+from beamstiff import Beam, JointStiffness, Mass, Material, Robot, Section, load_robot
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Beam, JointStiffness, Mass, Material
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.arms import planar_arm
 

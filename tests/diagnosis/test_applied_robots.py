@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.robot.library import robot_names
+from beamstiff import load_robot, robot_names
 from benchmarks.applied_effects import APPLIED, ARMS, COMMANDS, RANDOM, Case, case_of, source_of, taken
 
 GROUPS = [("kr240-2", APPLIED[at::3]) for at in range(3)] + [

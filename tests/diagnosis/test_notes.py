@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import diagnose
+from beamstiff import Mass, diagnose
 from beamstiff import predict as predicted
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.notes import MASSLESS, notes, notes_of_verdict, unloaded, unstated_loads
@@ -12,7 +12,6 @@ from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
 from beamstiff.diagnosis.residual.screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.parts import Mass
 from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, kr240, nominal, rows_of
 
 SILENCE = Library((), ())

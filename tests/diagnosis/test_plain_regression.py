@@ -2,13 +2,12 @@ import dataclasses
 
 import numpy as np
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.plain_regression import plain_bic
 from beamstiff.exam.campaign import Truth
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.simulate import simulate
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
 from tests.exam.campaigns import drawn, without_weight
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.diagnosis.plain_stepwise import PlainStepwise, plain_stepwise
 from beamstiff.exam.blind import unmeasured
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
@@ -13,7 +13,6 @@ from beamstiff.exam.crowded.blind import true_closing
 from beamstiff.exam.designs import draw_crowded
 from beamstiff.exam.simulate import simulate
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
 
 CURVE = Truth("angle-curve", "q2", "order", {"amplitude": 5e-4, "order": 1.0, "phase": 0.3, "second": 0.0})
 LOST = Truth("approach-direction", "q1", "flank", {"half": 1e-4, "first": 1.0, "way": 1.0})

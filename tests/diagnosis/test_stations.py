@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import diagnose, predict
+from beamstiff import BeamstiffError, diagnose, predict
 from beamstiff.diagnosis.residual.baseline import nominal_pose
-from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.reader import parse_robot
 from beamstiff.se3 import rotation_from_vector

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.exam.designs import reachable, simulated_alike
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.robots import with_closed_guesses
 from beamstiff.functions.examine import _asked, examine
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.robot.machines import LAMBDA2, slider_crank
 

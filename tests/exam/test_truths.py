@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.forms import AUTHORS, EFFECTS, INSIDE, OUTSIDE, author_of, components, draw_truth, resized
@@ -17,7 +16,6 @@ from beamstiff.exam.names import LATER
 from beamstiff.exam.parameters import DrawRequest
 from beamstiff.exam.robots import exam_robot
 from beamstiff.exam.simulate import simulate
-from beamstiff.robot.description import Robot
 from tests.exam.campaigns import campaign_of, drawn, loaded_robot, random_poses, read, without_weight
 
 FORMS = [(effect.name, form) for effect in (*INSIDE, *OUTSIDE) for form in effect.forms]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.forms import EFFECTS, came_to_rest, components
 from beamstiff.se3 import Array

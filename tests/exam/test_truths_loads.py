@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.forms.author3.structure import eyes
-from beamstiff.robot.description import Robot
 from tests.exam.campaigns import campaign_of, changed, drawn, random_loads
 from tests.exam.kr240 import XYZ, linear, more, serial, tcp_axes, tcp_places, vector
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from beamstiff import Beam, Material, Section
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.forms.author2.structure import strutted
 from beamstiff.exam.forms.author3.structure import carriage, girder
-from beamstiff.robot.parts import Beam, Material
-from beamstiff.robot.sections import Section
 from tests.exam.campaigns import LONG, STIFF, arm, campaign_of, changed, drawn, pushed, read
 from tests.exam.closed_forms import CLOSED_FORMS, FIRST_ORDER, TIP, ClosedForm, Parameters, Z
 

@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
+from beamstiff import Material, Robot, Section
 from tests.fem.builders import FREE, RIGID, frame
 from tests.fem.reference_frame import ReferenceFrame
 

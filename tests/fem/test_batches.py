@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from beamstiff import compile_structure, robot_names
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.geometry import place
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports
 from beamstiff.robot.kinematics import Posture, posture
-from beamstiff.robot.library import robot_names
 from beamstiff.robot.reader import load_robot
 from tests.fem.builders import at_rest, screw, some_rotation
 from tests.fem.random_frames import machine_frame

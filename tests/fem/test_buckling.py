@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Material, Robot, Section
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.fem.builders import FREE, RIGID, at_rest, frame, solve, some_rotation, turned
 

@@ -8,13 +8,11 @@ the loop equations (Gosselin, Stiffness mapping for parallel manipulators, IEEE 
 import numpy as np
 import pytest
 
+from beamstiff import Robot, compile_structure, robot_names
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, twist_jacobian
-from beamstiff.robot.library import robot_names
 from beamstiff.robot.parts import JOINT_DIRECTIONS, STIFFNESS_KINDS, Rigid
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.sections import section_properties

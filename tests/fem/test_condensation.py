@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, event, example, given, settings
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance, tcp_stiffness
@@ -19,7 +19,6 @@ from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
 from tests.fem.builders import FREE, RIGID, at_rest, compliance, frame, relative_error
 from tests.fem.random_frames import RandomFrame, beam_frame, machine_frame
 from tests.fem.test_identities import FIRM, TOLERANCE, closing, machine, seeds, sizes

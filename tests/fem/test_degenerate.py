@@ -15,12 +15,9 @@ import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Material, Robot, compile_structure
 from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
 from tests.fem.builders import (
     FREE,
     RIGID,

@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Material, Section, compile_structure
 from beamstiff.fem.condensation import condense, tcp_compliance, tcp_stiffness
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
 from tests.fem.builders import FREE, RIGID, at_rest, compliance, displacement, frame, solve
 
 HINGE = (RIGID, RIGID, FREE, RIGID)

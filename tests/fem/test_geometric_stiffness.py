@@ -8,16 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, Section, Variable, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
-from beamstiff.robot.parts import Variable
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.fem.builders import (
     FREE,

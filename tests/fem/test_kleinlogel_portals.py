@@ -7,9 +7,8 @@ ones. The formulas leave the members' extension out; so does a rigid strut besid
 import numpy as np
 import pytest
 
+from beamstiff import Robot, Section
 from beamstiff.fem.response import Response
-from beamstiff.robot.description import Robot
-from beamstiff.robot.sections import Section
 from tests.fem.builders import FREE, RIGID, STEEL, frame, solve
 
 WIDTH, HEIGHT = 3.2, 2.1

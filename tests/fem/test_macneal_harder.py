@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from beamstiff import Material, Robot, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section, section_properties
 from tests.fem.builders import at_rest, frame
 

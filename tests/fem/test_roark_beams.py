@@ -9,8 +9,7 @@ I, art. 39).
 import numpy as np
 import pytest
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.sections import Section
+from beamstiff import Robot, Section
 from tests.fem.builders import FREE, RIGID, SECTION, SHEAR_SECTION, STEEL, displacement, frame, solve
 
 LENGTH, FORCE = 2.4, 700.0

@@ -11,13 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Joint, Node, Rigid, Robot, Variable
 from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
-from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
 from tests.fem.builders import FREE, stiffness
 
 TOLERANCE = 1e-10

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, compile_structure
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric_stiffness import loaded_compliance
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports
 from tests.fem.builders import SECTION, STEEL, at_rest, frame
 from tests.fem.exact_frame import exact_compliance

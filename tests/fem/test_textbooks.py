@@ -7,8 +7,7 @@ Ferreira, MATLAB Codes for Finite Element Analysis; Kassimali, Matrix Analysis o
 import numpy as np
 import pytest
 
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
+from beamstiff import Material, Section
 from tests.fem.builders import displacement, frame
 
 

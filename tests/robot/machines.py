@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Frame, Loop, Node, Rigid, Variable
+from beamstiff import Frame, Loop, Node, Rigid, Robot, Variable
 from tests.robots.slider_cranks import arctangent, marie_theta
 
 Array = NDArray[np.float64]

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Loop, Node, Robot
 from beamstiff.robot.closure import assembly_doubts, close_loops, every_assembly
-from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics, compile_frames
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.loops import loop_equations, loop_system
-from beamstiff.robot.parts import Frame, Loop, Node
 from beamstiff.robot.reader import load_robot, parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from tests.robot.machines import (

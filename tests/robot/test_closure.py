@@ -8,13 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Loop, Node, Robot
 from beamstiff.robot.closure import GRID, assembly_doubts, close_loops, closure_rates
-from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, posture, posture_at, twist_jacobian
 from beamstiff.robot.loops import loop_equations, loop_system, recorded
-from beamstiff.robot.parts import Frame, Loop, Node
 from beamstiff.robot.reader import load_robot
 from tests.robot.machines import (
     BENNETT,

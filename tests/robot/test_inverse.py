@@ -6,11 +6,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Frame, Robot
 from beamstiff.robot.inverse import InverseResult, inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.parts import Frame
 from beamstiff.se3 import vector_from_rotation
 from tests.robot.machines import (
     D2,

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Frame, Node, Robot, Variable
 from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import (
     actuated_values,
@@ -17,7 +16,6 @@ from beamstiff.robot.kinematics import (
     posture,
     twist_jacobian,
 )
-from beamstiff.robot.parts import Frame, Node, Variable
 from beamstiff.se3 import rotate_screw, vector_from_rotation
 from tests.robot.machines import (
     bennett,

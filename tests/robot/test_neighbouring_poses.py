@@ -6,10 +6,9 @@ from which the lengths of the legs follow; a way of poses leads from one to anot
 
 import numpy as np
 
+from beamstiff import Frame, Loop, Node, Robot
 from beamstiff.robot.closure import close_loops
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at
-from beamstiff.robot.parts import Frame, Loop, Node
 from tests.robot.machines import Array, machine, prismatic, revolute
 
 FEET = np.array([[0.0, 0.0], [1.591, 0.0], [0.0, 1.0]])

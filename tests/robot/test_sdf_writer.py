@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from typer.testing import CliRunner
 
-from beamstiff import compile_structure, load_robot, posture, save_robot, tcp_compliance
+from beamstiff import Robot, compile_structure, load_robot, posture, save_robot, tcp_compliance
 from beamstiff.cli.main import app
-from beamstiff.robot.description import Robot
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.sdf import parse_sdf

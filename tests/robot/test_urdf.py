@@ -10,9 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff import load_robot, robot_names, save_robot
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Robot, load_robot, robot_names, save_robot
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.reader import parse_robot

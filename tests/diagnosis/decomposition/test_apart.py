@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import diagnose, load_robot
+from beamstiff import Robot, diagnose, load_robot
 from beamstiff.diagnosis.decomposition.apart import places_apart, rows_apart
 from beamstiff.diagnosis.decomposition.decompose import OPEN, _opened
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
 from tests.diagnosis.decomposition.test_decompose import UR10, read
 from tests.diagnosis.planted import base_compliance, campaign, kr240, plan
 

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot
-from beamstiff.robot.parts import Joint, JointStiffness, Node
+from beamstiff import Joint, JointStiffness, Node, Robot
 from tests.diagnosis.machines import (
     arm_at,
     at_random,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Robot, Strut, load_robot
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
@@ -13,7 +13,6 @@ from beamstiff.diagnosis.effects.free_length import NAME, screws
 from beamstiff.diagnosis.residual.baseline import Baseline, predict
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import twist_jacobian
-from beamstiff.robot.parts import Strut
 from tests.diagnosis.machines import POSITION, at_random, by_compliance_of, close, nominal, rows_of, shape_of
 from tests.robots.machine import at, inside, values
 from tests.robots.slider_cranks import lever_arm

@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
 
+from beamstiff import Beam, Material, Node, Section
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.link_bending import GAUSS, flexibility
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.parts import Beam, Material, Node
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import (
     arm_at,

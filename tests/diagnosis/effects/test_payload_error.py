@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff import Robot
+from beamstiff import Mass, Robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Mass
 from tests.diagnosis.machines import arm_at, at_random, close, elbow, kr240, nominal, rows_of, shape_of
 
 GRAVITY = (1.0, -2.0, -9.5)  # of a machine that stands askew

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff import BeamstiffError, Mass
 from beamstiff.diagnosis.effects.three_point_mount import (
     NAMES,
     Seats,
@@ -15,8 +16,6 @@ from beamstiff.diagnosis.effects.three_point_mount import (
     seats_of,
 )
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.parts import Mass
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import (
     POSITION,

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot
+from beamstiff import Node, Rigid, Robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Node, Rigid
 from tests.diagnosis.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of, unexplained
 
 OFFSET = 0.05

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot
+from beamstiff import Node, Rigid, Robot
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.held_out.score import Weighted, fitted
 from beamstiff.diagnosis.inference.library import build_library
@@ -13,7 +13,6 @@ from beamstiff.diagnosis.residual.baseline import around, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Node, Rigid
 from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
 from tests.diagnosis.planted import REAL, bearing_tilt, campaign, plan
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Beam, Frame, Material, Node, Rigid, Robot, Strut, Variable, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.residual.internal_wrench import across, find_places, has_loops
@@ -11,7 +11,6 @@ from beamstiff.diagnosis.residual.place import Place
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
-from beamstiff.robot.parts import Beam, Frame, Material, Node, Rigid, Strut, Variable
 from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import FORE, UPPER, at_random, bent, by_compliance_of, elbow, kr240, rows_of

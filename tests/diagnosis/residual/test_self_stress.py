@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, null_space
 
-from beamstiff import Robot, load_robot
+from beamstiff import Frame, Node, Robot, Strut, load_robot
 from beamstiff.diagnosis.inference.library import Library, build_library
 from beamstiff.diagnosis.notes import undetermined_at
 from beamstiff.diagnosis.residual.baseline import nominal_pose
@@ -19,7 +19,6 @@ from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.fields import FREE, RIGID
-from beamstiff.robot.parts import Frame, Node, Strut
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from benchmarks.rigid_loops import elastic_twin, rigid_four_bar
 from tests.arms import planar_arm

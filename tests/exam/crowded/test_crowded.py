@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot
 from beamstiff.exam.blind import Examiner
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.cases import Exam
@@ -19,7 +19,6 @@ from beamstiff.exam.crowded.record import EXAMINED, CrowdedLabel, CrowdedRecord,
 from beamstiff.exam.run import CROWDED, read_results, run_cases, run_exam
 from beamstiff.exam.sizes import true_rows
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
 
 COUNT = 5
 EXAM = CrowdedExam(seed=5, shares={"crowded": 2, "outside": 1, "geometry": 1, "clean": 1})

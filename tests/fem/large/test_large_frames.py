@@ -7,14 +7,13 @@ import pytest
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.large import dissection, memory, solvers
 from beamstiff.fem.large.dissection import dissect
 from beamstiff.fem.large.frame import Frame, frame_stiffness, nodal_forces
 from beamstiff.fem.large.multifrontal import Softness, factorise, make_plan
 from beamstiff.fem.large.solvers import frame_plan, interface_compliance, solve_frame
-from beamstiff.fem.structure import compile_structure
 from beamstiff.se3 import displacement_transport
 from benchmarks.lattice import cube, lattice, slender, tip
 from tests.fem.builders import at_rest, robot_of
