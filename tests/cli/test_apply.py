@@ -104,9 +104,7 @@ def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
     assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr
 
 
-def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_one(
-    succeed: Run, folder: Path
-) -> None:
+def test_a_robot_with_a_cause_that_is_just_likeliest_is_said_to_be_one(succeed: Run, folder: Path) -> None:
     few = crane_with_backlash(1).splitlines()[:26]
     (folder / "few.csv").write_text("\n".join(few))
     result = succeed("diagnose", "crane.yaml", "few.csv", "--apply", "perhaps.yaml", "--json", "said.json")

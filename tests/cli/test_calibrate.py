@@ -77,9 +77,7 @@ def test_people_get_parameters_what_they_look_like_and_errors(run: Run, told: Ru
     assert f"{len(facts['silent'])} without influence on the readings" in text
 
 
-def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
-    run: Run, succeed: Run, folder: Path, arm: str
-) -> None:
+def test_the_tracker_may_stand_anywhere(run: Run, succeed: Run, folder: Path, arm: str) -> None:
     robot = load_robot(folder / arm)
     rows = read_measurements(folder / "poses.csv", robot)
     turned = rows.position @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [5.0, -3.0, 0.2]
@@ -96,9 +94,7 @@ def test_the_tracker_may_stand_anywhere_and_readings_come_out_in_the_base_frame(
     assert facts["held_out"] is None
 
 
-def test_a_table_that_is_not_fitted_is_moved_into_the_base_frame_found(
-    run: Run, succeed: Run, folder: Path, arm: str
-) -> None:
+def test_another_table_is_moved_into_the_base_frame(run: Run, succeed: Run, folder: Path, arm: str) -> None:
     robot = load_robot(folder / arm)
     away = np.array([5.0, -3.0, 0.2])
     for name in ("poses", "fresh"):

@@ -83,9 +83,7 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
     assert "There is no before and after" not in said
 
 
-def test_verify_of_effects_that_help_but_leave_much_sends_to_all_rows_together(
-    run: Run, folder: Path
-) -> None:
+def test_verify_of_effects_that_leave_much_sends_to_all_rows_together(run: Run, folder: Path) -> None:
     effect = (
         "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
         "parameters: {half_width: 0.1 mrad}, scales: {torque: 700}}]\n"

@@ -36,9 +36,7 @@ def data(folder: Path) -> str:
     return "data.csv"
 
 
-def test_models_are_shown_by_what_was_held_out_and_by_load_and_are_the_same_again(
-    run: Run, told: Run, folder: Path, data: str
-) -> None:
+def test_models_are_shown_by_held_out_rows_and_by_load(run: Run, told: Run, folder: Path, data: str) -> None:
     result = run("compare", "ir663", data, "--seed", "3", "--json", "one.json")
     assert (result.exit_code, result.stderr) == (0, "")
     both = json.loads((folder / "one.json").read_text()), told("compare", "ir663", data, "--seed", "3")
@@ -90,9 +88,7 @@ def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
         (["--parameters", "J99.bending"], "no stiffness parameter 'J99.bending'"),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_one_line(
-    refused: Refused, data: str, options: list[str], message: str
-) -> None:
+def test_what_cannot_be_is_refused(refused: Refused, data: str, options: list[str], message: str) -> None:
     refused(["compare", "ir663", data, *options], message)
 
 

@@ -32,9 +32,7 @@ def urdf(folder: Path) -> Path:
 
 
 @pytest.mark.usefixtures("urdf")
-def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(
-    succeed: Run, folder: Path
-) -> None:
+def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_fitted(succeed: Run, folder: Path) -> None:
     stiff = ("--joint-stiffness", "5e5 N*m/rad")
     succeed("convert", "crane.urdf", *stiff, "--out", "start.yaml")
     assert load_robot("start.yaml").unmeasured == ("q1.torsional",)
@@ -141,9 +139,7 @@ def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path)
         (("nothing.urdf", "--out", "x.yaml"), "nothing.urdf: no such file"),
     ],
 )
-def test_bad_input_ends_with_one_line_and_code_2(
-    refused: Refused, arguments: tuple[str, ...], message: str
-) -> None:
+def test_bad_input_ends_with_a_line_and_2(refused: Refused, arguments: tuple[str, ...], message: str) -> None:
     Path("classic.csv").write_text(
         "# convention: classic\ntheta [deg],d [mm],a [mm],alpha [deg]\nq1,0,600,0\n"
     )

@@ -117,7 +117,5 @@ def test_the_deformed_structure_is_written_for_paraview(run: Run, folder: Path) 
         (("--vtu", "crane.csv"), "would overwrite the input crane.csv"),
     ],
 )
-def test_a_structure_that_cannot_be_written_is_refused(
-    refused: Refused, options: tuple[str, ...], message: str
-) -> None:
+def test_structures_that_are_refused(refused: Refused, options: tuple[str, ...], message: str) -> None:
     refused(["deflect", "crane.yaml", "crane.csv", *options], message)

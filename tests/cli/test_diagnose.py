@@ -25,9 +25,7 @@ LOAD_CYCLE = "\n".join(
 )
 
 
-def test_a_diagnosis_is_printed_its_limits_on_stderr_and_its_json_is_the_same_again(
-    run: Run, succeed: Run, folder: Path
-) -> None:
+def test_a_diagnosis_is_printed_with_its_limits_and_repeats(run: Run, succeed: Run, folder: Path) -> None:
     result = succeed("diagnose", "crane.yaml", "crane.csv", "--seed", "3", "--json", "out.json")
     for part in (
         "Too few rows to say anything",
@@ -73,9 +71,7 @@ def test_what_to_measure_next_is_a_table_to_fill_in(cycle: Path) -> None:
     assert (rows.q <= high).all()
 
 
-def test_what_was_measured_next_is_diagnosed_with_what_was_measured_before(
-    run: Run, folder: Path, cycle: Path
-) -> None:
+def test_what_was_measured_next_is_diagnosed_with_the_rest(run: Run, folder: Path, cycle: Path) -> None:
     sigma, header, *lines = LOAD_CYCLE.splitlines()
     halves = {"first.csv": lines[:10], "then.csv": lines[10:]}
     for name, some in halves.items():
@@ -102,9 +98,7 @@ def test_where_positions_were_measured_positions_are_proposed(succeed: Run, fold
     assert set(np.abs(rows.wrench).max(axis=1)) == {0.0, 50.0, 100.0}
 
 
-def test_where_there_is_nothing_to_propose_that_is_said_and_the_diagnosis_stands(
-    succeed: Run, folder: Path
-) -> None:
+def test_where_there_is_nothing_to_propose_the_diagnosis_stands(succeed: Run, folder: Path) -> None:
     (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
     others = ",".join(name for name in EFFECTS if name != "backlash")
     named = ["--without", others, "--next", "next.csv", "--json", "out.json"]
@@ -136,9 +130,7 @@ def test_effects_ruled_out_by_other_means_are_no_candidates(told: Run, cycle: Pa
         (["elbow.csv"], "q2"),
     ],
 )
-def test_what_cannot_be_diagnosed_is_refused_in_one_line(
-    refused: Refused, folder: Path, arguments: list[str], message: str
-) -> None:
+def test_bad_input_is_refused(refused: Refused, folder: Path, arguments: list[str], message: str) -> None:
     (folder / "empty.csv").write_text("q1,fy,dx,dy,dz\n")
     (folder / "elbow.csv").write_text("q2,fy,dx,dy,dz\n0,100,0,1e-3,0\n")
     refused(["diagnose", "crane.yaml", *arguments], message)
@@ -188,9 +180,7 @@ q1 [deg],fx,fy,dx [mm],dy [mm]
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
-def test_mistakes_of_the_table_are_the_first_words_of_every_command(
-    run: Run, told: Run, folder: Path, command: str
-) -> None:
+def test_mistakes_of_a_table_are_said_first(run: Run, told: Run, folder: Path, command: str) -> None:
     (folder / "bad.csv").write_text(REVERSED.replace("q1 [deg]", "q1"))
     lines = run(command, "crane.yaml", "bad.csv").stderr.splitlines()
     assert "bad.csv: the tool moved against its load in 3 of 4 rows" in lines[0]

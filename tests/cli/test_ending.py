@@ -212,9 +212,7 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
 
 
 @pytest.mark.parametrize(("stated", "expected"), [(None, "1"), ("3", "3")])
-def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(
-    stated: str | None, expected: str
-) -> None:
+def test_linear_algebra_has_one_thread_unless_told_otherwise(stated: str | None, expected: str) -> None:
     code = (
         "import os, sys; from beamstiff.cli.main import app; "
         "app(['--version'], standalone_mode=False); "

@@ -228,8 +228,6 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         (["metres.csv"], ["conflicting units?", "metres.csv", "crane.csv"]),
     ],
 )
-def test_what_makes_no_sense_is_refused(
-    refused: Refused, folder: Path, arguments: list[str], says: list[str]
-) -> None:
+def test_nonsense_is_refused(refused: Refused, folder: Path, arguments: list[str], says: list[str]) -> None:
     (folder / "metres.csv").write_text((folder / "crane.csv").read_text().replace(" [mm]", ""))
     refused(["identify", "crane.yaml", "crane.csv", *arguments], says)

@@ -70,9 +70,7 @@ def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
 STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
 
 
-def test_states_are_proposed_within_the_measured_range_of_a_length_without_limits(
-    succeed: Run, folder: Path
-) -> None:
+def test_states_are_proposed_within_the_measured_range_of_a_free_length(succeed: Run, folder: Path) -> None:
     q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
     ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
     given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])

@@ -79,9 +79,7 @@ def test_what_cannot_be_identified_is_told_and_the_rest_is_planned(succeed: Run,
 
 
 @pytest.mark.parametrize("criterion", ["D", "a", "E"])
-def test_people_see_errors_certificate_random_choices_and_how_many_are_enough(
-    succeed: Run, criterion: str
-) -> None:
+def test_people_see_errors_certificate_and_how_many_are_enough(succeed: Run, criterion: str) -> None:
     result = succeed("plan", "ir663", "--candidates", "80", "--criterion", criterion)
     assert result.stderr == "note: --out FILE writes the tests as a table to fill in\n"
     text = " ".join(result.stdout.split())
@@ -143,9 +141,7 @@ def test_the_region_holds_the_tcp(told: Run) -> None:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )
-def test_a_plan_that_cannot_be_is_refused_in_one_line(
-    refused: Refused, options: list[str], says: list[str]
-) -> None:
+def test_a_plan_that_cannot_be_is_refused(refused: Refused, options: list[str], says: list[str]) -> None:
     refused([*CRANE, "--out", "plan.csv", *options], says)
 
 

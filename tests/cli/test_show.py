@@ -137,9 +137,7 @@ def test_a_robot_is_shown_to_people(run: Run) -> None:
         assert part in text
 
 
-def test_a_large_robot_is_cut_for_people_and_whole_in_json(
-    run: Run, facts: Callable[..., Any], folder: Path
-) -> None:
+def test_a_large_robot_is_cut_for_people_alone(run: Run, facts: Callable[..., Any], folder: Path) -> None:
     count = 100
     nodes = "".join(f"  - {{name: n{at}, at: [{at}, 0, 0]}}\n" for at in range(count))
     beams = "".join(

@@ -168,9 +168,7 @@ def test_without_joint_values_the_posture_is_that_of_show_within_the_limits(succ
 
 
 @pytest.mark.parametrize("preload", [False, True])
-def test_a_robot_with_drive_springs_only_has_a_compliance_and_its_rigid_wrenches_move_nothing(
-    succeed: Run, preload: bool
-) -> None:
+def test_with_drive_springs_only_rigid_wrenches_move_nothing(succeed: Run, preload: bool) -> None:
     result = succeed("stiffness", "kr240-2", "--q", "q1=0", *(["--preload"] if preload else []))
     assert "Rigid: the TCP is not displaced by mx (N, N m)" in result.stdout
     assert "Stiffness at the TCP" not in result.stdout

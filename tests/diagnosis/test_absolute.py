@@ -89,9 +89,7 @@ def test_a_rigid_robot_that_does_not_give_way_is_in_order(told: dict[int | None,
 
 
 @pytest.mark.parametrize("joint", [2, 3])
-def test_a_joint_that_gives_way_under_its_own_weight_is_named(
-    told: dict[int | None, Diagnosis], joint: int
-) -> None:
+def test_a_joint_that_gives_way_under_weight_is_named(told: dict[int | None, Diagnosis], joint: int) -> None:
     found = told[joint]
     assert found.verdict.key == f"joint-compliance:q{joint}"
     [compliance] = found.verdict.estimates

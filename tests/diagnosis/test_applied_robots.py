@@ -33,9 +33,7 @@ def check(tmp_path: Path, *cases: Case) -> None:
 
 
 @pytest.mark.parametrize(("name", "effects"), GROUPS)
-def test_what_is_written_is_taken_by_all_that_reads_robots(
-    tmp_path: Path, name: str, effects: tuple[str, ...]
-) -> None:
+def test_what_is_written_is_taken_by_all_readers(tmp_path: Path, name: str, effects: tuple[str, ...]) -> None:
     """Several effects at once, in one file each kind of rows."""
     found = [case for effect in effects if (case := case_of(name, effect)) is not None]
     for absolute in {case.absolute for case in found}:

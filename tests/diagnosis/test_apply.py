@@ -84,9 +84,7 @@ def diagnosed(effect: str) -> Diagnosis:
 
 
 @pytest.mark.parametrize(("effect", "component"), CAUSES)
-def test_the_robot_written_has_the_effect_and_the_stiffness_beside_it(
-    effect: str, component: str | None
-) -> None:
+def test_the_robot_written_has_the_effect_and_its_stiffness(effect: str, component: str | None) -> None:
     result = diagnosed(effect)
     assert (result.verdict.effect, result.verdict.component) == (effect, component)
     robot = parse_robot(robot_to_yaml(extended(result)))

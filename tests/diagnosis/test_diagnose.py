@@ -168,9 +168,7 @@ def absolute(error: np.ndarray, q: np.ndarray) -> Diagnosis:
     ("component", "joint", "parameter", "size"),
     [("q3", 2, "theta", 8e-4), ("f4.r", 3, "r", 3e-4), ("f3.alpha", 2, "alpha", 8e-4)],
 )
-def test_errors_of_the_geometry_are_named_from_absolute_poses(
-    component: str, joint: int, parameter: str, size: float
-) -> None:
+def test_errors_of_geometry_are_named(component: str, joint: int, parameter: str, size: float) -> None:
     q = at_random(kr240(), 40, seed=3).q
     arm, built = arm_at(q), arm_at(q, (joint, parameter, size))
     turned = Rotation.from_matrix(built.tool) * Rotation.from_matrix(arm.tool).inv()

@@ -191,9 +191,7 @@ def millimetres(torque: Array) -> None:
         (millimetres, "tau_q2 is not used: it changes 1e+03 times as much"),
     ],
 )
-def test_readings_that_say_nothing_are_left_out_with_the_reason(
-    change: Callable[[Array], None], why: str
-) -> None:
+def test_readings_that_say_nothing_are_left_out_and_why(change: Callable[[Array], None], why: str) -> None:
     said = measured_torques(ROBOT, changed(change))
     assert why in told(said)
     assert "tau_q1 is not used: weight and loads make it hold the same everywhere" in told(said)

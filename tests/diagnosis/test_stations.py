@@ -59,9 +59,7 @@ def test_displacements_know_no_stand() -> None:
         diagnose(lift(), moved, stations=True)
 
 
-def test_few_readings_far_from_the_base_frame_have_the_base_fitted_and_nothing_else(
-    tables: list[Measurements],
-) -> None:
+def test_few_readings_far_from_the_base_frame_have_the_base_fitted_alone(tables: list[Measurements]) -> None:
     found = diagnose(lift(), tables[1])
     assert found.to_dict()["gap"]["rms_mm"] < 10.0
     assert found.verdict.key == "link-bending:column"

@@ -51,9 +51,7 @@ def test_every_effect_of_the_table_has_a_truth_and_several_lie_outside_it() -> N
 
 @pytest.mark.parametrize("name", ["kr240-2", "random-arm", "ir663"])
 @pytest.mark.parametrize(("effect", "form"), FORMS)
-def test_every_form_can_be_measured_on_every_robot_and_leaves_a_trace(
-    name: str, effect: str, form: str
-) -> None:
+def test_every_form_is_measured_on_every_robot_and_leaves_a_trace(name: str, effect: str, form: str) -> None:
     robot = machine(name, effect)
     kind = "absolute" if effect in ("geometry-error", "payload-error") else "displacement"
     campaign, rng, without = small_campaign(name, effect == "joint-compliance", kind)

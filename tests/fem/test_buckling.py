@@ -119,9 +119,7 @@ def test_a_column_that_shears_buckles_at_haringxs_load(elements: int, softness: 
 
 @pytest.mark.parametrize("softness", [0.0, 0.1, 3.0])
 @pytest.mark.parametrize("share", [-3.0, -1.0, 1e-6, 0.1, 0.9, 0.99])
-def test_one_element_gives_the_stiffness_that_many_of_first_order_converge_to(
-    softness: float, share: float
-) -> None:
+def test_one_element_is_as_stiff_as_many_of_first_order_converge_to(softness: float, share: float) -> None:
     """Halved often enough, what is of first order in the force is all that is left of it."""
     area = EULER / softness / STEEL.G if softness else None
     section = ROD.model_copy(update={"Ay": area, "Az": area})

@@ -66,9 +66,7 @@ def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, l
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_compliance_at_several_nodes_is_the_response_to_unit_wrenches_there(
-    seed: int, more: int, loops: int
-) -> None:
+def test_compliance_at_nodes_is_the_response_to_unit_wrenches_there(seed: int, more: int, loops: int) -> None:
     made = machine(seed, more, loops)
     robot = made.robot()
     structure = compile_structure(robot)

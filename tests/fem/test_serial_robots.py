@@ -168,9 +168,7 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans(), heavy=st.booleans())
-def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(
-    seed: int, turned_round: bool, heavy: bool
-) -> None:
+def test_torques_are_the_transposed_jacobian_of_a_wrench(seed: int, turned_round: bool, heavy: bool) -> None:
     """tau = J^T w, in all directions that give way."""
     parameters, prismatic, tool, q, rng = drawn(seed, joints=4, poses=2)
     values = 10.0 ** rng.uniform(4, 9, (4, 4))

@@ -118,9 +118,7 @@ def test_three_loops_at_once() -> None:
 
 
 @pytest.mark.parametrize(("phi", "psi", "branch"), [(3.0, -2.7, 1), (-0.6, 2.7, -1)])
-def test_loops_that_were_nearly_closed_before_close_in_their_branch(
-    phi: float, psi: float, branch: int
-) -> None:
+def test_loops_that_were_nearly_closed_close_in_their_branch(phi: float, psi: float, branch: int) -> None:
     screw = np.linspace(L32 - L12 + 0.02, L12 + L32 - 0.02, 50)
     kinematics = compile_kinematics(slider_crank(phi, psi))
     before = close_loops(kinematics, screw[:, None] - 2e-3).values
@@ -358,9 +356,7 @@ def test_a_guess_that_newton_does_not_close_from_still_finds_its_assembly() -> N
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_the_assembly_is_the_one_that_comes_nearest_to_the_guess_at_any_posture_of_the_drives(
-    side: int,
-) -> None:
+def test_the_assembly_is_the_one_that_comes_nearest_to_the_guess_at_any_posture(side: int) -> None:
     # circles that cut: the end of the coupler, left (1) or right (-1) of the way from crank to rocker's axis
     def closed(q: float) -> tuple[float, float]:
         crank = 0.5 * np.exp(1j * q)

@@ -145,9 +145,7 @@ def test_sums_are_what_python_makes_of_them(rows: list[tuple[str, float, str | N
     st.dictionaries(st.sampled_from(sorted(set(KINDS) - {"s"})), st.floats(-1e6, 1e6).filter(bool)),
     st.floats(-1e6, 1e6),
 )
-def test_an_expression_written_out_is_the_same_expression(
-    coefficients: dict[str, float], constant: float
-) -> None:
+def test_an_expression_written_out_stays_the_same(coefficients: dict[str, float], constant: float) -> None:
     expression = Expression(constant, coefficients)
     text = str(expression).replace("+ -", "- ")
     assert parse_expression(text, "angle", KINDS) == expression

@@ -72,9 +72,7 @@ def differences(robot: Robot, q: Array, node: str = "tool") -> Array:
     ],
     ids=["serial", "coupled", "four-bar", "slider-crank", "three loops", "spatial loop"],
 )
-def test_twist_jacobian_is_the_derivative_of_the_pose(
-    robot: Robot, low: list[float], high: list[float]
-) -> None:
+def test_twist_jacobian_is_the_poses_derivative(robot: Robot, low: list[float], high: list[float]) -> None:
     q = np.random.default_rng(1).uniform(low, high, (20, len(low)))
     kinematics = compile_kinematics(robot)
     jacobian = twist_jacobian(kinematics, posture(kinematics, q), "tool")

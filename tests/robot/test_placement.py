@@ -37,9 +37,7 @@ def test_frames_of_a_transform_multiply_to_it(rpy: tuple[float, ...], xyz: tuple
 
 
 @given(triples, points)
-def test_one_frame_is_enough_unless_the_axes_are_nearly_parallel(
-    rpy: tuple[float, ...], xyz: tuple[float, ...]
-) -> None:
+def test_one_frame_is_enough_unless_axes_are_parallel(rpy: tuple[float, ...], xyz: tuple[float, ...]) -> None:
     placed = transform(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz))
     lean = np.hypot(*placed[:2, 2])
     if len(frame_parameters(placed)) == 2:
@@ -50,9 +48,7 @@ def test_one_frame_is_enough_unless_the_axes_are_nearly_parallel(
 
 
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3), points)
-def test_six_parameters_come_back_where_they_are_unique(
-    turns: tuple[float, ...], shifts: tuple[float, ...]
-) -> None:
+def test_six_parameters_come_back_where_unique(turns: tuple[float, ...], shifts: tuple[float, ...]) -> None:
     given_ones = dict(zip(("gamma", "alpha", "theta", "b", "d", "r"), (*turns, *shifts), strict=True))
     if abs(np.sin(given_ones["alpha"])) <= NEARLY_PARALLEL:
         return

@@ -86,9 +86,7 @@ def test_any_stiffness_is_read_back_as_it_was_meant(name: str, data: st.DataObje
         (3912345.678, 5e2, '"3.91235e6 N*m/rad"'),
     ],
 )
-def test_digits_are_those_that_the_uncertainty_supports(
-    value: float, std: float | None, written: str
-) -> None:
+def test_digits_are_those_the_uncertainty_supports(value: float, std: float | None, written: str) -> None:
     robot = load_robot("kr240-2").with_parameters({"J1.torsional": value})
     found = edited_yaml(TEXTS["kr240-2"], robot, {} if std is None else {"J1.torsional": std})
     assert found is not None

@@ -63,9 +63,7 @@ def test_shares_are_probabilities(none: float, left: float, free: float, law: fl
         ("two", "ahead", (9.0, 20.0, 200.0)),
     ],
 )
-def test_what_speaks_for_an_answer_makes_it_likelier(
-    share: str, name: str, values: tuple[float, ...]
-) -> None:
+def test_what_speaks_for_an_answer_makes_it_likely(share: str, name: str, values: tuple[float, ...]) -> None:
     both = GOOD if share == "two" else None
     told = [getattr(shares_of(features(**{"both": both, name: value})), share) for value in values]
     assert told == sorted(told)

@@ -139,9 +139,7 @@ def test_of_three_joints_that_stop_short_each_is_named() -> None:
 
 
 @pytest.mark.parametrize(("before", "after"), [((), ()), (("slip",), ("slipped",))])
-def test_promised_is_true_on_fresh_poses_whatever_slipped(
-    before: tuple[str, ...], after: tuple[str, ...]
-) -> None:
+def test_what_is_promised_is_true_whatever_slipped(before: tuple[str, ...], after: tuple[str, ...]) -> None:
     diagnosis, robot = found("approach", "gear", *before)
     rng = np.random.default_rng(7)
     fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear", *after), rng)

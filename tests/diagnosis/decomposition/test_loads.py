@@ -58,9 +58,7 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stiffness", [1e5, 5e4])  # N m/rad; the file says 2e5
-def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_fitted(
-    stiffness: float,
-) -> None:
+def test_payload_and_drives_are_both_found_and_the_robot_written_is_the_one_fitted(stiffness: float) -> None:
     robot = load_robot(UR10).with_parameters(dict.fromkeys(DRIVES, 2e5))
     robot = robot.model_copy(update={"identify": DRIVES})
     rng = np.random.default_rng(1)

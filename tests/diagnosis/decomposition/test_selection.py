@@ -210,9 +210,7 @@ def test_a_cause_stays_without_which_another_has_a_size_that_no_machine_has(size
 
 
 @pytest.mark.parametrize(("shares", "chosen"), [((1.0,), 1), ((1.0, 0.5), 2), ((1.0, 0.5, 0.4), 2)])
-def test_a_law_between_two_forms_is_one_cause_of_both_and_never_of_three(
-    shares: tuple[float, ...], chosen: int
-) -> None:
+def test_a_law_between_forms_is_a_cause_of_two_and_no_more(shares: tuple[float, ...], chosen: int) -> None:
     """What a third form would explain is left: another cause does not come in for it unless it is there."""
     rng = np.random.default_rng(4)
     columns, other = rng.standard_normal((3, VALUES, 1)), rng.standard_normal((VALUES, 1))

@@ -92,9 +92,7 @@ def constant(campaign: Baseline) -> Array:
     return elastic(campaign, np.ones(len(campaign.rows)))[..., None]
 
 
-def test_a_crank_is_a_drive_whose_compliance_goes_with_1_over_the_square_of_its_lever(
-    campaign: Baseline,
-) -> None:
+def test_a_crank_is_a_drive_whose_compliance_goes_with_1_over_its_lever_squared(campaign: Baseline) -> None:
     shapes = [one for one in EFFECTS["actuator-lever"].shapes(campaign, "q2") if one.name.startswith("crank")]
     assert len(shapes) > 20
     for shape in shapes[::5]:
@@ -181,9 +179,7 @@ def test_of_positions_a_wound_spring_is_one_as_well_whose_torque_no_crank_gives(
     assert unexplained(wound[:, :3], columns[:, :3, :2]) < 1e-9
 
 
-def test_what_a_balancer_pulls_winds_up_the_drive_and_stiffens_it_as_it_changes_with_the_angle(
-    campaign: Baseline,
-) -> None:
+def test_what_a_balancer_pulls_winds_up_the_drive_and_stiffens_it_by_its_slope(campaign: Baseline) -> None:
     q, k = campaign.rows.q[:, 1], 6.6e6
     arm = arm_at(campaign.rows.q)
     load = arm.torque(campaign.rows.wrench)[:, 1]

@@ -76,9 +76,7 @@ def test_an_effect_says_what_it_is_and_what_tells_it_from_its_look_alikes(effect
 
 @pytest.mark.parametrize("campaign", ["serial", "absolute", "loop"])
 @pytest.mark.parametrize("effect", NAMES)
-def test_shapes_are_finite_columns_with_named_sizes(
-    effect: str, campaign: str, rows: dict[str, Baseline]
-) -> None:
+def test_shapes_are_finite_columns_with_sizes(effect: str, campaign: str, rows: dict[str, Baseline]) -> None:
     there = rows[campaign]
     for component in EFFECTS[effect].components(there):
         shapes = EFFECTS[effect].shapes(there, component)

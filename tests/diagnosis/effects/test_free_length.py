@@ -59,9 +59,7 @@ def test_a_screw_is_the_derivative_of_a_strut_with_a_free_length(campaign: Basel
     assert shape.parameters[0].unit == "1/N"
 
 
-def test_about_its_axis_a_screw_is_compliant_by_its_length_over_the_square_of_its_lever(
-    campaign: Baseline,
-) -> None:
+def test_about_its_axis_a_screw_is_compliant_by_its_length_over_its_lever_squared(campaign: Baseline) -> None:
     # force, and slip, of a lever about axis 2: theta2 as the constant springs have it
     rows = campaign.rows
     theta = np.stack([values(at(SCREWS, rows.q), name) for name in ("th2", "th8")], axis=1)

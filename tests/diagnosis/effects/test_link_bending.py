@@ -101,9 +101,7 @@ def mohr(q: Array, wrench: Array, joint: int, weight: Array) -> Array:
 
 
 @pytest.mark.parametrize(("at", "law"), [(0, lambda s: 3 * (1 - s) ** 2), (1, lambda s: 3 * s**2)])
-def test_a_taper_is_mohrs_integral_of_more_flexibility_at_one_end(
-    at: int, law: object, campaign: Baseline
-) -> None:
+def test_a_taper_is_mohrs_integral_of_a_softer_end(at: int, law: object, campaign: Baseline) -> None:
     weight = law((np.arange(4000) + 0.5) / 4000)
     expected = mohr(campaign.rows.q, campaign.rows.wrench, 1, weight)
     close(shape_of(campaign, "link-bending", "link2", "tapered").columns[..., at], expected, 1e-6)
@@ -124,9 +122,7 @@ def test_every_link_of_some_length_is_a_component(campaign: Baseline) -> None:
 
 @pytest.mark.parametrize(("link", "joint"), [("link1", 0), ("link2", 1)])
 @pytest.mark.parametrize("at", [0.0, 0.5, 1.0])
-def test_a_weak_section_is_a_hinge_there_with_springs_about_all_axes(
-    link: str, joint: int, at: float, campaign: Baseline
-) -> None:
+def test_a_weak_section_is_a_hinge_on_springs(link: str, joint: int, at: float, campaign: Baseline) -> None:
     arm, wrench = arm_at(campaign.rows.q), campaign.rows.wrench
     start, end = arm.point[:, joint], arm.point[:, joint + 1]
     lever = arm.tip - start - at * (end - start)
@@ -153,9 +149,7 @@ def test_of_a_soft_machine_much_is_expected() -> None:
 
 @pytest.mark.parametrize(("link", "joint"), [("link2", 1), ("link3", 2), ("link5", 4)])
 @pytest.mark.parametrize("axis", range(3))
-def test_a_hinge_about_an_axis_that_turns_with_the_link_is_one_of_them(
-    link: str, joint: int, axis: int
-) -> None:
+def test_a_hinge_about_an_axis_of_the_link_is_one_of_them(link: str, joint: int, axis: int) -> None:
     q = np.repeat(at_random(kr240(), 20, seed=6).q, 2, axis=0)
     wrench = np.random.default_rng(7).standard_normal((40, 6)) * [800, 800, 800, 200, 200, 200]
     rows = rows_of(kr240(), q, wrench)

@@ -69,9 +69,7 @@ def test_what_is_seen_before_the_flange_does_not_move() -> None:
 
 # the largest load that was fitted, N and N m: beyond it the law goes on along its tangent, 3 x - 2 for x^3
 @pytest.mark.parametrize(("largest", "times"), [(1e4, 8.0), (1e-4, 2.0)])
-def test_under_twice_the_load_a_seam_gives_eight_times_as_much_as_far_as_it_was_seen(
-    largest: float, times: float
-) -> None:
+def test_under_twice_the_load_a_seam_gives_eight_times_as_much(largest: float, times: float) -> None:
     rows = at_random(kr240(), 6, seed=4)
     stated = {"force": largest, "moment": largest}
     once, more = (

@@ -30,9 +30,7 @@ def with_lug(axis: int) -> Robot:
     ("shape", "load_point", "point"),
     [("load", "lug", "n6b"), ("target", "n6b", "lug"), ("load and target together", "lug", "lug")],
 )
-def test_columns_are_what_a_node_elsewhere_does_more(
-    axis: int, shape: str, load_point: str, point: str
-) -> None:
+def test_columns_are_what_a_node_elsewhere_adds(axis: int, shape: str, load_point: str, point: str) -> None:
     rows = at_random(kr240(), 8, seed=axis)
     # what is read is what the target does, its rotation included; to first order in the offset
     lug = replace(rows, load_point=np.full(8, load_point), point=np.full(8, point))

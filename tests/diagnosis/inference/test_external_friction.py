@@ -83,9 +83,7 @@ def test_what_is_held_of_a_way(
     np.testing.assert_allclose(held[:, 0, 0], expected)
 
 
-def test_a_gauge_that_drags_lies_among_what_readings_can_do_and_not_in_the_linear_model(
-    there: Baseline,
-) -> None:
+def test_a_gauge_that_drags_lies_among_what_readings_do_and_not_in_the_linear_model(there: Baseline) -> None:
     moved = there.predicted[:, :3]
     width = LIMIT * np.linalg.norm(moved, axis=1).max()
     read = np.zeros_like(moved)

@@ -46,9 +46,7 @@ def test_what_was_pulled_both_ways_is_reversed() -> None:
 
 
 @pytest.mark.parametrize("forces", [[(0.0, 0.0, 0.0)], np.random.default_rng(1).normal(size=(40, 3))])
-def test_without_forces_or_under_any_the_axes_of_the_base_are_taken(
-    forces: list[tuple[float, float, float]],
-) -> None:
+def test_without_forces_or_under_any_base_axes_are_taken(forces: list[tuple[float, float, float]]) -> None:
     ways = _ways(loaded(*forces), absolute=False)
     np.testing.assert_array_equal([along for along, _ in ways], np.eye(3))
     assert {shares for _, shares in ways} == {STEPS}

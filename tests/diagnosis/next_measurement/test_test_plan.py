@@ -57,9 +57,7 @@ def split() -> tuple[Baseline, Programme]:
     return there, result
 
 
-def test_load_cycles_at_some_postures_within_the_limits_are_proposed(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_load_cycles_at_postures_within_the_limits_are_proposed(split: tuple[Baseline, Programme]) -> None:
     rows = split[1].rows
     assert len(rows) == PROGRAMME * len(STEPS)
     assert len(np.unique(rows.q, axis=0)) == PROGRAMME
@@ -92,9 +90,7 @@ def tool_at(q: Array) -> Array:
     return posture(kinematics, q).node_positions[:, kinematics.node_index[kr240().tcp]]
 
 
-def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_postures_are_proposed_where_the_tool_was_or_in_a_region(split: tuple[Baseline, Programme]) -> None:
     there, near = split
     seen, proposed = tool_at(there.rows.q), tool_at(near.rows.q)
     far = np.linalg.norm(proposed[:, None] - seen[None], axis=2).min(axis=1)
@@ -112,9 +108,7 @@ def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
         )
 
 
-def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_postures_have_a_pendants_digits_in_the_units_of_the_table(split: tuple[Baseline, Programme]) -> None:
     in_degrees = replace(split[0].rows, units=dict.fromkeys(split[0].rows.variables, "deg"))
     there = replace(split[0], rows=in_degrees)
     rows = propose_tests(there, there.used, rivals_at(there), 1.0, 0)
@@ -232,9 +226,7 @@ def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: 
     assert sum(one.probability for one in told.candidates if one.key == other) < 0.01
 
 
-def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_no_second_reflector_is_asked_for_where_little_is_left(split: tuple[Baseline, Programme]) -> None:
     """Where a drive rattles, the tool shows it best; and what is settled needs no reflector anywhere."""
     assert set(split[1].rows.point.tolist()) == {kr240().tcp}
     there = diagnosed("base_compliance")

@@ -294,9 +294,7 @@ def library_of(robot: Robot) -> Library:
     return build_library(baseline, whiten(baseline))
 
 
-def test_effects_of_drives_are_tested_on_a_rigid_four_bar_and_untestable_is_only_what_is_undetermined() -> (
-    None
-):
+def test_on_a_rigid_four_bar_drives_are_tested_and_only_what_is_undetermined_is_not() -> None:
     library = library_of(rigid_four_bar())
     keys = {one.key for one in library.hypotheses}
     for effect in ("backlash", "hardening", "hysteresis", "actuator-lever"):

@@ -149,9 +149,7 @@ def test_effects_fall_in_size_from_the_largest_on(effects: list[CrowdedCase]) ->
         assert len(named) == len(set(named))
 
 
-def test_a_contribution_is_what_leaving_the_effect_out_changes_after_a_refit(
-    effects: list[CrowdedCase],
-) -> None:
+def test_a_contribution_is_what_leaving_the_effect_out_changes_on_refit(effects: list[CrowdedCase]) -> None:
     """Columns of the refit here: differences of the loaded machine's own answers, not of its skeleton's."""
     case = next(one for one in effects if one.label.data == "absolute")
     machine, campaign = case.machine, case.campaign

@@ -81,9 +81,7 @@ def test_the_solution_is_that_of_the_dense_matrix(make) -> None:
 
 
 @pytest.mark.parametrize("kept", [True, False])
-def test_interface_compliance_is_the_inverse_of_the_schur_complement(
-    kept: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interface_compliance_inverts_a_schur_complement(kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = lattice((5, 2, 3))
     nodes = np.array([tip(frame), 20, 33])
     assert not frame.fixed[nodes].any()
