@@ -35,13 +35,13 @@ def test_a_campaign_goes_from_a_plan_to_a_diagnosis_of_all_batches(folder: Path,
     assert begun["rows"] == 0
     assert begun["batches"] == []
     assert begun["proposed"] == 6
-    assert run("campaign", "next", "cell", "--out", "first.csv").exit_code == 0
+    assert run("campaign next cell --out first.csv").exit_code == 0
     planned = parse_measurements(
         (folder / "first.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
     )
     assert len(planned) == 6
     found = told(run, "add", "cell", "crane.csv")
-    alone = json.loads(run("diagnose", "crane.yaml", "crane.csv", "--json", "-").stdout)
+    alone = json.loads(run("diagnose crane.yaml crane.csv --json -").stdout)
     assert found["diagnosis"]["verdict"] == alone["verdict"]
     assert found["rows"] == 4
     assert found["leading"].partition(":")[0] == alone["verdict"]["effect"]
@@ -54,7 +54,7 @@ def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run) -> 
     told(run, "new", "cell", "crane.yaml")
     found = told(run, "add", "cell", "crane.csv")
     assert found["proposed"] > 0
-    assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
+    assert run("campaign next cell --out next.csv").exit_code == 0
     rows = parse_measurements(
         (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
     )
@@ -64,7 +64,7 @@ def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run) -> 
 def test_loads_pull_where_they_can(folder: Path, run: Run) -> None:
     told(run, "new", "cell", "crane.yaml", "--directions", "x,-z")
     for rows in (6, 0):
-        assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
+        assert run("campaign next cell --out next.csv").exit_code == 0
         asked = parse_measurements(
             (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
         )
@@ -87,26 +87,26 @@ def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run) -> None:
 
 
 def test_a_campaign_refuses_what_it_cannot_use(folder: Path, run: Run, refused: Refused) -> None:
-    refused(["campaign", "status", "cell"], ["cell", "campaign.json", "campaign new"])
-    refused(["campaign", "new", "cell"], ["campaign new", "a ROBOT"])
-    refused(["campaign", "new", "cell", "crane.yaml", "--directions", "u"], ["--directions", "'u'"])
+    refused("campaign status cell", ["cell", "campaign.json", "campaign new"])
+    refused("campaign new cell", ["campaign new", "a ROBOT"])
+    refused("campaign new cell crane.yaml --directions u", ["--directions", "'u'"])
     told(run, "new", "cell", "crane.yaml")
-    refused(["campaign", "new", "cell", "crane.yaml"], ["cell", "a campaign already"])
-    refused(["campaign", "add", "cell"], ["campaign add", "tables"])
-    refused(["campaign", "status", "cell", "1"], ["campaign status", "'1'", "nothing"])
-    refused(["campaign", "remove", "cell", "1"], ["cell", "'1'", "none"])
-    refused(["campaign", "add", "cell", "none.csv"], ["none.csv"])
-    refused(["campaign", "status", "cell", "--out", "o.csv"], ["--out", "campaign next"])
+    refused("campaign new cell crane.yaml", ["cell", "a campaign already"])
+    refused("campaign add cell", ["campaign add", "tables"])
+    refused("campaign status cell 1", ["campaign status", "'1'", "nothing"])
+    refused("campaign remove cell 1", ["cell", "'1'", "none"])
+    refused("campaign add cell none.csv", ["none.csv"])
+    refused("campaign status cell --out o.csv", ["--out", "campaign next"])
     (folder / "empty.csv").write_text("q1,fx,dx\n0,1,\n", encoding="utf-8")
-    refused(["campaign", "add", "cell", "empty.csv"], ["empty.csv"])
+    refused("campaign add cell empty.csv", ["empty.csv"])
     told(run, "add", "cell", "crane.csv")
-    refused(["campaign", "add", "cell", "crane.csv"], ["crane.csv", "batch 1 already"])
+    refused("campaign add cell crane.csv", ["crane.csv", "batch 1 already"])
     head = folder / "cell" / "campaign.json"
     head.write_text("{}", encoding="utf-8")
-    refused(["campaign", "status", "cell"], ["campaign.json", "no campaign"])
+    refused("campaign status cell", ["campaign.json", "no campaign"])
     (folder / "mine").mkdir()
     (folder / "mine" / "notes.txt").write_text("mine", encoding="utf-8")
-    refused(["campaign", "new", "mine", "crane.yaml"], ["notes.txt", "an empty folder"])
+    refused("campaign new mine crane.yaml", ["notes.txt", "an empty folder"])
 
 
 def in_folder(folder: Path, *words: str) -> Any:

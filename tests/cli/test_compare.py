@@ -37,9 +37,9 @@ def data(folder: Path) -> str:
 
 
 def test_models_are_shown_by_held_out_rows_and_by_load(run: Run, told: Run, folder: Path, data: str) -> None:
-    result = run("compare", "ir663", data, "--seed", "3", "--json", "one.json")
+    result = run(f"compare ir663 {data} --seed 3 --json one.json")
     assert (result.exit_code, result.stderr) == (0, "")
-    both = json.loads((folder / "one.json").read_text()), told("compare", "ir663", data, "--seed", "3")
+    both = json.loads((folder / "one.json").read_text()), told(f"compare ir663 {data} --seed 3")
     first, again = ([{**one, "seconds": 0.0} for one in found["models"]] for found in both)
     assert first == again
     for text in ("fitted (36)", "new pose (12)", "new load (36)", "new pose and load (12)", "300 N", "900 N"):
@@ -50,9 +50,7 @@ def test_models_are_shown_by_held_out_rows_and_by_load(run: Run, told: Run, fold
 
 
 def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:
-    result = succeed(
-        "compare", "ir663", data, "--json", "-", "--models", "parametric,gray box", "--fit-load", "900"
-    )
+    result = succeed(f"compare ir663 {data} --json - --models 'parametric,gray box' --fit-load 900")
     found = json.loads(result.stdout)
     assert found["format"] == "beamstiff-compare/1"
     assert found["split"]["fitted"] == 36
@@ -66,7 +64,7 @@ def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:
 
 
 def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
-    result = run("compare", "ir663", data, "--models", "grid", "--cube", "0.25m")
+    result = run(f"compare ir663 {data} --models grid --cube 0.25m")
     assert "cubes of 250 mm" in result.stdout
 
 
@@ -95,4 +93,4 @@ def test_what_cannot_be_is_refused(refused: Refused, data: str, options: list[st
 def test_absolute_positions_are_refused(refused: Refused, folder: Path) -> None:
     (folder / "absolute.csv").write_text("q2,q8,fx,x,y,z\n0,0.7,900,1.5,0,1.2\n0.1,0.7,900,1.5,0,1.2\n")
     says = "absolute.csv: holds absolute positions; compare needs displacements"
-    refused(["compare", "ir663", "absolute.csv", "--share", "0"], says)
+    refused("compare ir663 absolute.csv --share 0", says)

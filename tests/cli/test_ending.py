@@ -68,7 +68,7 @@ def test_a_fault_of_ours_ends_with_1_and_one_line(run: Run, monkeypatch: pytest.
         raise ZeroDivisionError("in two\nlines")
 
     monkeypatch.setattr("beamstiff.robot.reader.parse_robot", fail)
-    result = run("stiffness", "crane.yaml", "--json", "a.json")
+    result = run("stiffness crane.yaml --json a.json")
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr.startswith(
         "internal error: ZeroDivisionError: in two lines: a fault of beamstiff, please report"
@@ -76,13 +76,13 @@ def test_a_fault_of_ours_ends_with_1_and_one_line(run: Run, monkeypatch: pytest.
     assert result.stderr.count("\n") == 1
     assert not Path("a.json").exists()
 
-    result = run("stiffness", "crane.yaml", "--debug")
+    result = run("stiffness crane.yaml --debug")
     assert result.exit_code == 1
     assert "Traceback (most recent call last)" in result.stderr
 
 
 def test_debug_shows_where_bad_input_was_found(run: Run) -> None:
-    result = run("stiffness", "crane.yaml", "--q", "q1=x", "--debug")
+    result = run("stiffness crane.yaml --q q1=x --debug")
     assert result.exit_code == 2
     assert "Traceback" in result.stderr
     assert result.stderr.splitlines()[-1].startswith("error: --q: q1")
@@ -91,14 +91,14 @@ def test_debug_shows_where_bad_input_was_found(run: Run) -> None:
 def test_ctrl_c_while_a_file_is_written_leaves_the_old_one(
     run: Run, succeed: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    succeed("stiffness", "crane.yaml", "--q", "q1=1", "--json", "out.json")
+    succeed("stiffness crane.yaml --q q1=1 --json out.json")
     before, old = sorted(folder.iterdir()), (folder / "out.json").read_bytes()
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("beamstiff.files.os.replace", interrupt)
-    result = run("stiffness", "crane.yaml", "--json", "out.json")
+    result = run("stiffness crane.yaml --json out.json")
     assert (result.exit_code, result.stderr) == (130, "interrupted\n")
     assert (folder / "out.json").read_bytes() == old
     assert sorted(folder.iterdir()) == before
@@ -172,7 +172,7 @@ def test_a_stderr_that_takes_nothing_leaves_the_exit_code(folder: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_told_in_one_line(run: Run) -> None:
-    result = run("stiffness", "crane.yaml", "--quiet", "--json", "/dev/full")
+    result = run("stiffness crane.yaml --quiet --json /dev/full")
     assert result.exit_code == 2
     assert result.stderr == "error: /dev/full: cannot be written: no space left on device\n"
 
@@ -189,7 +189,7 @@ def test_help_names_the_commands_and_the_exit_codes(run: Run, arguments: list[st
     "command", [one.callback.__name__.replace("_", "-") for one in app.registered_commands if one.callback]
 )
 def test_the_help_of_every_command_teaches(run: Run, command: str) -> None:
-    text = run(command, "--help").stdout
+    text = run(f"{command} --help").stdout
     assert f"\n    beamstiff {command}" in text
     assert all(part in text for part in ("Example", "--json", "--quiet", "--debug"))
     assert "base frame" in " ".join(text.lower().split()) or command in WITHOUT_FRAMES

@@ -15,7 +15,7 @@ BOTH = ("--parameters", "J1.torsional,J1.radial")
 
 def answer(succeed: Run, *arguments: str) -> dict[str, Any]:
     """Return the JSON of an identification of the crane."""
-    result = succeed("identify", "crane.yaml", *arguments, "--json", "-")
+    result = succeed("identify crane.yaml", *arguments, "--json", "-")
     return json.loads(result.stdout)
 
 
@@ -50,7 +50,7 @@ def test_several_tables_count_together(run: Run, wrong: Path) -> None:
         assert parts["parameters"]["J1.torsional"][key] == pytest.approx(
             whole["parameters"]["J1.torsional"][key], rel=1e-9
         )
-    text = run("identify", "crane.yaml", "one.csv", "two.csv").stdout
+    text = run("identify crane.yaml one.csv two.csv").stdout
     assert "on the 4 fitted rows" in " ".join(text.split())
 
 
@@ -115,7 +115,7 @@ def test_bootstrap_intervals_come_along(run: Run, wrong: Path) -> None:
     assert found["bootstrap"]["poses"] == 4
     again = answer(run, "poses.csv", "--bootstrap", "50", "--seed", "3")
     assert again["bootstrap"] == found["bootstrap"]
-    assert "bootstrap 95 %" in run("identify", "crane.yaml", "poses.csv", "--bootstrap", "20").stdout
+    assert "bootstrap 95 %" in run("identify crane.yaml poses.csv --bootstrap 20").stdout
 
 
 @pytest.mark.usefixtures("series")
@@ -129,7 +129,7 @@ def test_groups_are_told_with_what_would_part_them(run: Run) -> None:
     for item in found["parameters"].values():
         assert (item["value"], item["identifiable"]) == (None, False)
         assert 0 < item["lower_bound"] < 1 / 1.5e-6
-    text = " ".join(run("identify", "crane.yaml", "across.csv", *BOTH).stdout.split())
+    text = " ".join(run("identify crane.yaml across.csv", *BOTH).stdout.split())
     assert "1/J1.torsional + 1/J1.radial 1.50" in text
     assert "J1.torsional and J1.radial act in series: lump them into one (--reduce)" in text
     assert "No upper bound" not in text
@@ -150,7 +150,7 @@ def test_what_is_never_loaded_is_said_and_what_would_load_it(run: Run, folder: P
     (folder / "along.csv").write_text(
         "# sigma_position: 0.01 mm\nq1 [deg],fx,fy,dx [mm],dy [mm]\n0,1000,0,0.5,0\n0,2000,0,1,0\n"
     )
-    result = run("identify", "crane.yaml", "along.csv", *BOTH)
+    result = run("identify crane.yaml along.csv", *BOTH)
     assert "note: J1.torsional is never loaded: its stiffness cannot be identified" in result.stderr
     assert "all 2 rows are of one pose" in result.stderr
     assert "to identify it, measure" in " ".join(result.stdout.split())
@@ -165,9 +165,7 @@ def test_ctrl_c_gives_the_best_so_far(run: Run, wrong: Path, monkeypatch: pytest
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Search, "note", stopped)
-    result = run(
-        "identify", "crane.yaml", "crane.csv", "--method", "isres", "--json", "best.json", "--out", "b.yaml"
-    )
+    result = run("identify crane.yaml crane.csv --method isres --json best.json --out b.yaml")
     assert result.exit_code == 130
     assert "Stopped by hand: the best values so far" in " ".join(result.stdout.split())
     found = json.loads((wrong / "best.json").read_text())
@@ -182,7 +180,7 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         raise KeyboardInterrupt
 
     monkeypatch.setattr("beamstiff.functions.identify.with_separations", stopped)
-    result = run("identify", "crane.yaml", "crane.csv", "--json", "-")
+    result = run("identify crane.yaml crane.csv --json -")
     assert result.exit_code == 130
     assert value(json.loads(result.stdout)) == pytest.approx(1e6)
 

@@ -35,7 +35,7 @@ def test_a_matrix_has_a_line_a_row() -> None:
 
 def test_a_robot_written_from_a_written_robot_is_replaced_like_any_output(succeed: Run) -> None:
     for robot, out in (("crane.yaml", "a.yaml"), ("a.yaml", "b.yaml"), ("a.yaml", "b.yaml")):
-        succeed("identify", robot, "crane.csv", "--out", out)
+        succeed(f"identify {robot} crane.csv --out {out}")
 
 
 def test_reports_of_an_exam_replace_nothing_of_the_users_whoever_asks_for_them(folder: Path) -> None:
