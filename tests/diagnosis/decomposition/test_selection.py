@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decomposition.answer import without_weak
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
-from beamstiff.diagnosis.decomposition.open_model import open_geometry
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry
 from beamstiff.diagnosis.decomposition.selection import (
     _of_all_joints,
     best_first,
@@ -21,6 +21,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_each,
     with_further_forms,
 )
+from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import Quantity, Shape
 from beamstiff.diagnosis.inference.library import ALL_REVERSED
 from beamstiff.diagnosis.prior import TEMPERING
@@ -253,3 +254,35 @@ def test_lost_motion_of_most_joints_is_one_of_all_where_the_others_have_some(
     made = choice_of(sizes @ columns, *joints, replace(one, component=None, columns=columns.T, shape=shape))
     singles = fit_step(made, range(found))
     assert _of_all_joints(made, singles, ALL_REVERSED).chosen == ((6,) if together else singles.chosen)
+
+
+# What is left out of a fit stays out, and nothing else with it
+
+
+def matrices_of_compliances(model: OpenModel) -> list[Form]:
+    effects = ("base-compliance", "tool-compliance", "bearing-tilt", "link-bending")
+    return [form for form in forms_of(model, effects=effects) if len(form.couplings)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_with_parameters_left_out_is_the_same_when_it_is_solved_again(seed: int) -> None:
+    decomposition = found()[0].decomposition
+    assert decomposition is not None
+    rng, model = np.random.default_rng(seed), decomposition.model
+    forms = matrices_of_compliances(model)
+    assert forms
+    left_out = 0
+    for form in forms:
+        moved = form.columns @ rng.standard_normal(form.sizes.size)  # gives work away: no machine does
+        noise = rng.standard_normal(len(model.residual))
+        given = replace(model, residual=30.0 * moved / np.linalg.norm(moved) * np.sqrt(model.count) + noise)
+        choice = build_choice(given, [form])
+        step = fit_step(choice, (0,))
+        (once,) = forms_in(choice, step).values()
+        left_out += int((~step.free[0]).sum())
+        theta = solved(given, [once])[0][-form.sizes.size :]
+        basis = given.open_basis
+        left = given.residual - form.columns @ theta
+        left = left - basis @ (basis.T @ left)
+        assert left @ left == pytest.approx(step.left @ step.left, rel=1e-6)
+    assert left_out > 0
