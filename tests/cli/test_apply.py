@@ -69,10 +69,8 @@ def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Pa
     (folder / "new.csv").write_text(crane_with_backlash(2))
     result = succeed("deflect larger.yaml new.csv")
     assert "With the robot's effects: backlash:q1." in result.stdout
-    answers = {
-        robot: np.array(told(f"deflect {robot} new.csv")["displacement"])
-        for robot in ("crane.yaml", "larger.yaml")
-    }
+    robots = ("crane.yaml", "larger.yaml")
+    answers = {robot: np.array(told(f"deflect {robot} new.csv")["displacement"]) for robot in robots}
     rows = np.loadtxt((folder / "new.csv").read_text().splitlines()[2:], delimiter=",")
     left = {robot: np.abs(answer[:, :3] - rows[:, 4:]).max() for robot, answer in answers.items()}
     assert left["larger.yaml"] < 6 * NOISE < HALF_WIDTH < left["crane.yaml"]

@@ -118,10 +118,8 @@ def test_tables_may_come_from_several_stations(run: Run, folder: Path, arm: str,
     facts = json.loads(result.stdout)
     assert facts["rms_mm"] < 0.03
     assert facts["bases"][1][0][3] - facts["bases"][0][0][3] == pytest.approx(1.0, abs=1e-4)
-    refused(
-        f"calibrate {arm} poses.csv moved.csv --stations --test fresh.csv",
-        "it is not said where the robot stood",
-    )
+    says = "it is not said where the robot stood"
+    refused(f"calibrate {arm} poses.csv moved.csv --stations --test fresh.csv", says)
 
 
 def test_priors_hold_a_parameter_or_a_group(run: Run, arm: str) -> None:

@@ -91,9 +91,8 @@ def test_verify_of_effects_that_leave_much_sends_to_all_rows_together(run: Run, 
     stiff = (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e8 N*m/rad")
     (folder / "stiff.yaml").write_text(stiff + effect)
     said = " ".join(run("verify stiff.yaml crane.csv").stdout.split())
-    assert (
-        "diagnose its rows and these together: beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv." in said
-    )
+    command = "beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv."
+    assert f"diagnose its rows and these together: {command}" in said
     (folder / "more.yaml").write_text(stiff + effect.replace("700}", "700}, closes: 0.9"))
     first = run("verify more.yaml crane.csv").stdout.splitlines()[0]
     assert first.endswith("its effects close 19 % of the gap, promised were 90 %")

@@ -17,12 +17,7 @@ def data(folder: Path) -> str:
     """Write readings of an IR-663 under two loads, whose axis 8 is softer the further it leans."""
     robot, random = load_robot("ir663"), np.random.default_rng(0)
     q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (24, 2)), 4, axis=0)
-    loads = [
-        [-300.0, 0, 0, 0, 0, 0],
-        [0, 0, -300.0, 0, 0, 0],
-        [-900.0, 0, 0, 0, 0, 0],
-        [0, 0, -900.0, 0, 0, 0],
-    ]
+    loads = [-size * np.eye(6)[axis] for size in (300.0, 900.0) for axis in (0, 2)]
     wrench = np.tile(loads, (24, 1))
     still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
     soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})

@@ -100,9 +100,8 @@ def test_tables_go_in_and_out(succeed: Run, folder: Path) -> None:
 @pytest.mark.usefixtures("urdf")
 def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path) -> None:
     (folder / "points.txt").write_text("tip 1000 1 0\ntip 0 1001 0\n")
-    (folder / "p.yaml").write_text(
-        "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
-    )
+    profile = "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
+    (folder / "p.yaml").write_text(profile)
     (folder / "q.csv").write_text("q1 [deg],fy\n0,1000\n90,0\n")
     arguments = ("--profile", "p.yaml", "--joints", "q.csv", "--out", "measured.csv")
     succeed("convert points.txt", *arguments)
@@ -192,7 +191,5 @@ def test_exchanged_names_of_reflectors_are_put_back(succeed: Run, refused: Refus
     mended = read_measurements(folder / "mended.csv", load_robot(folder / "marked.yaml"))
     assert mended.point.tolist() == ["m1", "m2", "tip"] * 5
     refused([*arguments], "--mend-labels: goes with --like ROBOT")
-    refused(
-        [*arguments[:1], "crane.csv", *arguments[2:], "--like", "crane.yaml"],
-        "crane.csv: found no reflectors",
-    )
+    of_loads = [*arguments[:1], "crane.csv", *arguments[2:]]
+    refused([*of_loads, "--like", "crane.yaml"], "crane.csv: found no reflectors")

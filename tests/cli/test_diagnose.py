@@ -138,9 +138,8 @@ def test_bad_input_is_refused(refused: Refused, folder: Path, arguments: list[st
 
 
 def test_a_component_that_an_effect_cannot_have_is_refused_by_name(succeed: Run, refused: Refused) -> None:
-    refused(
-        "diagnose crane.yaml crane.csv --without backlash:q9", "backlash has no component 'q9' on this robot"
-    )
+    says = "backlash has no component 'q9' on this robot"
+    refused("diagnose crane.yaml crane.csv --without backlash:q9", says)
     succeed("diagnose crane.yaml crane.csv --without backlash:q1")
 
 
@@ -207,6 +206,5 @@ def test_what_to_measure_next_stays_in_the_region(succeed: Run, folder: Path, re
     rows = read_measurements(folder / "next.csv", load_robot(folder / "crane.yaml"), require_measured=False)
     assert rows.units == {"q1": "deg"}
     assert (abs(rows.q) <= 0.305).all()  # the arm is 1 m long, along x at q1 = 0
-    refused(
-        "diagnose crane.yaml cycle.csv --next other.csv --region y=0.3:0.1", "expected the lower end first"
-    )
+    other = "diagnose crane.yaml cycle.csv --next other.csv"
+    refused(f"{other} --region y=0.3:0.1", "expected the lower end first")

@@ -19,18 +19,8 @@ from beamstiff.cli.output import files_last, json_text, working, write_robot
 from beamstiff.stages import stage
 from tests.cli.conftest import Run
 
-WITHOUT_FRAMES = (
-    "campaign",
-    "check",
-    "compare",
-    "compare-runs",
-    "convert",
-    "demo",
-    "diagnose",
-    "doctor",
-    "exam",
-    "schema",
-)
+WITHOUT_FRAMES = {"campaign", "check", "compare", "compare-runs", "convert"}
+WITHOUT_FRAMES |= {"demo", "diagnose", "doctor", "exam", "schema"}
 COMMAND = [sys.executable, "-m", "beamstiff"]
 REFUSED = ["check", "none.json", "--max-gap", "1mm"]  # which loads little
 
@@ -227,9 +217,8 @@ def test_linear_algebra_has_one_thread_unless_told_otherwise(stated: str | None,
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     if stated is not None:
         environment["OPENBLAS_NUM_THREADS"] = stated
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
+    python = [sys.executable, "-c", code]
+    done = subprocess.run(python, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == expected
 
 

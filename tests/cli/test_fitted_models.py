@@ -146,11 +146,7 @@ def test_cubes_get_kinematics_of_their_own_from_positions(succeed: Run, told: Ru
     at = posture(kinematics, q + np.array([1e-3, -5e-4])).node_positions[:, kinematics.node_index["n7"]]
     rows = make_measurements(["q2", "q8"], q, tcp="n7", position=at, sigma_position=SIGMA)
     write_measurements(rows, data / "still.csv", robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)}))
-    succeed(
-        *("identify", "ir663", "data.csv", "--model", "grid", "--positions", "still.csv"),
-        "--out",
-        "grid.yaml",
-    )
+    succeed("identify ir663 data.csv --model grid --positions still.csv --out grid.yaml")
     assert "kinematics:" in (data / "grid.yaml").read_text()
     weightless(data / "grid.yaml")
     checked = told("verify grid.yaml still.csv")

@@ -155,7 +155,5 @@ def test_a_front_of_position_against_rotation_has_a_table_data_and_a_picture(
     assert set(points[0]["stiffness"]) == {"J1.torsional"}
     assert "Position against rotation" in result.stdout
     assert (folder / "f.png").read_bytes().startswith(b"\x89PNG")
-    refused(
-        "identify crane.yaml turned.csv --front f.png",
-        "--front: found no points to draw, expected --pareto N",
-    )
+    says = "--front: found no points to draw, expected --pareto N"
+    refused("identify crane.yaml turned.csv --front f.png", says)

@@ -47,9 +47,8 @@ def test_several_tables_count_together(run: Run, wrong: Path) -> None:
     (wrong / "two.csv").write_text("".join([*lines[:2], *lines[4:]]))
     whole, parts = answer(run, "crane.csv"), answer(run, "one.csv", "two.csv")
     for key in ("value", "std"):
-        assert parts["parameters"]["J1.torsional"][key] == pytest.approx(
-            whole["parameters"]["J1.torsional"][key], rel=1e-9
-        )
+        one, other = (found["parameters"]["J1.torsional"][key] for found in (parts, whole))
+        assert one == pytest.approx(other, rel=1e-9)
     text = run("identify crane.yaml one.csv two.csv").stdout
     assert "on the 4 fitted rows" in " ".join(text.split())
 

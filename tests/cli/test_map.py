@@ -13,17 +13,8 @@ CRANE = ("map", "crane.yaml", "--grid", "q1=-170deg:170deg:35")
 
 def test_the_map_of_a_crane_holds_its_closed_form(run: Run, folder: Path) -> None:
     """Across the arm 1/radial + 1 m^2/torsional, along it 1/radial, whatever q1."""
-    result = run(
-        *CRANE,
-        "--quantity",
-        "stiffness,stiffness_along",
-        "--direction",
-        "x",
-        "--out",
-        "map.nc",
-        "--json",
-        "-",
-    )
+    what = ("--quantity", "stiffness,stiffness_along", "--direction", "x")
+    result = run(*CRANE, *what, "--out", "map.nc", "--json", "-")
     assert (result.exit_code, result.stderr) == (0, "")
     facts = json.loads(result.stdout)
     across, along = 1 / (1 / 2e6 + 1 / 1e6), 2e6
@@ -103,10 +94,8 @@ def test_zarr_holds_the_same(succeed: Run, folder: Path, refused: Refused) -> No
         assert b.motion.values.tolist() == ["dx", "dy", "dz", "rx", "ry", "rz"]
     (folder / "mine.zarr").mkdir()
     refused([*CRANE, "--out", "mine.zarr"], "mine.zarr: is a folder and no Zarr")
-    assert sorted(path.name for path in folder.iterdir() if path.name.startswith((".", "map"))) == [
-        "map.nc",
-        "map.zarr",
-    ]
+    written = (path.name for path in folder.iterdir() if path.name.startswith((".", "map")))
+    assert sorted(written) == ["map.nc", "map.zarr"]
 
 
 @pytest.mark.parametrize(

@@ -324,12 +324,8 @@ HEADS = {
 def test_outputs_are_of_the_kind_that_their_name_says(name: str, earlier: dict[str, Path]) -> None:
     for file in outputs_of(name).values():
         if file != "reports":
-            assert (
-                (earlier[name] / file)
-                .read_bytes()
-                .lower()
-                .startswith(HEADS[Path(file).suffix.lower()].lower())
-            )
+            head = HEADS[Path(file).suffix.lower()].lower()
+            assert (earlier[name] / file).read_bytes().lower().startswith(head)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

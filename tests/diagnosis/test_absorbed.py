@@ -86,9 +86,8 @@ def test_joints_stay_whole_where_a_file_has_rounded_their_nodes() -> None:
         node.model_copy(update={"at": tuple((node.at + by).tolist())})
         for node, by in zip(real.nodes, off, strict=True)
     ]
-    again = corrected(
-        real.model_copy(update={"nodes": tuple(short)}), {"f1.r": 2e-3, "f3.alpha": 2e-3}, np.zeros((1, 6))
-    )
+    written = real.model_copy(update={"nodes": tuple(short)})
+    again = corrected(written, {"f1.r": 2e-3, "f3.alpha": 2e-3}, np.zeros((1, 6)))
     kinematics = compile_kinematics(again)
     places = posture(kinematics, np.full((1, 6), 0.3)).node_positions[0]
     ends = np.array([[kinematics.node_index[name] for name in joint.nodes] for joint in again.joints])

@@ -8,9 +8,8 @@ import pytest
 from beamstiff import load_robot, robot_names
 from benchmarks.applied_effects import APPLIED, ARMS, COMMANDS, RANDOM, Case, case_of, source_of, taken
 
-GROUPS = [("kr240-2", APPLIED[at::3]) for at in range(3)] + [
-    (f"{RANDOM}{at}", (APPLIED[at],)) for at in (3, 8, 13)
-]
+GROUPS = [("kr240-2", APPLIED[at::3]) for at in range(3)]
+GROUPS += [(f"{RANDOM}{at}", (APPLIED[at],)) for at in (3, 8, 13)]
 ALL = [(name, effect) for name in robot_names() for effect in APPLIED]
 ALL += [(f"{RANDOM}{at}", APPLIED[at % len(APPLIED)]) for at in range(ARMS)]
 

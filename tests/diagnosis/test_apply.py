@@ -54,9 +54,8 @@ def campaign(seed: int, poses: int = 24, loads: int = 5) -> tuple[Array, Array]:
 
 def read(q: Array, wrench: Array, moved: Array, seed: int, noise: float = NOISE, **more: Any) -> Measurements:
     noisy = moved + noise * np.random.default_rng(seed).standard_normal(moved.shape)
-    return make_measurements(
-        ["q1", "q2"], q, tcp="tip", wrench=wrench, displacement=noisy, sigma_position=NOISE, **more
-    )
+    more |= {"wrench": wrench, "displacement": noisy, "sigma_position": NOISE}
+    return make_measurements(["q1", "q2"], q, tcp="tip", **more)
 
 
 def truth(q: Array, wrench: Array, effect: str) -> Array:
@@ -193,10 +192,8 @@ def test_shapes_between_which_the_data_do_not_choose_and_second_causes_are_all_w
     both = replace(result, fits=tuple(found))
     robot = parse_robot(robot_to_yaml(extended(both)))
     play, tilt = robot.effects
-    assert [(part.shape, part.weight) for part in play.each] == [
-        ("flank within 0.03", 0.7),
-        ("flank within 0.005", 0.3),
-    ]
+    written = [(part.shape, part.weight) for part in play.each]
+    assert written == [("flank within 0.03", 0.7), ("flank within 0.005", 0.3)]
     assert (tilt.effect, tilt.shape) == ("base-compliance", "tilt")
     rows = any_rows("displacement", 4)
     after = both.predict_shift(rows)[1]

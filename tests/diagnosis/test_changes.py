@@ -111,9 +111,8 @@ def test_holms_example() -> None:
 def test_a_softer_spring_is_named_with_its_compliance() -> None:
     robot = beamstiff.load_robot("kr240-2")
     stiff = robot.parameter("J2.torsional")
-    found = compare_runs(
-        robot, moved(robot, 0), moved(robot.with_parameters({"J2.torsional": 0.7 * stiff}), 1)
-    )
+    softer = robot.with_parameters({"J2.torsional": 0.7 * stiff})
+    found = compare_runs(robot, moved(robot, 0), moved(softer, 1))
     assert found.changed
     assert [one.name for one in found.changes if one.changed] == ["1/J2.torsional"]
     one = next(one for one in found.changes if one.changed)

@@ -216,16 +216,14 @@ def test_nothing_is_said_without_weights_readings_or_beside_effects() -> None:
         parameters={"half_width": 1e-4},
         scales={"torque": 2000.0},
     )
-    assert measured_torques(ROBOT.model_copy(update={"effects": (slack,)}), readings(0)).notes == (
-        BESIDE_EFFECTS,
-    )
+    loose = ROBOT.model_copy(update={"effects": (slack,)})
+    assert measured_torques(loose, readings(0)).notes == (BESIDE_EFFECTS,)
 
 
 def test_positions_are_judged_by_what_the_torques_say() -> None:
     rows = campaign(2, "balancer")
-    found, without = (
-        diagnose(ROBOT, one) for one in (rows, replace(rows, torque=np.full_like(rows.torque, np.nan)))
-    )
+    unread = replace(rows, torque=np.full_like(rows.torque, np.nan))
+    found, without = (diagnose(ROBOT, one) for one in (rows, unread))
     assert (found.verdict.effect, found.verdict.component) == ("gravity-compensator", "q2")
     assert without.verdict.effect == "angle-curve"
     assert any("torques differ from those of the stated weights" in note for note in found.notes)

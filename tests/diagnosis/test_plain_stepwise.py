@@ -50,9 +50,8 @@ def test_causes_are_named_in_the_order_of_their_size_and_close_what_they_say(
     truth = rows(robot, replace(fresh, claimed_position=None), LOST, CURVE).position
     closed = true_closing(truth, "absolute", found.predict_shift(unmeasured(robot, fresh)))
     assert closed == pytest.approx(sum(one["closes"] for one in causes), abs=0.02)
-    assert found.to_dict()["remainder"]["rms_mm"] == pytest.approx(
-        np.sqrt(3.0) * 1e3 * campaign.sigma_position, rel=0.2
-    )
+    noise = np.sqrt(3.0) * 1e3 * campaign.sigma_position
+    assert found.to_dict()["remainder"]["rms_mm"] == pytest.approx(noise, rel=0.2)
 
 
 def test_nothing_is_named_where_nothing_is(

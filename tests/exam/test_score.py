@@ -199,11 +199,8 @@ def test_shuffled_labels_fall_to_chance() -> None:
 
 def test_a_guess_among_twenty_is_right_once_in_twenty() -> None:
     rng = np.random.default_rng(0)
-    keys = [
-        f"{effect}:q{k}"
-        for effect in ("backlash", "hardening", "load-error", "link-bending")
-        for k in range(5)
-    ]
+    effects = ("backlash", "hardening", "load-error", "link-bending")
+    keys = [f"{effect}:q{k}" for effect in effects for k in range(5)]
     truths, verdicts = rng.integers(20, size=(2, 4000))
     records = [answered(keys[t], keys[v]) for t, v in zip(truths, verdicts, strict=True)]
     figure = score.exact(records)

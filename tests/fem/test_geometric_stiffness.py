@@ -84,10 +84,7 @@ def with_coupled_wrist() -> Robot:
 )
 def test_complementary_stiffness_is_what_differences_of_the_jacobian_give(robot: Robot) -> None:
     rng = np.random.default_rng(5)
-    q, wrench = (
-        rng.uniform(-3, 3, (50, len(robot.actuated))),
-        rng.normal(size=(50, 6)) * [*3 * [1e3], *3 * [300]],
-    )
+    q, wrench = rng.uniform(-3, 3, (50, len(robot.actuated))), rng.normal(size=(50, 6)) * SIZES
     structure = compile_structure(robot)
     found = complementary_stiffness(structure, posture(structure.kinematics, q), wrench)
     expected = derivative_of_jacobian_transpose(robot, q, wrench)
@@ -110,9 +107,8 @@ def test_seed_000_equations_8_and_10(seed: int, kinds: str) -> None:
     k_theta = np.diag(stiffness_about_axes(robot))
     k_c = complementary_stiffness(structure, pose, wrench)
     compliance = loaded_at_tcp(robot, q, wrench)
-    assert (
-        relative_error(compliance, jacobian @ np.linalg.inv(k_theta - k_c) @ jacobian.swapaxes(1, 2)) < 1e-10
-    )
+    expected = jacobian @ np.linalg.inv(k_theta - k_c) @ jacobian.swapaxes(1, 2)
+    assert relative_error(compliance, expected) < 1e-10
     well = np.linalg.cond(jacobian) < 1e3
     if well.any():
         k_x = loaded_stiffness(compliance[well])
@@ -129,16 +125,7 @@ def test_without_load_the_compliance_is_the_plain_one() -> None:
 
 # joints and loops of rigid bodies: points, node at the TCP, parts as `builders.frame` takes them
 ARM = [(0, 0, 0), (0, 0, 0), (1, 0.2, 0.3), (1, 0.2, 0.3), (1.5, 1, 0.2)]
-FOUR_BAR = [
-    (0, 0, 0),
-    (0, 0, 0),
-    (0.2, 0, 1),
-    (0.2, 0, 1),
-    (1.3, 0, 1.2),
-    (1.3, 0, 1.2),
-    (1.2, 0, 0),
-    (1.2, 0, 0),
-]
+FOUR_BAR = [at for at in ((0, 0, 0), (0.2, 0, 1), (1.3, 0, 1.2), (1.2, 0, 0)) for _ in (0, 1)]
 FOUR_BAR = [*FOUR_BAR, (2, 0, 1.1)]
 TILTED, Y = (0.1, 0.2, 1.0), (0, 1, 0)
 ALL_SIX, HINGE, FREE_HINGE = (1e5, 2e5, 1e4, 3e4), (RIGID, RIGID, 2e4, RIGID), (RIGID, RIGID, FREE, RIGID)
@@ -386,9 +373,8 @@ def test_loads_that_do_not_fit_are_refused(bad: Array) -> None:
 
 def test_a_moment_on_a_node_of_struts_is_refused() -> None:
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.3, 0.3, 0.3)]
-    robot = frame(
-        points, beams=[(0, 1)], struts=[(1, 4, 1e6), (2, 4, 1e6), (3, 4, 1e6)], fixed=(0, 2, 3), tcp=1
-    )
+    struts = [(at, 4, 1e6) for at in (1, 2, 3)]
+    robot = frame(points, beams=[(0, 1)], struts=struts, fixed=(0, 2, 3), tcp=1)
     structure = compile_structure(robot)
     load = nodal_loads(structure, 1, {"n4": np.array([0, 0, 0, 1.0, 0, 0])})
     with pytest.raises(BeamstiffError, match="a moment acts on node 'n4', which struts alone hold"):

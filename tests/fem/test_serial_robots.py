@@ -38,11 +38,8 @@ def serial_robot(
         name = f"q{at + 1}"
         variables.append(Variable(name=name, type="prismatic" if prismatic[at] else "revolute"))
         moving = {"theta": float(theta), "r": name} if prismatic[at] else {"theta": name, "r": float(r)}
-        frames.append(
-            Frame(
-                name=f"f{at + 1}", parent=f"f{at}" if at else "base", alpha=float(alpha), d=float(d), **moving
-            )
-        )
+        parent = f"f{at}" if at else "base"
+        frames.append(Frame(name=f"f{at + 1}", parent=parent, alpha=float(alpha), d=float(d), **moving))
         # both sides of the joint lie in its frame: of one that slides, too, which is where they meet
         nodes += [Node(name=f"a{at + 1}", frame=f"f{at + 1}"), Node(name=f"b{at + 1}", frame=f"f{at + 1}")]
         rigids.append((f"b{at}" if at else "ground", f"a{at + 1}"))

@@ -94,9 +94,8 @@ def test_a_soft_mast_on_a_stiff_one_buckles_at_its_own_load(soft: float) -> None
     """Beam-column on a beam 1e16 times stiffer: H/P (tan kL / k - L), Timoshenko and Gere art. 1.4."""
     made = [STEEL.model_copy(update={"E": k, "G": k}) for k in (1e16 * soft, soft)]
     points = [(0.1 * at, 0.0, 0.0) for at in range(9)]
-    robot = frame(
-        points, beams=[(at, at + 1) for at in range(8)], material=[made[0]] * 4 + [made[1]] * 4, up=(0, 1, 0)
-    )
+    beams, material = [(at, at + 1) for at in range(8)], [made[0]] * 4 + [made[1]] * 4
+    robot = frame(points, beams=beams, material=material, up=(0, 1, 0))
     structure, length, EI = compile_structure(robot), 0.4, soft * SECTION.Iz
     force = 0.7 * np.pi**2 * EI / (4 * length**2)
     found = loaded_compliance(

@@ -264,10 +264,8 @@ def test_the_table_in_the_documentation_is_one() -> None:
 
 @pytest.mark.parametrize("convention", ["classic", "modified"])
 def test_masses_stand_in_the_frame_that_a_row_ends_in(convention: str) -> None:
-    rows = [
-        {"theta": 0.0, "d": 450.0, "a": 150.0, "alpha": 90.0},
-        {"theta": 90.0, "d": 20.0, "a": 600.0, "alpha": 30.0},
-    ]
+    values = ((0.0, 450.0, 150.0, 90.0), (90.0, 20.0, 600.0, 30.0))
+    rows = [dict(zip(("theta", "d", "a", "alpha"), row, strict=True)) for row in values]
     lines = [
         f"f{k},{row['theta']} + q{k},{row['d']},{row['a']},{row['alpha']},{10 * k},30,-20,{50 * k}"
         for k, row in enumerate(rows, start=1)

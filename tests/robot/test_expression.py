@@ -135,9 +135,7 @@ def test_sums_are_what_python_makes_of_them(rows: list[tuple[str, float, str | N
     # the oracle: Python itself, on text that we made
     truth = eval(text, {"__builtins__": {}}, values)
     expression = parse_expression(text, "angle", KINDS)
-    found = expression.constant + sum(
-        expression.coefficients[name] * values[name] for name in expression.coefficients
-    )
+    found = expression.constant + sum(by * values[name] for name, by in expression.coefficients.items())
     assert found == pytest.approx(truth, rel=1e-12, abs=1e-8)
 
 

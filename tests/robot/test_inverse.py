@@ -246,8 +246,7 @@ def test_no_targets_no_answers() -> None:
 
 
 def test_a_robot_that_cannot_move_reaches_where_it_is() -> None:
-    result = inverse_geometry(
-        compile_kinematics(machine([], [], tool=("base", (1, 2, 3)))), [[1, 2, 3], [1, 2, 4]]
-    )
+    robot = machine([], [], tool=("base", (1, 2, 3)))
+    result = inverse_geometry(compile_kinematics(robot), [[1, 2, 3], [1, 2, 4]])
     assert result.reached.tolist() == [True, False]
     assert result.position_error.tolist() == [0.0, 1.0]

@@ -33,9 +33,8 @@ def search_of(
     """Return evidence: log weights of effects, none, the unknown and free laws; the effects leave a share."""
     weights = effects | {NONE: none, UNKNOWN: unknown}
     shares = dict.fromkeys(effects, left)
-    return Search(
-        weights, pairs, {}, shares, {"q3": free, "base": free - 50.0}, {("q3", CREEPING): unmodelled}
-    )
+    laws = {"q3": free, "base": free - 50.0}
+    return Search(weights, pairs, {}, shares, laws, {("q3", CREEPING): unmodelled})
 
 
 def pair_of(first: str, second: str, log_weight: float, left: float = 0.02) -> Pair:
@@ -196,9 +195,7 @@ def test_of_two_causes_the_one_that_closes_more_alone_is_the_main_one() -> None:
 
 def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
     names = ("a:1", "b:2", "c:3", "d:4")
-    pairs = tuple(
-        pair_of(first, second, 60.0 - 0.1 * at) for at, (first, second) in enumerate(combinations(names, 2))
-    )
+    pairs = tuple(pair_of(*two, 60.0 - 0.1 * at) for at, two in enumerate(combinations(names, 2)))
     found = judged(search_of(dict.fromkeys(names, 0.0), left=0.4, pairs=pairs), single=HALF, both=GOOD)
     assert (found.verdict, found.also) == (UNKNOWN, None)
     assert set(found.unclear) == set(names)

@@ -71,9 +71,7 @@ def test_the_gap_is_split_by_direction_load_and_time() -> None:
     found = diagnosed("backlash")
     there, where = found.baseline, found.where
     gap = 1e3 * there.gap[:, :3]
-    assert where["directions"] == pytest.approx(
-        {axis: np.sqrt((gap[:, k] ** 2).mean()) for k, axis in enumerate("xyz")}
-    )
+    assert where["directions"] == pytest.approx(dict(zip("xyz", np.sqrt((gap**2).mean(axis=0)), strict=True)))
     size = np.linalg.norm(gap, axis=1)
     force = np.linalg.norm(there.rows.wrench[:, :3], axis=1)
     first = next(iter(where["loads"].items()))
@@ -122,9 +120,8 @@ def test_times_of_two_tables_are_of_two_clocks() -> None:
     there = nominal(elbow(), rows)
     seen = replace(there, measured=np.repeat([1e-3, 2e-3], 6)[:, None] * np.ones(6) + there.predicted)
     found = where(seen, seen.used, [])["time"]
-    assert list(found) == [
-        f"{name}.csv: {part} s" for name in "ab" for part in ("0 to 10", "20 to 30", "40 to 50")
-    ]
+    thirds = ("0 to 10", "20 to 30", "40 to 50")
+    assert list(found) == [f"{name}.csv: {part} s" for name in "ab" for part in thirds]
     assert list(found.values()) == pytest.approx(np.sqrt(3) * np.repeat([1.0, 2.0], 3))  # mm
 
 

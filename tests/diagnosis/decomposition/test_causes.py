@@ -49,10 +49,7 @@ def test_parameters_of_two_forms_of_a_cause_are_all_told() -> None:
     both = replace(
         one, forms=(*one.forms, *one.forms), theta=(np.ones(1), np.zeros(1)), std=(np.ones(1),) * 2
     )
-    assert [(name, value) for name, _, value, _, _ in parameters_of(both)] == [
-        ("size_1", 1.0),
-        ("size_2", 0.0),
-    ]
+    assert {name: value for name, _, value, *_ in parameters_of(both)} == {"size_1": 1.0, "size_2": 0.0}
     assert [name for name, *_ in parameters_of(one)] == ["size"]
 
 

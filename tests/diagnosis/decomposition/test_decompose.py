@@ -171,9 +171,8 @@ def test_of_a_cause_that_is_withheld_most_stays_and_the_remainder_says_what_it_f
 def test_a_drive_that_is_rigid_in_truth_keeps_a_place_for_its_play() -> None:
     """The file has drives soft: fits make them rigid, and one has play by the sign of its weight's moment."""
     drives = ("J2.torsional", "J3.torsional", "J4.torsional")
-    robot = (
-        load_robot(UR10).with_parameters(dict.fromkeys(drives, 5e4)).model_copy(update={"identify": drives})
-    )
+    robot = load_robot(UR10).with_parameters(dict.fromkeys(drives, 5e4))
+    robot = robot.model_copy(update={"identify": drives})
     rng = np.random.default_rng(1)
     q = rng.uniform(-2.5, 2.5, (POSES, 6))
     kinematics = compile_kinematics(machine(load_robot(UR10)))

@@ -44,9 +44,8 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
     def potential(angles: Array) -> Array:
         where = posture(kinematics, angles)
         turns = where.transforms[:, kinematics.node_frame[nodes], :3, :3]
-        return np.asarray(
-            (where.node_positions[:, nodes] + (turns @ arms[..., None])[..., 0])[..., 2] @ weights
-        )
+        places = where.node_positions[:, nodes] + (turns @ arms[..., None])[..., 0]
+        return np.asarray(places[..., 2] @ weights)
 
     turned = np.zeros_like(q)
     for _ in range(4):  # the sag changes the arms of the weights

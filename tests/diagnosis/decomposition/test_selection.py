@@ -32,9 +32,8 @@ SIZE = Quantity("size", "N", 1.0)
 
 
 def form(columns: np.ndarray, *parameters: Quantity) -> Form:
-    return Form(
-        "joint-compliance", "q2", Shape("by hand", np.zeros((1, 6, 0)), parameters), columns, 0.0, likely=1.0
-    )
+    shape = Shape("by hand", np.zeros((1, 6, 0)), parameters)
+    return Form("joint-compliance", "q2", shape, columns, 0.0, likely=1.0)
 
 
 def choice_of(
@@ -217,9 +216,8 @@ def test_a_law_between_forms_is_a_cause_of_two_and_no_more(shares: tuple[float, 
     columns, other = rng.standard_normal((3, VALUES, 1)), rng.standard_normal((VALUES, 1))
     law = sum(20.0 * share * column[:, 0] for share, column in zip(shares, columns, strict=False))
     forms = [replace(form(one, SIZE), effect="bearing-tilt") for one in columns]
-    made = choice_of(
-        law + rng.standard_normal(VALUES), *forms, replace(form(other, SIZE), effect="link-bending")
-    )
+    apart = replace(form(other, SIZE), effect="link-bending")
+    made = choice_of(law + rng.standard_normal(VALUES), *forms, apart)
     step = select(made, lambda step: step.left**2)
     assert len(step.chosen) == chosen
     assert causes_of(made, step) == [step.chosen]

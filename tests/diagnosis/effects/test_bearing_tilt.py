@@ -169,15 +169,10 @@ SOUND = {"axial": 1e9, "radial": 1e9, "torsional": 1e8, "tilting": 1e8}
 def on_springs() -> Robot:
     """Return the elbow arm on a joint between floor and foot, about the vertical."""
     robot = elbow()
-    floor = Joint(
-        name="J0", nodes=["floor", "foot"], frame="base", axis="z", stiffness=JointStiffness(**SOUND)
-    )
-    update = {
-        "nodes": (Node(name="floor"), *robot.nodes),
-        "joints": (floor, *robot.joints),
-        "fixed": ("floor",),
-    }
-    return robot.model_copy(update=update)
+    springs = JointStiffness(**SOUND)
+    floor = Joint(name="J0", nodes=["floor", "foot"], frame="base", axis="z", stiffness=springs)
+    more = {"nodes": (Node(name="floor"), *robot.nodes), "joints": (floor, *robot.joints)}
+    return robot.model_copy(update=more | {"fixed": ("floor",)})
 
 
 @pytest.mark.parametrize(
@@ -192,10 +187,8 @@ def on_springs() -> Robot:
 )
 def test_columns_are_derivatives_by_springs_under_the_foot(shape: str, columns: list[int], kind: str) -> None:
     rows = at_random(elbow(), 8, seed=1)
-    found = (
-        shape_of(nominal(elbow(), rows), "base-compliance", None, shape).columns[..., columns].sum(axis=-1)
-    )
-    close(found, by_compliance_of(on_springs(), rows, f"J0.{kind}"), 1e-6)
+    found = shape_of(nominal(elbow(), rows), "base-compliance", None, shape).columns[..., columns]
+    close(found.sum(axis=-1), by_compliance_of(on_springs(), rows, f"J0.{kind}"), 1e-6)
 
 
 def test_all_of_it_is_any_symmetric_6x6_compliance_of_the_floor() -> None:

@@ -40,11 +40,8 @@ def campaigns() -> dict[str, Baseline]:
     loop = load_robot("ir663")
     plane = at_random(loop, 6, seed=2, reach=0.4)
     plane = rows_of(loop, plane.q, plane.wrench * [1, 0, 1, 0, 1, 0])
-    return {
-        "serial": nominal(robot, some),
-        "absolute": nominal(robot, absolute),
-        "loop": nominal(loop, plane),
-    }
+    tables = {"serial": (robot, some), "absolute": (robot, absolute), "loop": (loop, plane)}
+    return {name: nominal(*both) for name, both in tables.items()}
 
 
 @pytest.fixture(scope="module")
@@ -106,15 +103,12 @@ def test_linear_places_do_twice_as_much_under_twice_the_load(rows: dict[str, Bas
     twice = nominal(kr240(), rows_of(kr240(), once.rows.q, 2 * once.rows.wrench))
     for effect in ("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "joint-coupling"):
         for component in EFFECTS[effect].components(once):
-            pairs = zip(
-                EFFECTS[effect].shapes(once, component), EFFECTS[effect].shapes(twice, component), strict=True
-            )
+            pairs = zip(*(EFFECTS[effect].shapes(some, component) for some in (once, twice)), strict=True)
             for one, other in pairs:
                 # what stiffens has columns that are not linear, and scaled by the rows
                 linear = [not re.search("contact|usual|seam", item.name) for item in one.parameters]
-                np.testing.assert_allclose(
-                    other.columns[..., linear], 2 * one.columns[..., linear], rtol=1e-9, atol=1e-9
-                )
+                doubled, columns = 2 * one.columns[..., linear], other.columns[..., linear]
+                np.testing.assert_allclose(columns, doubled, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(

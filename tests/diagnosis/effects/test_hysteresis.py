@@ -45,9 +45,8 @@ def test_what_is_held_never_exceeds_the_friction_and_fine_steps_change_nothing(
 def test_a_closed_cycle_loses_the_work_of_the_friction() -> None:
     # the loop of an elastic and frictional element: 2 r times the torque travelled beyond slipping, both ways
     r, top = 0.25, 1.0
-    way = np.concatenate(
-        [np.linspace(0, top, 2001), np.linspace(top, -top, 4001), np.linspace(-top, top, 4001)]
-    )
+    ends = ((0, top, 2001), (top, -top, 4001), (-top, top, 4001))
+    way = np.concatenate([np.linspace(*one) for one in ends])
     held = stepped(way, r)
     loop = slice(2001, None)
     work = np.abs(np.trapezoid(held[loop], way[loop]))

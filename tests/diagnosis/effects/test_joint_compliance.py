@@ -84,10 +84,8 @@ def test_a_joint_may_be_worn_in_a_sector() -> None:
     shape = shape_of(there, "joint-compliance", "q2", "by sectors")
     assert [item.name for item in shape.parameters[:2]] == ["compliance", "compliance_near_-180_deg"]
     q = there.rows.q[:, 1]
-    bumps = [
-        np.exp(-2.0 * (np.sin((q - np.deg2rad(at)) / 2.0) / np.deg2rad(20.0)) ** 2)
-        for at in range(-180, 180, 30)
-    ]
+    wide, places = np.deg2rad(20.0), np.deg2rad(range(-180, 180, 30))
+    bumps = [np.exp(-2.0 * (np.sin((q - at) / 2.0) / wide) ** 2) for at in places]
     for at, bump in enumerate(bumps, 1):  # cos a - 1 = -2 sin(a / 2)^2
         close(shape.columns[..., at], bump[:, None] * even, least=1e-12)
     # any smooth course of the angle is nearly one of these

@@ -47,10 +47,8 @@ def test_a_round_tool_gives_the_same_whichever_way_it_is_turned_about_its_axis()
     q[:, 5] += np.random.default_rng(1).uniform(-2, 2, 8)
     turned = rows_of(kr240(), q, still.wrench)
     for shape, alike in (("round", True), ("by axis", False)):
-        one, other = (
-            shape_of(nominal(kr240(), rows), "tool-compliance", None, shape).columns
-            for rows in (still, turned)
-        )
+        both = (nominal(kr240(), rows) for rows in (still, turned))
+        one, other = (shape_of(there, "tool-compliance", None, shape).columns for there in both)
         assert np.allclose(one, other, atol=1e-9 * np.abs(one).max()) == alike
     # a tilt about a centre on the axis is one of them
     there = nominal(kr240(), still)

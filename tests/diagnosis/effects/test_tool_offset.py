@@ -141,17 +141,14 @@ def test_a_load_that_hangs_on_something_acts_where_its_direction_takes_it(where:
 
 def test_a_load_that_keeps_its_side_acts_beside_the_tool_however_that_turns() -> None:
     rows = at_random(kr240(), 8, seed=5)
-    shape = shape_of(
-        nominal(kr240(), rows), "tool-offset", None, "load that keeps its side in the base frame"
-    )
+    name = "load that keeps its side in the base frame"
+    shape = shape_of(nominal(kr240(), rows), "tool-offset", None, name)
     for axis in range(3):
         beside = OFFSET * np.eye(3)[axis]
         moment = rows.wrench.copy()
         moment[:, 3:] += np.cross(beside, rows.wrench[:, :3])
-        more = predict_displacements(kr240(), replace(rows, wrench=moment)) - predict_displacements(
-            kr240(), rows
-        )
-        close(shape.columns[..., axis] * OFFSET, more)
+        moved, still = (predict_displacements(kr240(), some) for some in (replace(rows, wrench=moment), rows))
+        close(shape.columns[..., axis] * OFFSET, moved - still)
 
 
 def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None:

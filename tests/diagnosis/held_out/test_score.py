@@ -47,9 +47,8 @@ def weighted(columns: Array, magnitude: float = 1e3, effect: str = "a", weight: 
     """Return an effect of some columns (N, 6, c), realistic sizes 1."""
     names = tuple(Quantity(f"p{k}", "1", 1.0) for k in range(columns.shape[-1]))
     shape = Shape("only", columns, names)
-    return Weighted(
-        Hypothesis(effect, None, shape, 1.0, columns.reshape(-1, columns.shape[-1])), weight, magnitude
-    )
+    one = Hypothesis(effect, None, shape, 1.0, columns.reshape(-1, columns.shape[-1]))
+    return Weighted(one, weight, magnitude)
 
 
 def across(there: Baseline, columns: Array) -> Array:
@@ -71,9 +70,7 @@ def test_the_shrink_is_the_share_of_the_gap_that_the_effect_is(share: float) -> 
         rest[:, part] *= np.linalg.norm(own) / np.linalg.norm(rest[:, part])
     gap = 20 * (np.sqrt(share) * effect + np.sqrt(1 - share) * rest)
     noise = rng.standard_normal((120, 6)) * SIGMA
-    found = held_out(
-        with_gap(there, gap + noise), there.used, [[weighted(effect[..., None])]], scale=1.0, seed=0
-    )
+    found = held_out(with_gap(there, gap + noise), there.used, [[weighted(effect[..., None])]], 1.0, 0)
     assert found.shrink == pytest.approx(share, abs=0.05)
     low, high = found.interval
     assert low < share < high or found.shrink == pytest.approx(share, abs=0.02)
@@ -198,11 +195,8 @@ def test_ridge_regression_of_columns_of_any_size_is_the_dense_solution() -> None
     gap, ridge = rng.standard_normal(20), np.array([0.0, 2.0, 1e-13])
     theta, covariance = solve(columns, ridge, gap)
     stacked = np.concatenate([columns, np.diag(np.sqrt(ridge))])
-    expected = np.linalg.lstsq(stacked / [1e6, 1, 1e-6], np.concatenate([gap, np.zeros(3)]))[0] / [
-        1e6,
-        1,
-        1e-6,
-    ]
+    size = np.array([1e6, 1, 1e-6])
+    expected = np.linalg.lstsq(stacked / size, np.concatenate([gap, np.zeros(3)]))[0] / size
     np.testing.assert_allclose(theta, expected, rtol=1e-9)
     assert np.diag(covariance) == pytest.approx(
         np.diag(np.linalg.inv((g := stacked / [1e6, 1, 1e-6]).T @ g)) / np.array([1e12, 1, 1e-12])

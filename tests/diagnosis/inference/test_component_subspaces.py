@@ -181,9 +181,8 @@ def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
 
 def test_a_link_may_be_called_what_a_place_is_called() -> None:
     arm = elbow()
-    renamed = tuple(
-        one.model_copy(update={"name": {"fore": "tool", "upper": "link.1"}[one.name]}) for one in arm.rigids
-    )
+    other = {"fore": "tool", "upper": "link.1"}
+    renamed = tuple(one.model_copy(update={"name": other[one.name]}) for one in arm.rigids)
     arm = arm.model_copy(update={"rigids": renamed})
     there = nominal(arm, at_random(arm, 12, seed=6))
     white = whiten(there)

@@ -48,9 +48,8 @@ def test_along_one_direction_what_is_held_is_the_scalar_stop(seed: int, limit: f
     vector = np.zeros((12, 1, 3))
     vector[:, 0, 1] = way
     held = held_back(vector, 0 * vector, np.arange(12), fresh, np.array([limit]))
-    np.testing.assert_allclose(
-        held[:, 0, 1], held_torque(way, np.zeros(12), fresh, np.arange(12), limit), atol=1e-12
-    )
+    scalar = held_torque(way, np.zeros(12), fresh, np.arange(12), limit)
+    np.testing.assert_allclose(held[:, 0, 1], scalar, atol=1e-12)
     assert not held[:, 0, [0, 2]].any()
 
 

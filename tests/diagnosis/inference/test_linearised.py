@@ -73,15 +73,11 @@ def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_on
 def test_a_fit_is_the_same_from_anywhere() -> None:
     fit = fit_baseline(kr240(), measured(1))
     other = around(fit, REAL * [kr240().parameter(name) for name in fit.fitted])
-    change = [
-        1 / b.robot.parameter(name) - 1 / a.robot.parameter(name)
-        for name in fit.fitted
-        for a, b in [(fit, other)]
-    ]
+    before, after = ([1 / at.robot.parameter(name) for name in fit.fitted] for at in (fit, other))
     np.testing.assert_array_equal(other.sigma, fit.sigma)
     np.testing.assert_array_equal(other.used, fit.used)
     # linear in the compliances but for the stiffness that the load itself makes
-    predicted = fit.predicted + fit.tangent @ np.array(change)
+    predicted = fit.predicted + fit.tangent @ np.subtract(after, before)
     moved = np.abs(other.predicted - fit.predicted).max()
     np.testing.assert_allclose(other.predicted, predicted, rtol=0, atol=0.01 * moved)
 

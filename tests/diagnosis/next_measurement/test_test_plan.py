@@ -102,10 +102,9 @@ def test_postures_are_proposed_where_the_tool_was_or_in_a_region(split: tuple[Ba
     assert found is not None
     assert inside(region, tool_at(found.rows.q)).all()
     assert not inside(region, proposed).all()
+    far = replace(there, rows=replace(there.rows, region=((9, 10),) * 3))
     with pytest.raises(BeamstiffError, match="make it larger"):
-        propose_tests(
-            replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0
-        )
+        propose_tests(far, there.used, rivals, 1.0, 0)
 
 
 def test_postures_have_a_pendants_digits_in_the_units_of_the_table(split: tuple[Baseline, Programme]) -> None:

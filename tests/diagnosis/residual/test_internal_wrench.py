@@ -73,9 +73,8 @@ def test_the_weight_at_the_tip_passes_through_both_joints(arm_rows: Measurements
     at = points(arm_rows)
     for joint in ("J1", "J2"):
         expected = carried(weight, 0 * weight, at["tip"] - at[joint])
-        np.testing.assert_allclose(
-            in_base(places.joints[joint], places.joints[joint].dead), expected, atol=1e-8
-        )
+        place = places.joints[joint]
+        np.testing.assert_allclose(in_base(place, place.dead), expected, atol=1e-8)
     np.testing.assert_allclose(places.base.dead, carried(weight, 0 * weight, at["tip"]), atol=1e-8)
     np.testing.assert_allclose(
         in_base(places.flange, places.flange.dead), carried(weight, 0 * weight, 0 * at["tip"]), atol=1e-8
@@ -226,13 +225,10 @@ def test_what_hangs_at_the_tcp_passes_through_the_flange_and_a_beam_that_ends_th
 def test_a_reflector_beside_the_tcp_is_on_the_tool_where_nothing_is_read_at_the_tcp() -> None:
     """Turned about the TCP by r, a point of the same body, p off, moves by ``r x p``."""
     robot = kr240()
-    ball = Node(
-        name="ball", frame=next(n.frame for n in robot.nodes if n.name == robot.tcp), at=(0.1, 0.2, 0.3)
-    )
-    more = {
-        "nodes": (*robot.nodes, ball),
-        "rigids": (*robot.rigids, Rigid(name="arm", nodes=(robot.tcp, "ball"))),
-    }
+    frame = next(node.frame for node in robot.nodes if node.name == robot.tcp)
+    ball = Node(name="ball", frame=frame, at=(0.1, 0.2, 0.3))
+    arm = Rigid(name="arm", nodes=(robot.tcp, "ball"))
+    more = {"nodes": (*robot.nodes, ball), "rigids": (*robot.rigids, arm)}
     robot = robot.model_copy(update=more)
     rows = at_random(robot, 6, seed=1)
     kinematics = compile_kinematics(robot)

@@ -275,9 +275,8 @@ def test_random_machines_pass_what_multipliers_say_where_no_self_stress_has_a_pa
         assume(((part < 1e-9) | (part > 1e-3)).all())  # else rounding decides
         assert place.undetermined.tolist() == (part > 1e-6).tolist(), name
         expected = np.where(part > 1e-6, 0.0, turn.T @ wrench)
-        np.testing.assert_allclose(
-            place.load[0], expected, atol=1e-6 * max(np.abs(load).max(), np.abs(wrench).max())
-        )
+        scale = max(np.abs(load).max(), np.abs(wrench).max())
+        np.testing.assert_allclose(place.load[0], expected, atol=1e-6 * scale)
 
 
 def test_a_note_says_once_where_directions_cannot_be_tested() -> None:
