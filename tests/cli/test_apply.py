@@ -67,8 +67,7 @@ def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> Non
 @pytest.mark.usefixtures("applied")
 def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Path) -> None:
     (folder / "new.csv").write_text(crane_with_backlash(2))
-    result = succeed("deflect larger.yaml new.csv")
-    assert "With the robot's effects: backlash:q1." in result.stdout
+    assert "With the robot's effects: backlash:q1." in succeed("deflect larger.yaml new.csv").stdout
     robots = ("crane.yaml", "larger.yaml")
     answers = {robot: np.array(told(f"deflect {robot} new.csv")["displacement"]) for robot in robots}
     rows = np.loadtxt((folder / "new.csv").read_text().splitlines()[2:], delimiter=",")
@@ -103,8 +102,7 @@ def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
 
 
 def test_a_robot_with_a_cause_that_is_just_likeliest_is_said_to_be_one(succeed: Run, folder: Path) -> None:
-    few = crane_with_backlash(1).splitlines()[:26]
-    (folder / "few.csv").write_text("\n".join(few))
+    (folder / "few.csv").write_text("\n".join(crane_with_backlash(1).splitlines()[:26]))
     result = succeed("diagnose crane.yaml few.csv --apply perhaps.yaml --json said.json")
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert 0.0 < verdict["probability"] < 0.6

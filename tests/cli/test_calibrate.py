@@ -77,7 +77,7 @@ def test_people_get_parameters_what_they_look_like_and_errors(run: Run, told: Ru
     assert f"{len(facts['silent'])} without influence on the readings" in text
 
 
-def test_the_tracker_may_stand_anywhere(run: Run, succeed: Run, folder: Path, arm: str) -> None:
+def test_the_tracker_may_stand_anywhere(succeed: Run, folder: Path, arm: str, told: Run) -> None:
     robot = load_robot(folder / arm)
     rows = read_measurements(folder / "poses.csv", robot)
     turned = rows.position @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [5.0, -3.0, 0.2]
@@ -86,10 +86,8 @@ def test_the_tracker_may_stand_anywhere(run: Run, succeed: Run, folder: Path, ar
     place = re.search(
         r"Robot base in the measuring frame: \(([\d.]+), ([-\d.]+), ([\d.]+)\) mm", result.stdout
     )
-    assert place is not None
     assert [float(value) for value in place.groups()] == pytest.approx([5000, -3000, 200], abs=0.05)
-    again = run("calibrate found.yaml base.csv --parameters q2 --folds 0 --json -")
-    facts = json.loads(again.stdout)
+    facts = told("calibrate found.yaml base.csv --parameters q2 --folds 0")
     assert facts["nominal"]["position_rms_mm"] == pytest.approx(0.01 * 3**0.5, rel=0.3)
     assert facts["held_out"] is None
 
@@ -110,12 +108,11 @@ def test_another_table_is_moved_into_the_base_frame(
     refused(f"calibrate {arm} poses-away.csv --apply-to fresh-away.csv", "expected CSV=CSV such as")
 
 
-def test_tables_may_come_from_several_stations(run: Run, folder: Path, arm: str, refused: Refused) -> None:
+def test_tables_may_come_from_several_stations(folder: Path, arm: str, refused: Refused, told: Run) -> None:
     robot = load_robot(folder / arm)
     rows = read_measurements(folder / "fresh.csv", robot)
     write_measurements(replace(rows, position=rows.position + np.eye(3)[0]), folder / "moved.csv", robot)
-    result = run(f"calibrate {arm} poses.csv moved.csv --stations --folds 0 --json -")
-    facts = json.loads(result.stdout)
+    facts = told(f"calibrate {arm} poses.csv moved.csv --stations --folds 0")
     assert facts["rms_mm"] < 0.03
     assert facts["bases"][1][0][3] - facts["bases"][0][0][3] == pytest.approx(1.0, abs=1e-4)
     says = "it is not said where the robot stood"

@@ -7,27 +7,15 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, write_measurements
-from beamstiff.measure.table import make_measurements
-from beamstiff.model.linear import predict_displacements
 from tests.cli.conftest import CRANE_DATA, Refused, Run
+from tests.cli.test_fitted_models import leaning
 
 
 @pytest.fixture
 def data(folder: Path) -> str:
     """Write readings of an IR-663 under two loads, whose axis 8 is softer the further it leans."""
-    robot, random = load_robot("ir663"), np.random.default_rng(0)
-    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (24, 2)), 4, axis=0)
-    loads = [-size * np.eye(6)[axis] for size in (300.0, 900.0) for axis in (0, 2)]
-    wrench = np.tile(loads, (24, 1))
-    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, still)[:, :3] for one in (robot, soft))
-    lean = ((q[:, 1:] - 0.6) / 0.3) ** 2
-    seen = stiff + lean * (softer - stiff) + 1e-5 * random.standard_normal((96, 3))
-    table = make_measurements(
-        ["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=1e-5
-    )
-    write_measurements(table, folder / "data.csv", robot)
+    loads = np.array([-size * np.eye(6)[axis] for size in (300.0, 900.0) for axis in (0, 2)])
+    write_measurements(leaning(24, 0, loads), folder / "data.csv", load_robot("ir663"))
     return "data.csv"
 
 
@@ -59,8 +47,7 @@ def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:
 
 
 def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
-    result = run(f"compare ir663 {data} --models grid --cube 0.25m")
-    assert "cubes of 250 mm" in result.stdout
+    assert "cubes of 250 mm" in run(f"compare ir663 {data} --models grid --cube 0.25m").stdout
 
 
 @pytest.mark.parametrize(

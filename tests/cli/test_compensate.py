@@ -49,9 +49,8 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
 
 
 @pytest.mark.usefixtures("cell")
-def test_json_tells_every_target(succeed: Run) -> None:
-    result = succeed("compensate kr500 cell.src --wrench fz=-900N --json -")
-    facts = json.loads(result.stdout)
+def test_json_tells_every_target(told: Run) -> None:
+    facts = told("compensate kr500 cell.src --wrench fz=-900N")
     assert facts["format"] == "beamstiff-compensation/1"
     assert facts["unreachable"] == []
     assert [target["line"] for target in facts["targets"]] == [4, 5, 6]
@@ -112,14 +111,13 @@ def test_frames_say_what_the_numbers_count_from(cell: Path, succeed: Run) -> Non
     assert np.abs(a - here).max() > 1e-4
 
 
-def test_a_process_file_and_a_path_table(folder: Path, succeed: Run) -> None:
+def test_a_process_file_and_a_path_table(folder: Path, told: Run) -> None:
     (folder / "p.yaml").write_text("kind: cutting-table\nvariable: depth\nvalues: [0, 5 mm]\nfz: [0, -800]\n")
     (folder / "p.csv").write_text(
         "# orientation: KUKA ABC\nx [mm],y [mm],z [mm],a [deg],b [deg],c [deg],depth [mm],fx\n"
         "1500,0,900,0,110,0,1,50\n1500,100,900,0,110,0,5,50\n"
     )
-    result = succeed("compensate kr500 p.csv --process p.yaml --json -")
-    loads = [target["wrench"][:3] for target in json.loads(result.stdout)["targets"]]
+    loads = [target["wrench"][:3] for target in told("compensate kr500 p.csv --process p.yaml")["targets"]]
     np.testing.assert_allclose(loads, [[50, 0, -160], [50, 0, -800]])
 
 
@@ -290,13 +288,12 @@ def test_a_real_robot_whose_effect_is_a_mean_of_shapes_is_taken(succeed: Run, ce
     assert after < 0.01 * before
 
 
-def test_status_and_turn_choose_between_the_arms_of_one_target(folder: Path, succeed: Run) -> None:
+def test_status_and_turn_choose_between_the_arms_of_one_target(folder: Path, succeed: Run, told: Run) -> None:
     sags = {}
     for status, turn in ((0, 37), (2, 11), (6, 59)):
         text = f"PTP {{X 2500,Y 100,Z 1700,A 0,B 90,C 10,S {status},T {turn}}}\n"
         (folder / "a.src").write_text(text)
-        result = succeed("compensate kr500 a.src --wrench fz=-900N --json -")
-        [found] = json.loads(result.stdout)["targets"]
+        [found] = told("compensate kr500 a.src --wrench fz=-900N")["targets"]
         q = [found["q"][f"q{axis}"] for axis in range(1, 7)]
         assert [q[2] > 0, q[4] < 0] == [bool(status & 2), bool(status & 4)]
         assert [q[axis] < 0 for axis in (0, 3, 5)] == [bool(turn >> axis & 1) for axis in (0, 3, 5)]
@@ -333,13 +330,12 @@ def test_a_stream_of_forces_is_answered_line_by_line(folder: Path) -> None:
     assert loaded.endswith("warm corrected")
 
 
-def test_standard_deviations_come_from_identify(folder: Path, succeed: Run, refused: Refused) -> None:
+def test_standard_deviations_come_from_identify(folder: Path, refused: Refused, told: Run) -> None:
     (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
     facts = {"parameters": {"J2.torsional": {"value": 1e6, "std": 2e6}, "J3.torsional": {"std": None}}}
     (folder / "i.json").write_text(json.dumps(facts))
     load = ("--wrench", "fz=-900N", "--std", "i.json")
-    result = succeed("compensate kr500 a.src", *load, "--leave-doubtful", "--json", "-")
-    [found] = json.loads(result.stdout)["targets"]
+    [found] = told("compensate kr500 a.src", *load, "--leave-doubtful")["targets"]
     assert found["std"][2] > 0
     (folder / "i.json").write_text("[]")
     refused(["compensate", "kr500", "a.src", *load], "--std: i.json: found no parameters with a std")
@@ -361,8 +357,7 @@ def test_what_comes_from_start_values_is_said(folder: Path, succeed: Run) -> Non
     lift = "# sigma_position: 0.01 mm\nq1 [deg],fz,dz [mm]\n0,1000,0.3\n90,500,0.15\n"
     (folder / "lift.csv").write_text(lift)
     succeed("identify found.yaml lift.csv --parameters J1.tilting --out lifted.yaml")
-    last = succeed("compensate crane.yaml path.csv --actual lifted.yaml")
-    assert "start values" not in last.stderr
+    assert "start values" not in succeed("compensate crane.yaml path.csv --actual lifted.yaml").stderr
 
 
 def test_a_measured_run_teaches_the_process(cell: Path, succeed: Run, refused: Refused) -> None:
@@ -417,6 +412,5 @@ def test_a_program_with_points_in_its_dat_is_written_with_it(
     succeed("compensate kr500 cell.src --wrench fz=-900N --out new.src")  # its own files
     (folder / "new.dat").write_text(new + ";mine\n")
     refused("compensate kr500 cell.src --out new.src", "new.dat")
-    refused = run("compensate kr500 cell.src --out cell.SRC")
-    assert refused.exit_code == 2
+    assert run("compensate kr500 cell.src --out cell.SRC").exit_code == 2
     assert (folder / "cell.dat").read_text() == data

@@ -103,8 +103,7 @@ def test_where_there_is_nothing_to_propose_the_diagnosis_stands(succeed: Run, fo
     (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
     others = ",".join(name for name in EFFECTS if name != "backlash")
     named = ["--without", others, "--next", "next.csv", "--json", "out.json"]
-    result = succeed("diagnose crane.yaml placed.csv", *named)
-    assert "next.csv was not written" in result.stderr
+    assert "next.csv was not written" in succeed("diagnose crane.yaml placed.csv", *named).stderr
     assert not (folder / "next.csv").exists()
     assert json.loads((folder / "out.json").read_text())["next"] == []
 
@@ -159,8 +158,7 @@ def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run:
 def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(
     succeed: Run, folder: Path, refused: Refused
 ) -> None:
-    text = (folder / "crane.yaml").read_text()
-    stiff = re.sub('"[0-9]e6 N.*?"', "rigid", text)
+    stiff = re.sub('"[0-9]e6 N.*?"', "rigid", (folder / "crane.yaml").read_text())
     (folder / "rigid.yaml").write_text(stiff.replace("identify: [J1.torsional]\n", ""))
     refused("identify rigid.yaml crane.csv", "nothing is compliant, the joints J1 are rigid")
     shown = succeed("diagnose rigid.yaml crane.csv")

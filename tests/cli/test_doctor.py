@@ -69,18 +69,16 @@ def test_completion_is_there_for_any_shell(succeed: Run, shell: str, monkeypatch
     assert f"complete_{shell}" in result.stdout
 
 
-def test_completion_completes_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("_BEAMSTIFF_COMPLETE", "complete_bash")
-    monkeypatch.setenv("COMP_WORDS", "beamstiff dia")
-    monkeypatch.setenv("COMP_CWORD", "1")
-    result = CliRunner().invoke(app, [], prog_name="beamstiff")
-    assert result.stdout.split() == ["diagnose"]
+ROBOTS = ["kr240-2", "kr500"]  # that come along
 
 
-@pytest.mark.parametrize("command", ["show", "stiffness", "diagnose"])
-def test_completion_completes_robots_that_come_along(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [("dia", ["diagnose"]), ("show kr", ROBOTS), ("stiffness kr", ROBOTS), ("diagnose kr", ROBOTS)],
+)
+def test_completion_completes(monkeypatch: pytest.MonkeyPatch, typed: str, expected: list[str]) -> None:
     monkeypatch.setenv("_BEAMSTIFF_COMPLETE", "complete_bash")
-    monkeypatch.setenv("COMP_WORDS", f"beamstiff {command} kr")
-    monkeypatch.setenv("COMP_CWORD", "2")
+    monkeypatch.setenv("COMP_WORDS", f"beamstiff {typed}")
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
     result = CliRunner().invoke(app, [], prog_name="beamstiff")
-    assert result.stdout.split() == ["kr240-2", "kr500"]
+    assert result.stdout.split() == expected

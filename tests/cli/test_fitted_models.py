@@ -9,9 +9,10 @@ import pytest
 from beamstiff import Robot, load_robot, write_measurements
 from beamstiff.compensation.follow import solve
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.measure.table import make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
 from tests.cli.conftest import Refused, Run
 
 SIGMA = 1e-5
@@ -19,19 +20,21 @@ LOADS = np.array([[-900.0, 0, 0, 0, 0, 0], [0, 0, -900.0, 0, 0, 0]])
 PATH = "x [mm],y [mm],z [mm],fx [N],fz [N]\n1700,0,1200,-500,-600\n1800,0,1250,-500,-600\n"
 
 
-def leaning(count: int, seed: int, noise: float = SIGMA):
-    """Return readings of an IR-663 whose axis 8 is softer the further it leans, at poses drawn anew."""
-    robot, random = load_robot("ir663"), np.random.default_rng(seed)
-    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (count, 2)), 2, axis=0)
-    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=np.tile(LOADS, (count, 1)))
+def leaned(robot: Robot, rows: Measurements) -> Array:
+    """Return how an IR-663 moves (N, 3) whose axis 8 is softer the further it leans."""
     soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, still)[:, :3] for one in (robot, soft))
-    seen = stiff + ((q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
-    seen = seen + noise * random.standard_normal(seen.shape)
-    wrench = still.wrench
-    return make_measurements(
-        ["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=SIGMA
-    )
+    stiff, softer = (predict_displacements(one, rows)[:, :3] for one in (robot, soft))
+    return stiff + ((rows.q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
+
+
+def leaning(count: int, seed: int, loads: Array = LOADS) -> Measurements:
+    """Return readings of it under each of some loads, at poses drawn anew."""
+    robot, random = load_robot("ir663"), np.random.default_rng(seed)
+    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (count, 2)), len(loads), axis=0)
+    rows = {"tcp": "n7", "wrench": np.tile(loads, (count, 1)), "sigma_position": SIGMA}
+    seen = leaned(robot, make_measurements(["q2", "q8"], q, **rows))
+    seen = seen + SIGMA * random.standard_normal(seen.shape)
+    return make_measurements(["q2", "q8"], q, displacement=seen, **rows)
 
 
 @pytest.fixture
@@ -52,8 +55,7 @@ def test_every_command_follows_the_model_that_identify_wrote(succeed: Run, told:
     springs = told("identify ir663 data.csv --out springs.yaml")["rms_mm"]
     assert checked["after_mm"] < 0.5 * springs
     assert checked["causes"][0]["cause"] == f"model:{kind.replace('-', ' ')}"
-    deflected = told("deflect model.yaml fresh.csv")
-    assert ("std" in deflected) == (kind == "gaussian-process")
+    assert ("std" in told("deflect model.yaml fresh.csv")) == (kind == "gaussian-process")
     grid = ["--grid", "q2=5deg:15deg:2", "--grid", "q8=40deg:48deg:2", "--quantity", "deflection"]
     softer, stiffer = (
         told(f"map {robot}", *grid, "--wrench", "fx=-900N")["quantities"]["deflection"]["max"]
@@ -95,11 +97,8 @@ def _error(robot: Robot, commands: Path) -> float:
     wrench = np.zeros((len(q), 6))
     wrench[:, [0, 2]] = read[0][:, 3:5]
     rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, rows)[:, :3] for one in (robot, soft))
-    moved = stiff + ((q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
     tcp = kinematics.node_index["n7"]
-    at = posture(kinematics, q).node_positions[:, tcp] + moved
+    at = posture(kinematics, q).node_positions[:, tcp] + leaned(robot, rows)
     return float(np.linalg.norm(at - meant, axis=1).max())
 
 

@@ -13,10 +13,9 @@ from tests.cli.conftest import Refused, Run
 BOTH = ("--parameters", "J1.torsional,J1.radial")
 
 
-def answer(succeed: Run, *arguments: str) -> dict[str, Any]:
+def answer(*arguments: str, told: Run) -> dict[str, Any]:
     """Return the JSON of an identification of the crane."""
-    result = succeed("identify crane.yaml", *arguments, "--json", "-")
-    return json.loads(result.stdout)
+    return told("identify crane.yaml", *arguments)
 
 
 def value(found: dict[str, Any], name: str = "J1.torsional") -> float:

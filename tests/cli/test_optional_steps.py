@@ -70,12 +70,11 @@ def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
 STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
 
 
-def test_states_are_proposed_within_the_measured_range_of_a_free_length(succeed: Run, folder: Path) -> None:
+def test_states_are_proposed_within_the_measured_range_of_a_free_length(folder: Path, told: Run) -> None:
     q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
     ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
     given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])
-    succeed("diagnose", *given, "--json", "out.json", "--next", "next.csv")
-    found = json.loads((folder / "out.json").read_text())
+    found = told("diagnose", *given, "--next", "next.csv")
     assert found["verdict"]["effect"] not in ("none", "unknown")
     lengths = np.array([state["q"]["s"] for state in found["next"]])
     assert len(np.unique(lengths)) > 4  # others than the four measured
@@ -183,14 +182,13 @@ def test_a_step_that_fails_becomes_a_note_beside_the_result(
     options: tuple[str, ...],
     in_json: bool,
     before_of: dict[str, Any],
+    told: Run,
 ) -> None:
     if command[0] not in before_of:
-        succeed(*command, "--json", "before.json")
-        before_of[command[0]] = json.loads((inputs / "before.json").read_text())
+        before_of[command[0]] = told(*command)
     module, _, name = step.rpartition(".")
     monkeypatch.setattr(import_module(module), name, fails)
-    result = succeed(*command, *options, "--json", "after.json")
-    assert f"skipped: {REASON}\n" in result.stderr
+    assert f"skipped: {REASON}\n" in succeed(*command, *options, "--json", "after.json").stderr
     before, after = before_of[command[0]], json.loads((inputs / "after.json").read_text())
     notes = after.get("notes") or []
     assert any(REASON in text for text in notes) == in_json

@@ -30,8 +30,7 @@ def identified(run: Run, folder: Path) -> Callable[..., dict[str, Any]]:
     def answer(*arguments: str) -> dict[str, Any]:
         result = run("identify crane.yaml poses.csv --json -", *arguments)
         assert (result.exit_code, result.stderr) == (0, "")
-        found: dict[str, Any] = json.loads(result.stdout)
-        return found
+        return json.loads(result.stdout)
 
     return answer
 

@@ -21,8 +21,7 @@ def facts(run: Run) -> Callable[..., dict[str, Any]]:
     def show(*arguments: str) -> dict[str, Any]:
         result = run("show", *arguments, "--json", "-")
         assert (result.exit_code, result.stderr) == (0, "")
-        answer: dict[str, Any] = json.loads(result.stdout, parse_constant=pytest.fail)
-        return answer
+        return json.loads(result.stdout, parse_constant=pytest.fail)
 
     return show
 
@@ -90,8 +89,7 @@ def test_loops_that_close_far_from_their_guess_are_told(succeed: Run, folder: Pa
         result = succeed("show four_bar.yaml")
         assert result.stderr.count("\n") == notes
         assert notes == ("name it (assembly: in the robot file, --assembly of a command)" in result.stderr)
-        named = succeed("show four_bar.yaml --assembly +")
-        assert named.stderr == ""
+        assert succeed("show four_bar.yaml --assembly +").stderr == ""
 
 
 def test_mass_and_length_of_a_tube(facts: Callable[..., dict[str, Any]]) -> None:

@@ -245,8 +245,7 @@ def put(
         shutil.copy2(made, where)
         if kind == "earlier":
             return False
-        old = where.read_bytes()
-        where.write_bytes(edited(old, *edit))
+        where.write_bytes(edited(where.read_bytes(), *edit))
         return where.stat().st_size > 0
     if kind == "folder":
         where.mkdir()

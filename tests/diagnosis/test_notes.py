@@ -69,8 +69,7 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         sigma_rotation=ROTATION,
         time=100.0 * np.arange(80),
     )
-    sigma = np.repeat([3 * POSITION, ROTATION], 3)
-    noise = rng.standard_normal((80, 6)) * sigma
+    noise = rng.standard_normal((80, 6)) * np.repeat([3 * POSITION, ROTATION], 3)
     noise[:, 4] += 8 * ROTATION * np.tile([0, 1], 40)  # from each reading to the next, 100 s later
     read = replace(rows, displacement=predict(elbow(), rows) + noise)
     found = screen(fit_baseline(elbow(), read), SILENCE)
@@ -202,8 +201,7 @@ def off_by(error: Array, name: str | None = "backlash") -> Diagnosis:
 
 def of_each_posture(seed: int = 0) -> Array:
     """Return the error of an unloaded reading for the rows of each posture, (N, 3), m."""
-    rng = np.random.default_rng(seed)
-    return POSITION * rng.standard_normal((len(plan().q), 3))[plan().pose]
+    return POSITION * np.random.default_rng(seed).standard_normal((len(plan().q), 3))[plan().pose]
 
 
 @pytest.mark.parametrize("seed", range(5))

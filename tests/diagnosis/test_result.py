@@ -60,7 +60,6 @@ def test_the_explainable_share_is_what_is_not_noise() -> None:
 
 def test_the_shrink_is_what_the_format_says_it_is() -> None:
     found = diagnosed("backlash").verdict.shrink
-    assert found is not None
     expected = 1 - (found.after**2 - found.noise**2) / (found.before**2 - found.noise**2)
     assert found.shrink == pytest.approx(min(expected, 1.0))
 

@@ -125,9 +125,7 @@ def through_a_tracker(rows: Measurements, noise: float = 0.0) -> Measurements:
 @pytest.fixture(scope="module")
 def machine() -> Robot:
     """Return a machine with play, as a diagnosis writes it."""
-    case = case_of("kr240-2", "backlash")
-    assert case is not None
-    return case.robot
+    return case_of("kr240-2", "backlash").robot
 
 
 def seen(machine: Robot, noise: float = 0.0) -> Measurements:

@@ -301,8 +301,7 @@ def test_true_stiffness_is_spread_about_the_nominal_one() -> None:
 
 
 def test_rotation_vectors_return_from_their_matrices_up_to_half_a_turn() -> None:
-    rng = np.random.default_rng(13)
-    axis = rng.standard_normal((200, 3))
+    axis = np.random.default_rng(13).standard_normal((200, 3))
     vector = (
         axis
         / np.linalg.norm(axis, axis=1)[:, None]
@@ -323,8 +322,7 @@ def test_a_machine_that_cannot_stand_is_refused() -> None:
 def test_equilibrium_does_not_depend_on_where_the_search_starts() -> None:
     robot = load_robot("ir663")
     q = random_poses(robot, np.random.default_rng(14), 3)
-    machine = machine_of(robot)
-    topology = topology_of(machine)
+    topology = topology_of(machine_of(robot))
     layout = lay_out(topology, place(skeleton_of(robot), q))
     body = np.full(3, topology.body[topology.index[robot.tcp]])
     wrench = np.tile([800.0, 300, -1e3, 50, 0, 20], (3, 1))

@@ -50,8 +50,7 @@ def test_in_play_a_small_motion_does_not_reach_the_other_flank() -> None:
 
 def test_a_slip_is_constant_in_the_tool_and_lasts() -> None:
     p = {"when": 0.5, "again": 0.0, "x": 1e-3, "y": 2e-3, "z": 0.0}
-    once = Truth("target-slip", None, "once", p)
-    moved = seen(once) - seen()
+    moved = seen(Truth("target-slip", None, "once", p)) - seen()
     q = ANGLES[:, 0]
     c, s = np.cos(q), np.sin(q)
     own = np.stack([1e-3 * c - 2e-3 * s, 1e-3 * s + 2e-3 * c, 0.0 * q], axis=-1)

@@ -238,8 +238,7 @@ def test_a_sling_lies_elsewhere_in_every_pose_but_there_for_all_of_its_loads() -
     for pose in range(6):  # the moment of each force, found by the rotation that it adds
         made = np.linalg.solve(C[pose], found[pose].T).T[:, 3:] / 20.0
         np.testing.assert_allclose(made, -made.T, atol=2e-2 * np.abs(made).max())  # that of one arm
-        arm = np.array([made[1, 2], made[2, 0], made[0, 1]])
-        places.append(tcp_axes(robot, q)[pose].T @ arm)
+        places.append(tcp_axes(robot, q)[pose].T @ np.array([made[1, 2], made[2, 0], made[0, 1]]))
     away = p["scatter"] * p["away"]
     assert np.linalg.norm(np.mean(places, axis=0) - p["away"] * vector(truth)) < 3.0 * away
     assert 0.2 * away < np.std(places, axis=0).max() < 3.0 * away

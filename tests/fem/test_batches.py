@@ -61,8 +61,7 @@ def test_shipped_robots(name: str) -> None:
 @given(seed=seeds, count=st.integers(1, 5))
 def test_random_machines_lying_in_different_ways(seed: int, count: int) -> None:
     """The same machine turned and shifted differently pose by pose: one call, and each pose its own."""
-    made = machine(seed, 5, 2)
-    structure = compile_structure(made.robot())
+    structure = compile_structure(machine(seed, 5, 2).robot())
     rest = at_rest(structure)
     turns = np.array([some_rotation(seed + at) for at in range(count)])
     transforms = np.broadcast_to(np.eye(4), (count, 1, 4, 4)).copy()

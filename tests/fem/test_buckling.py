@@ -249,8 +249,7 @@ def test_a_note_says_where_the_moments_of_one_element_are_coarse(section: Sectio
     force = share * np.pi * np.sqrt(least * STEEL.G * section.J) / LENGTH**2
     one, many = (loaded(line(n, section, tcp=n), {f"n{n}": (0, 0, -force, 0, 0, 0)}, 1.0) for n in (1, 32))
     error = float(np.abs(np.diag(one - many) / np.diag(many)).max())
-    robot = line(1, section, tcp=1)
-    notes = coarse_beams(solve(robot, {"n1": [0, 0, -force, 0, 0, 0]}))
+    notes = coarse_beams(solve(line(1, section, tcp=1), {"n1": [0, 0, -force, 0, 0, 0]}))
     if share < 0.05:
         assert not notes
         assert error < 1e-3

@@ -48,8 +48,7 @@ def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, l
     geometry = place(structure, at_rest(structure))
     # the whole stiffness by reordering: with beams alone the unknowns are the nodes' own displacements
     K, rows = made.reference().system()
-    tcp = structure.kinematics.node_index[robot.tcp]
-    E = 6 * tcp + np.arange(6)
+    E = 6 * structure.kinematics.node_index[robot.tcp] + np.arange(6)
     R = np.setdiff1d(np.arange(len(K)), np.concatenate([E, np.arange(6)]))  # less the fixed node 0
     assert len(rows) == 6
     F = gravity_wrenches(structure, geometry)[0].reshape(-1)
@@ -68,8 +67,7 @@ def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, l
 @given(seed=seeds, more=sizes, loops=closing)
 def test_compliance_at_nodes_is_the_response_to_unit_wrenches_there(seed: int, more: int, loops: int) -> None:
     made = machine(seed, more, loops)
-    robot = made.robot()
-    structure = compile_structure(robot)
+    structure = compile_structure(made.robot())
     observed = [f"n{at}" for at in made.turning()[-3:]]
     result = condense(structure, at_rest(structure), observed)
     at = [structure.kinematics.node_index[name] for name in observed]
@@ -224,14 +222,12 @@ def test_closed_chain_of_springs_is_its_two_halves_in_parallel(seed: int) -> Non
     one.fixed.append(shift)
     one.rigids.append((shift - 1, len(one.points) - 1))  # the plate: both ends lie at one point
     assume(max(np.linalg.cond(part) for part in parts) < 1e5)
-    together = compliance(one.robot())
-    assert relative_error(together, np.linalg.inv(parts[0] + parts[1])) <= 1e-8
+    assert relative_error(compliance(one.robot()), np.linalg.inv(parts[0] + parts[1])) <= 1e-8
 
 
 def test_compliance_of_the_reduced_stiffness_is_its_inverse_at_the_tcp() -> None:
     """Where the TCP's displacement is among the unknowns, C is a block of the inverse of the reduced K."""
-    made = beam_frame(3)
-    robot = made.robot()
+    robot = beam_frame(3).robot()
     structure: Structure = compile_structure(robot)
     K = dense_stiffness(structure, place(structure, at_rest(structure)))[0]
     own = [at for at, (name, _) in enumerate(structure.unknowns.labels) if name == robot.tcp]

@@ -123,8 +123,7 @@ def test_the_free_motion_is_named_with_its_direction() -> None:
         beams=[(1, 2)],
         joints=[(0, 1, (0, 0.6, 0.8), (FREE, RIGID, RIGID, RIGID))],
     )
-    said = refusal(slide)
-    assert "moves along (0.00, 0.60, 0.80) freely, through j0.axial" in said
+    assert "moves along (0.00, 0.60, 0.80) freely, through j0.axial" in refusal(slide)
     ball = frame([(0, 0, 0), (0, 0, 0), (0.1, 0, 0)], beams=[(1, 2)], joints=[(0, 1, (1, 0, 0), HINGE)])
     assert "turns about (" in refusal(ball)
 

@@ -30,8 +30,7 @@ def test_stiffness_of_a_beam_between_rigid_ends() -> None:
     )
     turns = []
     for node in ("n1", "n4"):
-        response = solve(robot, {node: [0, 0, 0, 0, 0, 1.0]})
-        turns.append(response.displacement[0, [1, 4], 5])
+        turns.append(solve(robot, {node: [0, 0, 0, 0, 0, 1.0]}).displacement[0, [1, 4], 5])
     near = 4 * EI / LENGTH * (1 + 3 * a / LENGTH + 3 * a**2 / LENGTH**2)
     other = 4 * EI / LENGTH * (1 + 3 * b / LENGTH + 3 * b**2 / LENGTH**2)
     far = 2 * EI / LENGTH * (1 + 3 * (a + b) / LENGTH + 6 * a * b / LENGTH**2)

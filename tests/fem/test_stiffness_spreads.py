@@ -24,7 +24,6 @@ def test_the_truth_knows_the_cantilever() -> None:
     properties |= {"E": STEEL.E, "G": STEEL.G, "Ay": np.inf, "Az": np.inf}
     beam = (0, 1, properties, np.array([0.0, 1.0, 0.0]))
     exact = exact_compliance(ReferenceFrame(np.array([[0.0, 0, 0], [2, 0, 0]]), [0], [beam]), 1)
-    assert exact is not None
     assert exact[1, 1] == pytest.approx(8 / (3 * STEEL.E * SECTION.Iz), rel=1e-14)
 
 

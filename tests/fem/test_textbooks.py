@@ -25,8 +25,7 @@ def test_logan_example_5_8_a_space_frame() -> None:  # kip, inch
     found = displacement(robot, {"n0": [0, -50, 0, -1000, 0, 0]})
     printed = np.array([7.098e-5, -0.014, -2.352e-3, -3.996e-3, 1.78e-5, -1.033e-4])
     # a unit of the last printed digit: the source rounds on the way
-    digits = np.array([1e-8, 1e-3, 1e-6, 1e-6, 1e-7, 1e-7])
-    assert (np.abs(found - printed) <= digits).all()
+    assert (np.abs(found - printed) <= np.array([1e-8, 1e-3, 1e-6, 1e-6, 1e-7, 1e-7])).all()
 
 
 def test_ferreira_example_8_3_a_space_frame_of_two_second_moments() -> None:  # kN, m

@@ -131,8 +131,7 @@ def test_a_loop_in_space_that_only_moves_by_its_proportions() -> None:
     _, alpha, beta = BENNETT
     expected = np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2)
     q = np.random.default_rng(0).uniform(-3.0, 3.0, (500, 1))
-    kinematics = compile_kinematics(bennett([-2.0, 0.0, -3.0]))
-    q1, t2, t3, t4 = posture(kinematics, q).values.T
+    q1, t2, t3, t4 = posture(compile_kinematics(bennett([-2.0, 0.0, -3.0])), q).values.T
     assert np.abs(np.tan(q1 / 2) * np.tan(t2 / 2) / expected - 1.0).max() < 1e-11
     assert apart(q1, -t3).max() < 1e-12
     assert apart(t2, -t4).max() < 1e-12
@@ -320,8 +319,7 @@ def test_a_passive_variable_that_no_loop_determines_is_refused() -> None:
 
 
 def test_a_loop_that_holds_an_actuated_joint_is_refused() -> None:
-    free = compile_kinematics(FOUR_BAR)
-    values = posture(free, [0.0, 0.1, 0.8]).values
+    values = posture(compile_kinematics(FOUR_BAR), [0.0, 0.1, 0.8]).values
     # the same posture of the same linkage, but with th9 called actuated
     variables = [
         variable.model_copy(update={"passive": False}) if variable.name == "th9" else variable
@@ -393,8 +391,7 @@ def test_the_branch_is_found_where_the_drives_without_limits_do_not_close_at_the
 def test_a_rhombus_closes_beside_its_change_point() -> None:
     """Equal links, the crank nearly on the ground: both passive joints turn about nearly one point."""
     kinematics = compile_kinematics(four_bar(1.0, 1.0, (-1.0, 1.0)))
-    q = np.array([[1e-6], [1e-4], [1e-2], [0.3]])
-    places = posture(kinematics, q).node_positions[:, 1:]
+    places = posture(kinematics, np.array([[1e-6], [1e-4], [1e-2], [0.3]])).node_positions[:, 1:]
     assert np.linalg.norm(places[:, 0] - places[:, 1], axis=1).max() < 1e-11
 
 

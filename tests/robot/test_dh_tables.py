@@ -62,8 +62,7 @@ def tcp_pose(robot: Robot, q: dict[str, float]) -> Array:
     placed = forward(kinematics, values)[0, kinematics.frame_index[node.frame]]
     shift = np.eye(4)
     shift[:3, 3] = node.at
-    result: Array = placed @ shift
-    return result
+    return placed @ shift
 
 
 numbers = st.sampled_from([0.0, 90.0, -90.0, 180.0, 350.5]) | st.integers(-3000, 3000).map(lambda k: k / 8)
@@ -106,8 +105,7 @@ def test_every_table_can_be_written_in_every_convention_without_loss(
 ) -> None:
     _, text, _, q = drawn
     robot = parse_csv_table(text)
-    written = robot_to_table(robot, convention)
-    again = parse_csv_table(written.text)
+    again = parse_csv_table(robot_to_table(robot, convention).text)
     np.testing.assert_allclose(tcp_pose(again, q), tcp_pose(robot, q), atol=1e-11)
     assert [v.name for v in again.variables] == [v.name for v in robot.variables]
 

@@ -145,8 +145,7 @@ def test_sums_are_what_python_makes_of_them(rows: list[tuple[str, float, str | N
 )
 def test_an_expression_written_out_stays_the_same(coefficients: dict[str, float], constant: float) -> None:
     expression = Expression(constant, coefficients)
-    text = str(expression).replace("+ -", "- ")
-    assert parse_expression(text, "angle", KINDS) == expression
+    assert parse_expression(str(expression).replace("+ -", "- "), "angle", KINDS) == expression
 
 
 @given(st.text(string.printable + "°µ²π−", max_size=60) | st.text(max_size=30))

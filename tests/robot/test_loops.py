@@ -114,7 +114,6 @@ def on_its_branch(th3: Array, q: Array, lever: float = D10) -> bool:
 def test_continuation_keeps_the_branch_up_to_where_branches_nearly_meet() -> None:
     kinematics = compile_kinematics(ir663())
     assembly = kinematics.assembly
-    assert assembly is not None
     random = np.random.default_rng(0)
     q8 = random.uniform(0.4, 1.2, 2000)
     # the lever folded onto the coupler but for a little

@@ -23,8 +23,7 @@ def legs(poses: Array) -> Array:
     """Return the ways along the legs (P, 3, 2) at poses (P, 3) of the platform."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    result: Array = poses[:, None, :2] + np.einsum("pij,kj->pki", turn, HEADS) - FEET
-    return result
+    return poses[:, None, :2] + np.einsum("pij,kj->pki", turn, HEADS) - FEET
 
 
 def determinant(poses: Array) -> Array:

@@ -107,8 +107,7 @@ def test_the_trailblazer_goes_through_sdf(shared_path: Callable[[str], Path]) ->
 
 def test_names_are_escaped() -> None:
     text = EVERYTHING.replace("sensor mount", "a &lt;b&gt; &amp; c").replace("base-yaw", "yaw &quot;1&quot;")
-    robot = parse_urdf(text, tcp="a <b> & c")
-    assert parse_sdf(robot_to_sdf(robot).text).tcp == "a <b> & c"
+    assert parse_sdf(robot_to_sdf(parse_urdf(text, tcp="a <b> & c")).text).tcp == "a <b> & c"
 
 
 def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,8 +78,7 @@ def torsion_by_finite_differences(columns: int, rows: int, hole: np.ndarray | No
                     matrix[at, at] += 1.0
                     if opposite >= 0:
                         matrix[at, opposite] -= 1.0
-    phi = spsolve(matrix.tocsc(), load)
-    return float(load @ phi)
+    return float(load @ spsolve(matrix.tocsc(), load))
 
 
 def extrapolated(coarse: float, fine: float) -> float:

@@ -69,7 +69,6 @@ def test_payload_and_drives_are_both_found_and_the_robot_written_is_the_one_fitt
     diagnosis = diagnose(robot, measured)
     (cause,) = diagnosis.to_dict()["causes"]
     without = calibrate(robot.model_copy(update={"identify": ()}), measured, compliances=DRIVES).held_out
-    assert without is not None
     assert diagnosis.rms == pytest.approx(without.position_rms, rel=0.1)  # on drives under stated loads
     assert cause["effect"] == "payload-error"
     for axis, arm in zip("xyz", AT, strict=True):
@@ -112,7 +111,6 @@ def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as
 def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
     """No row carries a load: what passes through a joint but its weights is the error of the payload."""
     found = heavy()[0].decomposition
-    assert found is not None
     assert found.model.under == {"payload-error:null"}
     assert np.abs(found.model.baseline.places.joints["J2"].load).max() > 3 * MASS * GRAVITY * 0.9
     others = tuple(cause for cause in found.causes if cause.forms[0].effect != "payload-error")
@@ -130,7 +128,6 @@ def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_to
     drawn = draw_crowded_case(CrowdedExam(seed=20261811), case)
     diagnosis = diagnose(drawn.robot, drawn.measured(np.random.default_rng([20261811, case, 4])))
     answer = diagnosis.decomposition
-    assert answer is not None
     promised = sum(one.closes for one in (*answer.causes, *answer.unclear))
     shifts = diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
     true = true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts)
@@ -139,7 +136,6 @@ def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_to
 
 def test_degrees_of_freedom_are_those_of_the_readings_and_not_of_what_is_known_beforehand() -> None:
     decomposition = found()[0].decomposition
-    assert decomposition is not None
     model: OpenModel = decomposition.model
     assert len(model.residual) > model.count
     noise = np.zeros((len(model.residual), 2000))

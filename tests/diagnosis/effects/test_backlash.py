@@ -71,11 +71,6 @@ def test_a_load_that_lifts_the_weight_crosses_the_whole_zone() -> None:
     close(shape.columns[..., 0], np.array([2, 0])[:, None] * STEP, 1e-4)
 
 
-def test_a_joint_without_torque_shows_none_of_it() -> None:
-    rows = rows_of(elbow(), [0, 0], np.array([500, -500])[:, None] * np.eye(6)[0])
-    assert not shape_of(nominal(elbow(), rows), "backlash", "q2", "flank within 0.03").columns.any()
-
-
 def test_a_joint_whose_torque_is_only_rounding_shows_none_of_it() -> None:
     """In the plane of its arm the KR240-2 turns neither its base nor its wrist."""
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (12, 6)) * [0, 1, 1, 0, 1, 0] + [0, 1.2, -1.2, 0, 0, 0]

@@ -140,8 +140,7 @@ def test_a_frame_that_was_moved_reads_otherwise_after_that(kind: str) -> None:
     again = replace(there, stated=scales)
     close(shape_of(again, "frame-misalignment", None, name).columns, shape.columns)
     # what is measured another day is measured in the frame of after it
-    half = subset(there.rows, np.arange(10))
-    today = replace(nominal(kr240(), half), stated=scales)
+    today = replace(nominal(kr240(), subset(there.rows, np.arange(10))), stated=scales)
     found = shape_of(today, "frame-misalignment", None, name).columns
     own = len(shape.parameters) // 2
     close(found[..., own:], found[..., :own])

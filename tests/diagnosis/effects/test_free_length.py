@@ -45,8 +45,7 @@ def stretched(name: str, EA: float, share: float = 0.0) -> Robot:
 
 @pytest.mark.parametrize("variable", DRIVEN)
 def test_a_screw_is_the_derivative_of_a_strut_with_a_free_length(campaign: Baseline, variable: str) -> None:
-    at_screw = list(DRIVEN).index(variable)
-    length = campaign.rows.q[:, at_screw]
+    length = campaign.rows.q[:, list(DRIVEN).index(variable)]
     shape = shape_of(campaign, "actuator-lever", variable, NAME)
     here, first, second = (
         predict_displacements(robot, campaign.rows)

@@ -169,8 +169,7 @@ def test_what_friction_holds_is_let_go_with_the_time() -> None:
     # a load that stays: of what is held a share exp(-t / tau) is left; tau is as long as a pose takes
     time = np.array([0.0, 10, 30, 70, 90])
     load = np.array([1.0, 1, 1, 1, 1])[:, None] * np.eye(6)[1]
-    rows = rows_of(elbow(), [0, 0], load, time=time)
-    there = nominal(elbow(), rows)
+    there = nominal(elbow(), rows_of(elbow(), [0, 0], load, time=time))
     shape = shape_of(there, "hysteresis", "q1", "friction that grows with the torque, let go with the time")
     names = [item.name for item in shape.parameters]
     still = shape.columns[:, 5, names.index("held_windup_0_and_0.8")]

@@ -100,8 +100,7 @@ def test_a_tare_pulls_in_every_loaded_row_alike() -> None:
 
 
 def test_a_pulley_adds_to_a_rising_load_and_takes_from_a_falling_one() -> None:
-    share = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
-    wrench = share[:, None] * [300.0, 900, 100, 0, 0, 0]
+    wrench = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])[:, None] * [300.0, 900, 100, 0, 0, 0]
     rows = rows_of(elbow(), [0.3, 0.8], wrench, pose=np.zeros(6, int), step=np.arange(6))
     there = nominal(elbow(), rows)
     assert rising(there).tolist() == [1, 1, -1, 1, 1, -1]

@@ -91,8 +91,7 @@ def test_a_machine_follows_its_temperature_with_a_lag() -> None:
 
 def test_a_turning_frame_moves_points_by_their_distance() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
-    baseline = nominal(elbow(), rows)
-    shape = shape_of(baseline, "thermal-drift", None, "any course, turning")
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course, turning")
     names = [item.name for item in shape.parameters]
     turn = shape.columns[..., [names.index(f"turn_mode_1_{axis}") for axis in "xyz"]]
     course = shape.columns[:, 0, names.index("drift_mode_1_x")]

@@ -104,7 +104,6 @@ def test_seats_are_found_where_they_were_planted(angle: float) -> None:
     noise = np.random.default_rng(4).standard_normal(moved.shape) * there.sigma
     seen = replace(there, measured=there.predicted + moved + noise)
     found = seats_of(seen)
-    assert found is not None
     # half a turn on is the same with the other sign of its force
     off = np.angle(np.exp(3j * (found.angle - seats.angle))) / 3.0
     assert min(abs(off), abs(abs(off) - np.pi / 3.0)) < np.deg2rad(8.0)

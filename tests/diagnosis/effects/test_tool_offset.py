@@ -96,8 +96,7 @@ def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
 @pytest.mark.parametrize("axis", range(3))
 def test_a_target_whose_unloaded_place_is_known_still_moves_with_what_the_load_turns(axis: int) -> None:
     loaded = at_random(kr240(), 6, seed=6)
-    arm = arm_at(loaded.q)
-    read = arm.tip + predict_displacements(kr240(), loaded)[:, :3]
+    read = arm_at(loaded.q).tip + predict_displacements(kr240(), loaded)[:, :3]
     there = nominal(kr240(), rows_of(kr240(), loaded.q, loaded.wrench, position=read))
     lug = replace(loaded, point=np.full(6, "lug"))
     expected = predict_displacements(with_lug(axis), lug) - predict_displacements(kr240(), loaded)
@@ -155,15 +154,13 @@ def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None
     q = np.repeat(at_random(kr240(), 5, seed=9).q, 4, axis=0)
     there = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 20, seed=10).wrench))
     offset = np.repeat(np.random.default_rng(11).uniform(-OFFSET, OFFSET, (5, 3)), 4, axis=0)
-    at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
-    moment = np.cross(at, there.rows.wrench[:, :3])
+    moment = np.cross(np.einsum("nai,ni->na", arm_at(q).tool, offset), there.rows.wrench[:, :3])
     moved = np.einsum("nab,nb->na", there.response[:, :, 3:], moment)
     shape = shape_of(there, "tool-offset", None, "load, per-posture offset")
     assert unexplained(moved, shape.columns) < 1e-9
     assert sum(not item.posture_specific for item in shape.parameters) == 3
     # of postures that were not measured it knows the common point alone
-    other = at_random(kr240(), 6, seed=12)
-    elsewhere = replace(nominal(kr240(), other), fit_rows=there)
+    elsewhere = replace(nominal(kr240(), at_random(kr240(), 6, seed=12)), fit_rows=there)
     found = shape_of(elsewhere, "tool-offset", None, "load, per-posture offset").columns
     assert found.shape[2] == shape.columns.shape[2]
     assert not found[:, :, 3:].any()

@@ -132,8 +132,7 @@ def test_a_drive_that_is_another_in_every_posture_has_no_name() -> None:
 
 @pytest.mark.parametrize("knee", [0.06, 0.3])
 def test_a_drive_that_softens_has_no_name_and_one_that_hardens_is_none(knee: float) -> None:
-    some = at_random(kr240(), 60, seed=8)
-    there = nominal(kr240(), some)
+    there = nominal(kr240(), at_random(kr240(), 60, seed=8))
     axis = axis_at(there, "q2")
     over = np.maximum(np.abs(axis.load) - knee * axis.typical, 0.0)
     law = 4e-7 * (axis.shift * (np.sign(axis.load) * over)[:, None])

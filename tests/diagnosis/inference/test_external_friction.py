@@ -132,8 +132,7 @@ def test_a_seat_that_slips_about_one_axis_lies_among_what_friction_can_do(there:
 def spring_of(tied: Baseline, share: float) -> Array:
     """Return a spring (3, 3) in N/m of a share of the robot's own stiffness."""
     half = np.random.default_rng(1).standard_normal((3, 3))
-    result: Array = share / np.abs(tied.response).max() * half @ half.T
-    return result
+    return share / np.abs(tied.response).max() * half @ half.T
 
 
 def held_by(tied: Baseline, spring: Array) -> Array:
@@ -141,8 +140,7 @@ def held_by(tied: Baseline, spring: Array) -> Array:
     whole = np.zeros((6, 6))
     whole[:3, :3] = spring
     moved = np.linalg.solve(np.eye(6) + tied.response @ whole, tied.predicted[:, :, None])
-    result: Array = moved[:, :, 0] - tied.predicted
-    return result
+    return moved[:, :, 0] - tied.predicted
 
 
 def with_gap(tied: Baseline, gap: Array) -> tuple[Baseline, Whitened]:

@@ -121,8 +121,7 @@ def test_a_robot_without_springs_predicts_no_deflection() -> None:
 
 
 def test_where_a_table_states_no_noise_a_usual_one_is_begun_with() -> None:
-    rows = at_random(elbow(), 3, seed=7)
-    found = fit_baseline(elbow(), rows)
+    found = fit_baseline(elbow(), at_random(elbow(), 3, seed=7))
     assert not found.claimed
     np.testing.assert_allclose(found.sigma, np.tile(np.repeat([POSITION_NOISE, ROTATION_NOISE], 3), (3, 1)))
     stated = fit_baseline(elbow(), at_random(elbow(), 3, seed=7, sigma_position=1e-4))

@@ -92,8 +92,7 @@ def test_sound_rows_are_left_alone() -> None:
 
 @pytest.mark.parametrize("effect", [planted.backlash, planted.hysteresis, planted.actuator_lever])
 def test_rows_of_an_effect_are_no_outliers(effect: planted.Effect) -> None:
-    found = screened(planted.campaign(PLAN, effect, seed=2))
-    assert found.outliers.size == 0
+    assert screened(planted.campaign(PLAN, effect, seed=2)).outliers.size == 0
 
 
 @pytest.mark.parametrize(("position", "rotation"), [(1.0, 1.0), (2.0, 2.0), (0.5, 2.0)])
@@ -109,18 +108,15 @@ def test_the_noise_is_what_the_rows_show_whatever_the_table_claims(position: flo
 def test_where_nothing_is_claimed_the_noise_is_found_from_the_rows_alone() -> None:
     rows = planted.campaign(PLAN, planted.backlash, seed=4, noise=3.0)
     silent = replace(rows, sigma=np.full((ROWS, 6), np.nan), sigma_position=None, sigma_rotation=None)
-    found = screened(silent)
-    sigma = np.median(found.baseline.sigma, axis=0)
+    sigma = np.median(screened(silent).baseline.sigma, axis=0)
     np.testing.assert_allclose(sigma[:3], 3 * POSITION, rtol=0.2)
     np.testing.assert_allclose(sigma[3:], 3 * ROTATION, rtol=0.2)
 
 
 def test_many_wrong_rows_are_no_outliers_but_something_else() -> None:
-    rng = np.random.default_rng(5)
-    which = rng.permutation(ROWS)[: ROWS // 3].tolist()
+    which = np.random.default_rng(5).permutation(ROWS)[: ROWS // 3].tolist()
     rows, library = sound(None, 1)
-    found = screened(wrong(rows, which, 1e-3), library)
-    assert found.outliers.size <= 0.15 * ROWS
+    assert screened(wrong(rows, which, 1e-3), library).outliers.size <= 0.15 * ROWS
 
 
 def test_one_posture_is_screened_without_a_breakdown_where_the_fit_absorbs_nearly_everything() -> None:

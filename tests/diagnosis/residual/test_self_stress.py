@@ -50,8 +50,7 @@ def jacobian(robot: Robot, rows: Measurements) -> Array:
 
 def tilted(robot: Robot) -> Robot:
     """Return the robot on a base that is turned: its plane lies across all coordinate axes."""
-    turn = rotation_from_vector(np.array([0.3, -0.5, 0.7]))
-    x, y, z = turn.T
+    x, y, z = rotation_from_vector(np.array([0.3, -0.5, 0.7])).T
     # Khalil and Kleinfinger: rot(z, gamma) rot(x, alpha) rot(z, theta)
     gamma, theta = np.arctan2(z[0], -z[1]), np.arctan2(x[2], y[2])
     angles = {"gamma": gamma, "alpha": np.arccos(z[2]), "theta": theta}
