@@ -80,5 +80,4 @@ def test_completion_completes(monkeypatch: pytest.MonkeyPatch, typed: str, expec
     monkeypatch.setenv("_BEAMSTIFF_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", f"beamstiff {typed}")
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
-    result = CliRunner().invoke(app, [], prog_name="beamstiff")
-    assert result.stdout.split() == expected
+    assert CliRunner().invoke(app, [], prog_name="beamstiff").stdout.split() == expected

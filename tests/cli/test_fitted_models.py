@@ -97,8 +97,7 @@ def _error(robot: Robot, commands: Path) -> float:
     wrench = np.zeros((len(q), 6))
     wrench[:, [0, 2]] = read[0][:, 3:5]
     rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    tcp = kinematics.node_index["n7"]
-    at = posture(kinematics, q).node_positions[:, tcp] + leaned(robot, rows)
+    at = posture(kinematics, q).node_positions[:, kinematics.node_index["n7"]] + leaned(robot, rows)
     return float(np.linalg.norm(at - meant, axis=1).max())
 
 

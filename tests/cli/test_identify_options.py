@@ -48,8 +48,7 @@ def test_several_tables_count_together(run: Run, wrong: Path) -> None:
     for key in ("value", "std"):
         one, other = (found["parameters"]["J1.torsional"][key] for found in (parts, whole))
         assert one == pytest.approx(other, rel=1e-9)
-    text = run("identify crane.yaml one.csv two.csv").stdout
-    assert "on the 4 fitted rows" in " ".join(text.split())
+    assert "on the 4 fitted rows" in " ".join(run("identify crane.yaml one.csv two.csv").stdout.split())
 
 
 @pytest.mark.parametrize("method", ["levenberg-marquardt", "linear", "slsqp", "bobyqa", "crs2", "genetic"])

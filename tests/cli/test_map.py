@@ -49,8 +49,7 @@ def test_poses_without_a_value_are_counted_by_reason(run: Run, told: Run) -> Non
     assert facts["reasons"] == {
         "limits": {"count": 2, "example": "a joint variable would be outside its limits"}
     }
-    shown = run("map crane.yaml --grid q1=-180deg:180deg:13").stdout
-    assert "Poses that lack values" in shown
+    assert "Poses that lack values" in run("map crane.yaml --grid q1=-180deg:180deg:13").stdout
 
 
 def test_a_map_of_matrices_alone_has_no_table_of_quantities(run: Run, folder: Path) -> None:
@@ -75,8 +74,7 @@ def test_over_positions_the_orientation_is_held(run: Run, told: Run, folder: Pat
         assert json.loads(found.attrs["tcp_held"]) == {"y": pytest.approx(0.0, abs=1e-12)}
         q = dict(zip(found.joint.values.tolist(), found.q.values[1, 0].tolist(), strict=True))
     text = ",".join(f"{name}={value!r}" for name, value in q.items() if np.isfinite(value))
-    one = told("stiffness kr240-2 --q", text)
-    np.testing.assert_allclose(one["tcp"], [1.7, 0.0, 0.9], atol=1e-8)
+    np.testing.assert_allclose(told("stiffness kr240-2 --q", text)["tcp"], [1.7, 0.0, 0.9], atol=1e-8)
 
 
 def test_zarr_holds_the_same(succeed: Run, folder: Path, refused: Refused) -> None:

@@ -140,8 +140,7 @@ def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | No
 
 def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else() -> None:
     robot = load_robot(UR10)
-    bare = robot.model_copy(update={"masses": (), "payload": None})
-    found = diagnose(bare, measured(robot, 2))
+    found = diagnose(robot.model_copy(update={"masses": (), "payload": None}), measured(robot, 2))
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
     assert "Give the robot file `masses`, estimates are enough, and diagnose again" in str(found)

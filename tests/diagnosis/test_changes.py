@@ -133,8 +133,7 @@ def test_a_zero_a_tool_and_a_payload_that_changed_are_named_though_the_tracker_m
         return {one.name: one.change for one in found.changes if one.changed}
 
     assert named(placed(robot, 1, payload=100.0)) == {}
-    zero = named(placed(robot, 2, zero=5e-4, payload=100.0))
-    assert zero == {"q3": pytest.approx(5e-4, rel=0.1)}
+    assert named(placed(robot, 2, zero=5e-4, payload=100.0)) == {"q3": pytest.approx(5e-4, rel=0.1)}
     tool = named(placed(robot, 3, tool=3e-4, payload=100.0))
     assert np.linalg.norm(list(tool.values())) == pytest.approx(3e-4, rel=0.1)
     assert {name.partition(".")[0] for name in tool} == {robot.tcp}

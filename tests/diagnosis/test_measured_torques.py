@@ -103,8 +103,7 @@ def test_a_payload_is_found_with_its_mass_whatever_gains_offsets_signs_and_frict
         more = rng.choice([-1, 1]) * rng.uniform(20, 50)
         moved = CENTRE + rng.uniform(-0.05, 0.05, 3)
         rows = readings(seed, weights(tool=TOOL + more, centre=moved), friction=0.05)
-        turned = rng.choice([-1.0, 1.0], 6)
-        said = measured_torques(ROBOT, replace(rows, torque=rows.torque * turned))
+        said = measured_torques(ROBOT, replace(rows, torque=rows.torque * rng.choice([-1.0, 1.0], 6)))
         assert named(said) == {"payload-error:null"}
         (found,) = re.findall(r"fits with ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
         away.append((float(found[0]) * (1 if found[2] == "more" else -1) - more) / float(found[1]))

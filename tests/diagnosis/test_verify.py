@@ -87,8 +87,7 @@ def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() 
 def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
     """The tracker stands elsewhere; the robot is as described, and its readings are exact but for that."""
     robot = load_robot("kr240-2")
-    rng = np.random.default_rng(2)
-    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + rng.uniform(-0.5, 0.5, (12, 6))
+    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + np.random.default_rng(2).uniform(-0.5, 0.5, (12, 6))
     names = [one.name for one in robot.actuated]
     plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
     there = (nominal_pose(robot, plan)[0] + predict(robot, plan)[:, :3]) @ rotation_from_vector(
@@ -162,8 +161,7 @@ def test_a_second_diagnosis_of_the_readings_finds_nothing(machine: Robot) -> Non
 def test_what_is_missing_beside_the_effects_is_found_and_added(machine: Robot) -> None:
     more = machine.model_copy(update={"effects": (*machine.effects, COMPLIANCE)})
     rigid = machine.with_parameters({"J3.torsional": np.inf}).model_copy(update={"identify": ()})
-    rows = seen(more.with_parameters({"J3.torsional": np.inf}), SIGMA)
-    found = beamstiff.diagnose(rigid, rows)
+    found = beamstiff.diagnose(rigid, seen(more.with_parameters({"J3.torsional": np.inf}), SIGMA))
     assert found.verdict.key == "joint-compliance:q3"
     assert [one.effect for one in extended(found).effects] == ["backlash", "joint-compliance"]
 

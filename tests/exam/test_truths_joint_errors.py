@@ -26,8 +26,7 @@ def test_an_angle_curve_turns_the_arm_by_its_fourier_series(form: str) -> None:
     p = {"amplitude": 1e-3, "order": 2.0, "phase": 0.4, "second": 0.5 if form == "two-orders" else 0.0}
     q = ANGLES[:, 0]
     error = 1e-3 * (np.sin(2.0 * q + 0.4) + p["second"] * np.cos(3.0 * q + 0.8))
-    found = seen(Truth("angle-curve", "q1", form, p))
-    np.testing.assert_allclose(found, tip(q + error), atol=1e-12)
+    np.testing.assert_allclose(seen(Truth("angle-curve", "q1", form, p)), tip(q + error), atol=1e-12)
 
 
 def test_a_joint_stands_at_the_flank_by_which_it_came() -> None:

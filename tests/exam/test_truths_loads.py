@@ -116,8 +116,7 @@ def push_pull(truth: Truth, m: Machine) -> Array:
 
 def rope(truth: Truth, m: Machine) -> Array:
     """Return a pull towards a pulley that is set out for the middle of the range, and stays."""
-    limits = np.array([v.limits for v in m.robot.actuated])
-    middle = tcp_places(m.robot, limits.mean(axis=1)[None])[0]
+    middle = tcp_places(m.robot, np.array([v.limits for v in m.robot.actuated]).mean(axis=1)[None])[0]
     reach, force = np.linalg.norm(middle), m.loads[:, 0, :3]
     way = force / size(m)[:, 0]
     at = middle + reach * vector(truth) + reach / truth.parameters["angle"] * way

@@ -66,8 +66,7 @@ class ReferenceFrame:
             rows.append(self.relative(i, j))
         for i, j, axis, values in self.joints:
             turn = np.kron(np.eye(2), any_axes(axis))
-            finite = np.where(np.isinf(values), 0.0, values)
-            self.add(stiffness, i, j, turn @ np.diag(finite) @ turn.T)
+            self.add(stiffness, i, j, turn @ np.diag(np.where(np.isinf(values), 0.0, values)) @ turn.T)
             rows.append((turn.T @ self.relative(i, j))[np.isinf(values)])
         for i, j, value in self.struts:
             along = np.zeros(6)

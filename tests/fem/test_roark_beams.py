@@ -112,8 +112,7 @@ def test_own_weight_of_a_cantilever(section: Section, elements: int) -> None:
     """Case 2a: q L^4 / 8 E I + q L^2 / 2 G As at the tip, without force there; q L, q L^2 / 2 at the root."""
     points = [(LENGTH * at / elements, 0, 0) for at in range(elements + 1)]
     beams = [(at, at + 1) for at in range(elements)]
-    robot = frame(points, beams=beams, section=section, up=(0, 1, 0))
-    response = solve(robot, {}, gravity=True)
+    response = solve(frame(points, beams=beams, section=section, up=(0, 1, 0)), {}, gravity=True)
     w = 9.81 * STEEL.density * section.A
     GAs = STEEL.G * section.Az if section.Az else np.inf
     expected = -weight_deflection("cantilever", w, STEEL.E * section.Iy, GAs)

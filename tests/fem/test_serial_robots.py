@@ -153,8 +153,7 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
     k = 10.0 ** rng.uniform(5, 7, 6)
     values = np.full((6, 4), np.inf)
     values[:, 2] = k
-    revolute = np.zeros(6, dtype=bool)
-    structure, C = compliance_of(serial_robot(parameters, revolute, values, tool), q)
+    structure, C = compliance_of(serial_robot(parameters, np.zeros(6, dtype=bool), values, tool), q)
     J = twist_jacobian(structure.kinematics, posture(structure.kinematics, q), "tool")
     regular = np.linalg.cond(J) < 30
     inverse = np.linalg.inv(J[regular])

@@ -57,8 +57,7 @@ def test_what_a_chain_passes_on_is_its_load_whatever_the_spread(powers: int) -> 
     for seed in SOME:
         robot = chain(1000 * powers + seed, powers).robot()
         structure = compile_structure(robot)
-        loads = nodal_loads(structure, 1, {robot.tcp: load})
-        response = respond(structure, at_rest(structure), loads)
+        response = respond(structure, at_rest(structure), nodal_loads(structure, 1, {robot.tcp: load}))
         points = response.geometry.posture.node_positions[0]
         carried = [
             np.concatenate([load[:3], load[3:] + np.cross(points[-1] - at, load[:3])]) for at in points

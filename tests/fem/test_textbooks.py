@@ -43,8 +43,7 @@ def test_ferreira_example_8_3_a_space_frame_of_two_second_moments() -> None:  # 
         up=[tuple(np.cross(up, axis)) for up, axis in zip(ups, axes, strict=True)],
     )
     found = displacement(robot, {"n0": [-10, 0, 20, 0, 0, 0]})
-    printed = np.array([-7.05, -0.07, 14.18, 1.45, 1.75, 1.14])
-    assert np.abs(1e6 * found - printed).max() <= 0.0051
+    assert np.abs(1e6 * found - np.array([-7.05, -0.07, 14.18, 1.45, 1.75, 1.14])).max() <= 0.0051
 
 
 def test_kassimali_example_6_6_a_plane_frame() -> None:  # kip, inch

@@ -105,8 +105,7 @@ def test_the_fit_finds_the_model_that_drew_the_data() -> None:
     right = rng.uniform(size=len(x)) < expit(-1.0 + x @ [0.4, 1.5])
     found = logistic([{"a": a, "b": b} for a, b in x.tolist()], right)
     assert [found[name] for name in ("constant", "a", "b")] == pytest.approx([-1.0, 0.4, 1.5], abs=0.1)
-    against = logistic([{"a": -a, "b": b} for a, b in x.tolist()], right)
-    assert against["a"] == 0.0
+    assert logistic([{"a": -a, "b": b} for a, b in x.tolist()], right)["a"] == 0.0
 
 
 def test_the_fit_of_the_unknown_finds_its_law() -> None:

@@ -86,8 +86,7 @@ def test_of_a_handful_of_values_nothing_is_sure() -> None:
     for freedom in (1, 3, 12):
         found = judged(search_of(near, none=-4.0, unknown=-3.0, free=-3.0), freedom=freedom)
         assert max(found.probabilities.values()) < 0.7
-    clear = search_of(NAMED, unmodelled=-190.0)
-    assert judged(clear, freedom=800).probabilities["backlash:q3"] > 0.7
+    assert judged(search_of(NAMED, unmodelled=-190.0), freedom=800).probabilities["backlash:q3"] > 0.7
 
 
 @pytest.mark.parametrize(("freedom", "most"), [(0, 0.65), (1, 0.65), (5, 0.75), (15, 0.85), (29, 0.96)])

@@ -83,8 +83,7 @@ def test_payload_and_drives_are_both_found_and_the_robot_written_is_the_one_fitt
 
 
 def heavy_rows(q: Array, rng: np.random.Generator) -> Measurements:
-    turned = sagged(q, 1.5e5, 3 * MASS)
-    return replace(read(load_robot(UR10), turned, ("approach", "gear"), rng), q=q)
+    return replace(read(load_robot(UR10), sagged(q, 1.5e5, 3 * MASS), ("approach", "gear"), rng), q=q)
 
 
 @cache

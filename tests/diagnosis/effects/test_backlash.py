@@ -41,8 +41,7 @@ def test_a_drive_that_rests_off_the_middle_of_its_play_goes_farther_to_one_flank
 
 def test_a_soft_stage_is_wound_up_to_its_stop() -> None:
     share = np.array([1.0, 0.05, -0.025, -0.6])
-    rows = rows_of(elbow(), [0, 0], 1000 * share[:, None] * SIDEWAYS)
-    there = nominal(elbow(), rows)
+    there = nominal(elbow(), rows_of(elbow(), [0, 0], 1000 * share[:, None] * SIDEWAYS))
     found = shape_of(there, "backlash", "q2", "straight flank within 0.1, asymmetric")
     usual = axis_at(there, "q2").typical / (1000 * FORE)  # a tenth of which is the way to the stop
     wound = np.clip(share / (0.1 * usual), -1, 1)

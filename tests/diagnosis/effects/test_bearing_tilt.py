@@ -36,8 +36,7 @@ def test_in_a_closed_loop_too() -> None:
     robot = load_robot("ir663")
     rows = at_random(robot, 8, seed=2, reach=0.4)
     rows = rows_of(robot, rows.q, rows.wrench * [1, 0, 1, 0, 1, 0])
-    there = nominal(robot, rows)
-    found = shape_of(there, "bearing-tilt", "J1010", "tilt and radial").columns[..., 1]
+    found = shape_of(nominal(robot, rows), "bearing-tilt", "J1010", "tilt and radial").columns[..., 1]
     close(found, by_compliance_of(robot, rows, "J1010.radial"), 1e-5)
 
 

@@ -18,8 +18,7 @@ TINY = 1e-5
 @pytest.fixture(scope="module")
 def campaign() -> Baseline:
     rng = np.random.default_rng(1)
-    middle = np.array([0, 1.2, -1.5, 0, 0.8, 0])
-    q = np.repeat(middle + rng.uniform(-0.8, 0.8, (15, 6)), 2, axis=0)
+    q = np.repeat(np.array([0, 1.2, -1.5, 0, 0.8, 0]) + rng.uniform(-0.8, 0.8, (15, 6)), 2, axis=0)
     return nominal(kr240(), rows_of(kr240(), q, rng.normal(0, 1000, (30, 6)) * [1, 1, 1, 0.2, 0.2, 0.2]))
 
 
@@ -145,8 +144,7 @@ def test_a_balancer_beside_the_drive_takes_from_its_compliance(campaign: Baselin
     along = shape_of(campaign, "gravity-compensator", "q2", "spring 0.4, free 0, 45 deg").columns
     added = 1e-4 * k * _spring(campaign.rows.q[:, 1] - phase, ratio, free)[1]
     moved = elastic(campaign, 1 / (k + added) - 1 / k)
-    columns = np.concatenate([along, constant(campaign)], axis=-1)
-    assert unexplained(moved, columns) < 1e-3
+    assert unexplained(moved, np.concatenate([along, constant(campaign)], axis=-1)) < 1e-3
     # and in its own size: what is left of the best constant compliance is the column times the stiffness
     rest = moved - along[..., 0] * 1e-4 * k
     assert unexplained(rest, constant(campaign)) < 1e-3

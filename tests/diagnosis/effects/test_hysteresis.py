@@ -68,8 +68,7 @@ def test_friction_that_grows_with_the_torque_holds_a_share_of_it_one_way_and_the
 
 
 def test_what_the_move_has_left_is_friction_without_torque_where_the_weight_acts_after_it() -> None:
-    flat = np.full(3, 0.5)
-    found = stepped(flat, 0.1, start=0.5, grows=0.4, arrived=-1.0, wound=True, whole=True)
+    found = stepped(np.full(3, 0.5), 0.1, start=0.5, grows=0.4, arrived=-1.0, wound=True, whole=True)
     assert found == pytest.approx(np.full(3, 0.3))  # -0.1 and 0.5 more, held by 0.1 + 0.4 * 0.5 at most
 
 

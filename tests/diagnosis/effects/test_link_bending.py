@@ -38,8 +38,7 @@ def test_uniform_bending_is_the_same_robot_with_a_beam_for_the_link(link: str, c
 def test_each_plane_bends_as_a_beam_that_is_not_round() -> None:
     robot = elbow()
     rows = at_random(robot, 10, seed=2)
-    there = nominal(robot, rows)
-    columns = shape_of(there, "link-bending", "fore", "by plane").columns.reshape(60, 5)
+    columns = shape_of(nominal(robot, rows), "link-bending", "fore", "by plane").columns.reshape(60, 5)
     rigid = next(item for item in robot.rigids if item.name == "fore")
     section = Section(A=1e-3, Iy=4e-5, Iz=1e-5, J=2e-5)
     update = {

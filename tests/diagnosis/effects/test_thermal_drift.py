@@ -23,8 +23,7 @@ def test_a_steady_drift_grows_with_the_time_whatever_the_load() -> None:
     for axis in range(3):
         drift = shape.columns[:, axis, axis]
         assert np.diff(drift) == pytest.approx(np.diff(TIME) / 400)  # the parameter is the drift of all of it
-        others = np.delete(shape.columns[..., axis], axis, axis=1)
-        assert not others.any()
+        assert not np.delete(shape.columns[..., axis], axis, axis=1).any()
 
 
 @pytest.mark.parametrize(("name", "decay"), [("warming up within 0.3", 0.3), ("warming up within 0.1", 0.1)])
@@ -78,8 +77,7 @@ def test_a_thermometer_is_believed_where_there_is_one() -> None:
 
 def test_a_machine_follows_its_temperature_with_a_lag() -> None:
     time = np.linspace(0.0, 400.0, 401)
-    warmth = np.where(time < 100, 20.0, 25.0)
-    rows = at_random(elbow(), 401, seed=3, time=time, temperature=warmth)
+    rows = at_random(elbow(), 401, seed=3, time=time, temperature=np.where(time < 100, 20.0, 25.0))
     shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "temperature, lagging by 0.05")
     found = shape.columns[:, 0, 0]
     after = time >= 100
@@ -270,8 +268,7 @@ def test_a_target_that_turns_on_its_holder_moves_no_point() -> None:
 
 def test_a_machine_without_anything_to_fit_may_drift_as_well() -> None:
     robot = elbow(torsional="rigid")
-    rows = at_random(robot, 60, seed=1, time=np.arange(60.0))
-    there = fit_baseline(robot, rows, keep=())
+    there = fit_baseline(robot, at_random(robot, 60, seed=1, time=np.arange(60.0)), keep=())
     assert cycle_of(there, False).count >= 2.0
     assert shape_of(there, "thermal-drift", None, "cycle").data_selected
 

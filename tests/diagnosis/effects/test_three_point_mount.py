@@ -120,8 +120,7 @@ def test_seats_stand_where_they_were_whatever_the_noise_is_thought_to_be() -> No
     moved = on_a_body(there, PLANTED, there.rows.wrench) * 3e-4
     rng = np.random.default_rng(6)
     seen = replace(there, measured=there.predicted + moved + rng.standard_normal(moved.shape) * there.sigma)
-    louder = replace(seen, sigma=seen.sigma * np.repeat([1.0, 5.0], 3))
-    assert seats_of(seen) == seats_of(louder)
+    assert seats_of(seen) == seats_of(replace(seen, sigma=seen.sigma * np.repeat([1.0, 5.0], 3)))
 
 
 def test_the_choice_of_the_seats_is_paid_for() -> None:

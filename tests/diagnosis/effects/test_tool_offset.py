@@ -84,8 +84,7 @@ def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
     q = at_random(kr240(), 6, seed=4).q
     arm = arm_at(q)
     there = nominal(kr240(), rows_of(kr240(), q, np.zeros((6, 6)), position=arm.tip, rotation=0 * arm.tip))
-    lug = replace(there.rows, point=np.full(6, "lug"))
-    expected = nominal_pose(with_lug(axis), lug)[0] - arm.tip
+    expected = nominal_pose(with_lug(axis), replace(there.rows, point=np.full(6, "lug")))[0] - arm.tip
     columns = shape_of(there, "tool-offset", None, "target").columns[..., axis]
     np.testing.assert_allclose(columns[:, :3] * OFFSET, expected, atol=1e-12)
     assert not columns[:, 3:].any()

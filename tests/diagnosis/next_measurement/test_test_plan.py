@@ -96,8 +96,7 @@ def test_postures_are_proposed_where_the_tool_was_or_in_a_region(split: tuple[Ba
     region = ((-np.inf, np.inf), (-np.inf, 0.0), (0.8, 1.8))
     stated = replace(there, rows=replace(there.rows, region=region))
     rivals = [(key, 0.5, ()) for key in near.separates]
-    found = propose_tests(stated, there.used, rivals, 1.0, 0)
-    assert inside(region, tool_at(found.rows.q)).all()
+    assert inside(region, tool_at(propose_tests(stated, there.used, rivals, 1.0, 0).rows.q)).all()
     assert not inside(region, proposed).all()
     far = replace(there, rows=replace(there.rows, region=((9, 10),) * 3))
     with pytest.raises(BeamstiffError, match="make it larger"):
@@ -145,8 +144,7 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseli
 
     designed = []
     for seed in range(4):
-        proposed = propose_tests(there, there.used, rivals, 1.0, seed)
-        rows = proposed.rows
+        rows = propose_tests(there, there.used, rivals, 1.0, seed).rows
         designed.append(odds(Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)))
     at_random = [odds(plan(PROGRAMME, seed=seed, steps=np.array(STEPS))) for seed in (11, 12, 13, 14)]
     assert np.mean(designed) > np.mean(at_random)

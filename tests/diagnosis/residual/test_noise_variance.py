@@ -56,8 +56,7 @@ def test_a_few_wrong_values_do_not_make_noise() -> None:
     white, library = campaign(3)
     gap = white.gap.copy()
     gap[::100] += 50.0
-    found = estimate(replace(white, gap=gap), library, width=2.0)
-    assert (found.noise < 1.5).all()
+    assert (estimate(replace(white, gap=gap), library, width=2.0).noise < 1.5).all()
 
 
 def test_a_firm_claim_holds_the_noise_where_the_values_say_little() -> None:

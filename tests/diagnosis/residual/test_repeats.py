@@ -61,8 +61,7 @@ def test_what_is_systematic_counts_once_however_often_it_is_read() -> None:
 def test_an_unloaded_reading_that_repeats_share_is_noise_as_well() -> None:
     reading = np.random.default_rng(5).standard_normal((POSES, 6)) * np.repeat([POSITION, ROTATION], 3)
     noise = (scatter() - np.repeat(reading, TIMES, axis=0)) / np.sqrt(2.0)
-    found = read(campaign(shared_unloaded=True), noise)
-    assert found.noise == pytest.approx([1.0, 1.0], rel=0.12)
+    assert read(campaign(shared_unloaded=True), noise).noise == pytest.approx([1.0, 1.0], rel=0.12)
 
 
 def test_a_steady_drift_is_found_with_its_slope() -> None:

@@ -77,8 +77,7 @@ class Knows:
         left = float(np.hypot(1e3 * case.left_by(seen), label.noise_mm))
 
         def predict() -> tuple[Array, Array]:
-            truth = case.fresh_positions()
-            return true_rows(case.machine, case.geometry, case.fresh)[:, :3], truth
+            return true_rows(case.machine, case.geometry, case.fresh)[:, :3], case.fresh_positions()
 
         share = 1.0 / max(len(seen), 1)
         verdict = "unknown" if label.kind == "outside" else seen[0].key
