@@ -138,9 +138,7 @@ def test_broken_tables_are_refused(refused: Refused, folder: Path, content: byte
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
-def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
-    refused: Refused, folder: Path, command: str
-) -> None:
+def test_a_displacement_too_large_to_square_is_refused(refused: Refused, folder: Path, command: str) -> None:
     text = (folder / "crane.csv").read_text().replace("0,0,1000,0,1.5", "0,0,1000,-1e308,1.5")
     (folder / "broken.csv").write_text(text)
     says = "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI"

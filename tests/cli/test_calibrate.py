@@ -92,9 +92,7 @@ def test_the_tracker_may_stand_anywhere(succeed: Run, folder: Path, arm: str, to
     assert facts["held_out"] is None
 
 
-def test_another_table_is_moved_into_the_base_frame(
-    succeed: Run, folder: Path, arm: str, refused: Refused
-) -> None:
+def test_another_table_is_moved_to_the_base(succeed: Run, folder: Path, arm: str, refused: Refused) -> None:
     robot = load_robot(folder / arm)
     away = np.array([5.0, -3.0, 0.2])
     for name in ("poses", "fresh"):

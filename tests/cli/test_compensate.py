@@ -396,9 +396,7 @@ def test_a_measured_run_teaches_the_process(cell: Path, succeed: Run, refused: R
     )
 
 
-def test_a_program_with_points_in_its_dat_is_written_with_it(
-    folder: Path, run: Run, succeed: Run, refused: Refused
-) -> None:
+def test_a_program_is_written_with_its_dat(folder: Path, run: Run, succeed: Run, refused: Refused) -> None:
     points = PROGRAM.replace("  LIN {X 1500,Y    0.0,Z 900,A 0,B 110,C 0} C_DIS\r\n", "  LIN XP1\r\n")
     data = "DEFDAT CELL\nDECL E6POS XP1={X 1500,Y 0.0,Z 900,A 0,B 110,C 0,S 6,T 27}\nENDDAT\n"
     (folder / "cell.src").write_bytes(points.encode("latin-1"))

@@ -24,14 +24,12 @@ CRANE = """<robot name="crane">
 """
 
 
-@pytest.fixture
-def urdf(folder: Path) -> Path:
+@pytest.fixture(autouse=True)
+def urdf(folder: Path) -> None:
     (folder / "arm.urdf").write_text(EVERYTHING, encoding="utf-8")
     (folder / "crane.urdf").write_text(CRANE, encoding="utf-8")
-    return folder
 
 
-@pytest.mark.usefixtures("urdf")
 def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_fitted(succeed: Run, folder: Path) -> None:
     stiff = ("--joint-stiffness", "5e5 N*m/rad")
     succeed("convert crane.urdf", *stiff, "--out", "start.yaml")
@@ -47,7 +45,6 @@ def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_fitted(succeed: R
     assert re.sub(r"\n *<beamstiff torsional=.*? N\*m/rad\"/>", "", text) == CRANE
 
 
-@pytest.mark.usefixtures("urdf")
 def test_commands_take_a_urdf_as_it_is(succeed: Run, told: Run, folder: Path) -> None:
     text = CRANE.replace('velocity="1"/>', 'velocity="1"/><beamstiff torsional="1e6 N*m/rad"/>')
     (folder / "stiff.urdf").write_text(text)
@@ -57,34 +54,29 @@ def test_commands_take_a_urdf_as_it_is(succeed: Run, told: Run, folder: Path) ->
     succeed("show stiff.urdf")
 
 
-@pytest.mark.usefixtures("urdf")
 @pytest.mark.parametrize("command", ["stiffness", "identify", "deflect"])
 def test_a_urdf_without_stiffness_says_which_joints_need_one(refused: Refused, command: str) -> None:
     arguments = [command, "crane.urdf", *([] if command == "stiffness" else ["crane.csv"])]
     refused(arguments, ["the joints q1 are rigid", "--joint-stiffness"])
 
 
-@pytest.mark.usefixtures("urdf")
 def test_a_rigid_robot_is_shown_with_a_note_and_its_posture_is_not_blamed(run: Run, succeed: Run) -> None:
     assert "note: no compliance: the joints q1 are rigid" in succeed("show crane.urdf").stderr
     assert "--q" not in run("stiffness crane.urdf").stderr
 
 
-@pytest.mark.usefixtures("urdf")
 def test_json_says_what_was_written(told: Run) -> None:
     answer = told("convert crane.urdf --out crane2.yaml")
     assert answer["variables"] == ["q1"]
     assert "--joint-stiffness" in answer["notes"][0]
 
 
-@pytest.mark.usefixtures("urdf")
 def test_urdf_to_yaml_to_urdf_is_the_same_text(succeed: Run, folder: Path) -> None:
     succeed("convert crane.urdf --out crane2.yaml")
     succeed("convert crane2.yaml --out back.urdf")
     assert (folder / "back.urdf").read_text() == CRANE
 
 
-@pytest.mark.usefixtures("urdf")
 def test_tables_go_in_and_out(succeed: Run, folder: Path) -> None:
     succeed("convert kr500 --convention modified --out kr500.csv")
     succeed("convert kr500.csv --out kr500.urdf")
@@ -95,7 +87,6 @@ def test_tables_go_in_and_out(succeed: Run, folder: Path) -> None:
     assert load_robot(folder / "one.yaml").frames[0].d == 1.0
 
 
-@pytest.mark.usefixtures("urdf")
 def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path) -> None:
     (folder / "points.txt").write_text("tip 1000 1 0\ntip 0 1001 0\n")
     profile = "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
@@ -107,7 +98,6 @@ def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path)
     np.testing.assert_allclose(table.position, [[1, 1e-3, 0], [0, 1.001, 0]])
 
 
-@pytest.mark.usefixtures("urdf")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -71,9 +71,7 @@ def test_what_to_measure_next_is_a_table_to_fill_in(cycle: Path) -> None:
     assert (rows.q <= high).all()
 
 
-def test_what_was_measured_next_is_diagnosed_with_the_rest(
-    run: Run, folder: Path, cycle: Path, refused: Refused
-) -> None:
+def test_what_was_measured_next_joins_the_rest(run: Run, folder: Path, cycle: Path, refused: Refused) -> None:
     sigma, header, *lines = LOAD_CYCLE.splitlines()
     halves = {"first.csv": lines[:10], "then.csv": lines[10:]}
     for name, some in halves.items():
@@ -155,9 +153,7 @@ def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run:
         assert one == other
 
 
-def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(
-    succeed: Run, folder: Path, refused: Refused
-) -> None:
+def test_of_a_rigid_robot_nothing_is_fitted(succeed: Run, folder: Path, refused: Refused) -> None:
     stiff = re.sub('"[0-9]e6 N.*?"', "rigid", (folder / "crane.yaml").read_text())
     (folder / "rigid.yaml").write_text(stiff.replace("identify: [J1.torsional]\n", ""))
     refused("identify rigid.yaml crane.csv", "nothing is compliant, the joints J1 are rigid")

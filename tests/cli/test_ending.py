@@ -37,9 +37,7 @@ def shell(*arguments: str, **environment: str) -> subprocess.CompletedProcess[st
     )
 
 
-def test_a_process_ends_with_0_or_2_and_pipes_get_whole_lines_without_colours(
-    folder: Path,
-) -> None:
+def test_a_process_ends_with_0_or_2_and_pipes_get_whole_lines_without_colours(folder: Path) -> None:
     good = shell("stiffness", "crane.yaml", "--json", "good.json", COLUMNS="40")
     assert (good.returncode, good.stderr) == (0, "")
     assert json.loads((folder / "good.json").read_text())["tcp"] == [1.0, 0.0, 0.0]

@@ -13,9 +13,10 @@ from tests.cli.conftest import Refused, Run
 BOTH = ("--parameters", "J1.torsional,J1.radial")
 
 
-def answer(*arguments: str, told: Run) -> dict[str, Any]:
-    """Return the JSON of an identification of the crane."""
-    return told("identify crane.yaml", *arguments)
+@pytest.fixture
+def answer(told: Run) -> Run:
+    """Return a function that gives the JSON of an identification of the crane."""
+    return lambda *words: told("identify crane.yaml", *words)
 
 
 def value(found: dict[str, Any], name: str = "J1.torsional") -> float:
@@ -40,11 +41,11 @@ def series(folder: Path) -> Path:
     return folder
 
 
-def test_several_tables_count_together(run: Run, wrong: Path) -> None:
+def test_several_tables_count_together(run: Run, answer: Run, wrong: Path) -> None:
     lines = (wrong / "crane.csv").read_text().splitlines(keepends=True)
     (wrong / "one.csv").write_text("".join(lines[:4]))
     (wrong / "two.csv").write_text("".join([*lines[:2], *lines[4:]]))
-    whole, parts = answer(run, "crane.csv"), answer(run, "one.csv", "two.csv")
+    whole, parts = answer("crane.csv"), answer("one.csv", "two.csv")
     for key in ("value", "std"):
         one, other = (found["parameters"]["J1.torsional"][key] for found in (parts, whole))
         assert one == pytest.approx(other, rel=1e-9)
@@ -53,71 +54,71 @@ def test_several_tables_count_together(run: Run, wrong: Path) -> None:
 
 @pytest.mark.parametrize("method", ["levenberg-marquardt", "linear", "slsqp", "bobyqa", "crs2", "genetic"])
 @pytest.mark.usefixtures("wrong")
-def test_methods_find_the_same(run: Run, method: str) -> None:
-    found = answer(run, "crane.csv", "--method", method, "--seed", "1", "--evaluations", "2000")
+def test_methods_find_the_same(answer: Run, method: str) -> None:
+    found = answer("crane.csv", "--method", method, "--seed", "1", "--evaluations", "2000")
     assert value(found) == pytest.approx(1e6, rel=1e-5)
     assert found["method"] == method
 
 
 @pytest.mark.usefixtures("wrong")
-def test_fixed_parameters_stay_and_tied_ones_keep_their_ratio(run: Run) -> None:
-    found = answer(run, "crane.csv", *BOTH, "--fix", "J1.radial")
+def test_fixed_parameters_stay_and_tied_ones_keep_their_ratio(answer: Run) -> None:
+    found = answer("crane.csv", *BOTH, "--fix", "J1.radial")
     assert list(found["parameters"]) == ["J1.torsional"]
-    found = answer(run, "crane.csv", *BOTH, "--tie", "J1.torsional,J1.radial")
+    found = answer("crane.csv", *BOTH, "--tie", "J1.torsional,J1.radial")
     assert value(found, "J1.radial") / value(found) == pytest.approx(2e6 / 3e5)
 
 
-def test_bounds_hold_with_their_units(run: Run, wrong: Path) -> None:
-    found = answer(run, "crane.csv", "--bound", "J1.torsional=:8e8 N*mm/rad", "--out", "found.yaml")
+def test_bounds_hold_with_their_units(answer: Run, wrong: Path) -> None:
+    found = answer("crane.csv", "--bound", "J1.torsional=:8e8 N*mm/rad", "--out", "found.yaml")
     assert load_robot(wrong / "found.yaml").parameter("J1.torsional") == pytest.approx(8e5)
     assert any("largest value allowed" in note for note in found["notes"])
 
 
 @pytest.mark.usefixtures("wrong")
-def test_a_prior_pulls_as_much_as_it_is_sure(run: Run) -> None:
+def test_a_prior_pulls_as_much_as_it_is_sure(answer: Run) -> None:
     sure, unsure = (
-        value(answer(run, "crane.csv", "--prior", f"J1.torsional=2e6:{times}")) for times in ("1.0001", "100")
+        value(answer("crane.csv", "--prior", f"J1.torsional=2e6:{times}")) for times in ("1.0001", "100")
     )
     assert sure == pytest.approx(2e6, rel=1e-2)
     assert unsure == pytest.approx(1e6, rel=1e-3)
 
 
-def test_a_robust_loss_bears_a_bad_row(run: Run, wrong: Path) -> None:
+def test_a_robust_loss_bears_a_bad_row(answer: Run, wrong: Path) -> None:
     (wrong / "bad.csv").write_text((wrong / "crane.csv").read_text() + "-90,-1000,0,-4.5,0\n")
-    plain, robust = (value(answer(run, "bad.csv", "--loss", loss)) for loss in ("linear", "huber"))
+    plain, robust = (value(answer("bad.csv", "--loss", loss)) for loss in ("linear", "huber"))
     assert abs(robust / 1e6 - 1) < 0.1 < abs(plain / 1e6 - 1)
 
 
 @pytest.mark.usefixtures("wrong")
-def test_errors_of_the_inputs_widen_the_uncertainty(run: Run) -> None:
-    without = answer(run, "crane.csv")["parameters"]["J1.torsional"]["std"]
-    found = answer(run, "crane.csv", "--input-error", "load=10N,angle=0.01deg")
+def test_errors_of_the_inputs_widen_the_uncertainty(answer: Run) -> None:
+    without = answer("crane.csv")["parameters"]["J1.torsional"]["std"]
+    found = answer("crane.csv", "--input-error", "load=10N,angle=0.01deg")
     assert found["parameters"]["J1.torsional"]["std"] > 1.2 * without
 
 
-def test_the_error_of_the_loads_may_stand_in_the_table(run: Run, wrong: Path) -> None:
+def test_the_error_of_the_loads_may_stand_in_the_table(answer: Run, wrong: Path) -> None:
     table = (wrong / "crane.csv").read_text()
     (wrong / "stated.csv").write_text(f"# sigma_load: 0.01 kN\n{table}")
-    asked = answer(run, "crane.csv", "--input-error", "load=10N")
-    assert answer(run, "stated.csv")["parameters"] == asked["parameters"]
+    asked = answer("crane.csv", "--input-error", "load=10N")
+    assert answer("stated.csv")["parameters"] == asked["parameters"]
 
 
-def test_bootstrap_intervals_come_along(run: Run, wrong: Path) -> None:
+def test_bootstrap_intervals_come_along(run: Run, answer: Run, wrong: Path) -> None:
     rows = "".join(f"{angle},0,1000,0,1.5\n" for angle in (0, 0.01, 0.02, 0.03))
     head = "".join((wrong / "crane.csv").read_text().splitlines(keepends=True)[:2])
     (wrong / "poses.csv").write_text(head + rows.replace("1.5\n", "1.51\n", 2).replace("1.5\n", "1.49\n"))
-    found = answer(run, "poses.csv", "--bootstrap", "50", "--seed", "3")
+    found = answer("poses.csv", "--bootstrap", "50", "--seed", "3")
     low, high = found["bootstrap"]["intervals"]["J1.torsional"]
     assert low < value(found) < high
     assert found["bootstrap"]["poses"] == 4
-    again = answer(run, "poses.csv", "--bootstrap", "50", "--seed", "3")
+    again = answer("poses.csv", "--bootstrap", "50", "--seed", "3")
     assert again["bootstrap"] == found["bootstrap"]
     assert "bootstrap 95 %" in run("identify crane.yaml poses.csv --bootstrap 20").stdout
 
 
 @pytest.mark.usefixtures("series")
-def test_groups_are_told_with_what_would_part_them(run: Run) -> None:
-    found = answer(run, "across.csv", *BOTH)
+def test_groups_are_told_with_what_would_part_them(run: Run, answer: Run) -> None:
+    found = answer("across.csv", *BOTH)
     [group] = found["degenerate"]
     assert group["parameters"] == ["J1.torsional", "J1.radial"]
     assert group["relation"] == "1/J1.torsional + 1/J1.radial"
@@ -132,8 +133,8 @@ def test_groups_are_told_with_what_would_part_them(run: Run) -> None:
     assert "No upper bound" not in text
 
 
-def test_the_reduced_robot_has_one_spring_for_the_group(run: Run, series: Path) -> None:
-    found = answer(run, "across.csv", *BOTH, "--reduce", "reduced.yaml")
+def test_the_reduced_robot_has_one_spring_for_the_group(answer: Run, series: Path) -> None:
+    found = answer("across.csv", *BOTH, "--reduce", "reduced.yaml")
     robot = load_robot(series / "reduced.yaml")
     [lumped] = found["reduced"]["lumped"]
     assert (lumped["kept"], lumped["rigid"]) == ("J1.torsional", ["J1.radial"])

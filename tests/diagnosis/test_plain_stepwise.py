@@ -19,6 +19,7 @@ from tests.exam.campaigns import drawn, without_weight
 
 CURVE = Truth("angle-curve", "q2", "order", {"amplitude": 5e-4, "order": 1.0, "phase": 0.3, "second": 0.0})
 LOST = Truth("approach-direction", "q1", "flank", {"half": 1e-4, "first": 1.0, "way": 1.0})
+Campaigns = tuple[SimulatedCampaign, SimulatedCampaign]
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def robot() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def campaigns(robot: Robot) -> tuple[SimulatedCampaign, SimulatedCampaign]:
+def campaigns(robot: Robot) -> Campaigns:
     return draw_crowded(np.random.default_rng(1), robot, "absolute", 1000.0, (robot.tcp,))
 
 
@@ -40,7 +41,7 @@ def names(found: PlainStepwise) -> list[str]:
 
 
 def test_causes_are_named_in_the_order_of_their_size_and_close_what_they_say(
-    robot: Robot, campaigns: tuple[SimulatedCampaign, SimulatedCampaign]
+    robot: Robot, campaigns: Campaigns
 ) -> None:
     campaign, fresh = campaigns
     found = plain_stepwise(robot, rows(robot, campaign, LOST, CURVE))
@@ -54,17 +55,13 @@ def test_causes_are_named_in_the_order_of_their_size_and_close_what_they_say(
     assert found.to_dict()["remainder"]["rms_mm"] == pytest.approx(noise, rel=0.2)
 
 
-def test_nothing_is_named_where_nothing_is(
-    robot: Robot, campaigns: tuple[SimulatedCampaign, SimulatedCampaign]
-) -> None:
+def test_nothing_is_named_where_nothing_is(robot: Robot, campaigns: Campaigns) -> None:
     found = plain_stepwise(robot, rows(robot, campaigns[0]))
     assert names(found) == []
     assert found.to_dict()["verdict"]["effect"] == "none"
 
 
-def test_what_is_withheld_is_not_named(
-    robot: Robot, campaigns: tuple[SimulatedCampaign, SimulatedCampaign]
-) -> None:
+def test_what_is_withheld_is_not_named(robot: Robot, campaigns: Campaigns) -> None:
     found = plain_stepwise(robot, rows(robot, campaigns[0], CURVE), ("angle-curve",))
     assert names(found)
     assert not any(name.startswith("angle-curve") for name in names(found))

@@ -104,9 +104,7 @@ def test_a_diagnosis_that_breaks_off_is_wrong_everywhere_and_the_exam_goes_on() 
     assert score.detection(records).value == 0.0
 
 
-def test_labels_do_not_depend_on_who_is_examined(
-    oracle: tuple[Oracle, list[Record]], silent: list[Record]
-) -> None:
+def test_labels_are_the_same_for_all(oracle: tuple[Oracle, list[Record]], silent: list[Record]) -> None:
     drawn_anew = run_exam(replace(EXAM), 4, Examiner(anything))
     assert [r.label_sha256 for r in oracle[1]] == [r.label_sha256 for r in silent]
     assert [r.label_sha256 for r in drawn_anew] == [r.label_sha256 for r in silent[:4]]

@@ -95,9 +95,7 @@ EULER = np.pi**2 * EI / LENGTH**2
     [((HINGE, ROLLER), 1.0), ((), 0.25), ((SLIDING_CLAMP,), 4.0), ((ROLLER,), 4.4934094579**2 / np.pi**2)],
     ids=["pinned", "cantilever", "clamped", "clamped and hinged"],  # the last at tan u = u
 )
-def test_a_column_buckles_at_a_multiple_of_eulers_load(
-    elements: int, supports: Sequence[Sequence[float]], times: float
-) -> None:
+def test_a_column_buckles_by_euler(elements: int, supports: Sequence[Sequence[float]], times: float) -> None:
     """Arts 2.1 and 2.2; the column stands askew in space."""
     rotation = some_rotation(1)
     robot = turned(line(elements, ROD, tcp=1, supports=supports), rotation)

@@ -92,9 +92,7 @@ def tables(draw: st.DrawFn) -> tuple[str, str, list[dict[str, float]], dict[str,
 
 
 @given(tables())
-def test_a_table_means_the_product_of_its_motions(
-    drawn: tuple[str, str, list[dict[str, float]], dict[str, float]],
-) -> None:
+def test_a_table_means_its_motions(drawn: tuple[str, str, list[dict[str, float]], dict[str, float]]) -> None:
     convention, text, rows, q = drawn
     np.testing.assert_allclose(tcp_pose(parse_csv_table(text), q), product(convention, rows), atol=1e-11)
 

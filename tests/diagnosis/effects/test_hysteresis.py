@@ -31,9 +31,7 @@ def test_friction_holds_all_until_it_slips_and_twice_as_much_on_the_way_back() -
 
 
 @given(st.lists(st.floats(-5, 5), min_size=1, max_size=12), st.floats(0.01, 3))
-def test_what_is_held_never_exceeds_the_friction_and_fine_steps_change_nothing(
-    torque: list[float], limit: float
-) -> None:
+def test_friction_holds_no_more_and_fine_steps_change_nothing(torque: list[float], limit: float) -> None:
     coarse = np.array(torque)
     found = stepped(coarse, limit)
     assert (np.abs(found) <= limit).all()

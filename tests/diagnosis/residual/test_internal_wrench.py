@@ -55,9 +55,7 @@ def test_the_wrench_at_a_joint_is_the_load_carried_there(joint: str, arm_rows: M
 
 
 @pytest.mark.parametrize(("link", "end"), [("upper", "J2"), ("fore", "tip")])
-def test_the_wrench_at_a_link_is_the_load_carried_to_its_second_end(
-    link: str, end: str, arm_rows: Measurements
-) -> None:
+def test_the_wrench_at_a_link_is_the_load_at_its_far_end(link: str, end: str, arm_rows: Measurements) -> None:
     place = find_places(elbow(), arm_rows).links[link]
     at, wrench = points(arm_rows), arm_rows.wrench
     expected = carried(wrench[:, :3], wrench[:, 3:], at["tip"] - at[end])

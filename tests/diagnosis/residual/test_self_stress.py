@@ -254,9 +254,7 @@ def wrench_of(made: RandomFrame, load: Array, tcp: int) -> tuple[list[Array], li
     loops=st.integers(1, 4),
     rigid=st.sampled_from([0.3, 0.7, 1.0]),
 )
-def test_random_machines_pass_what_multipliers_say_where_no_self_stress_has_a_part(
-    seed: int, more: int, loops: int, rigid: float
-) -> None:
+def test_random_machines_pass_what_multipliers_say(seed: int, more: int, loops: int, rigid: float) -> None:
     made = machine_frame(seed, more, loops, rigid=rigid, free=0.1)
     assume(made.reference().softness() > 1e-5)
     robot = made.robot()
