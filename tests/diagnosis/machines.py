@@ -56,6 +56,15 @@ def at_random(robot: Robot, count: int, seed: int, reach: float = 1.0, **more: A
     return rows_of(robot, q, wrench, **more)
 
 
+def cycles(robot: Robot, poses: int, shares: Any, seed: int = 1, **more: Any) -> Measurements:
+    """Return rows of random postures, each under shares of its own random wrench."""
+    once, loads = at_random(robot, poses, seed), len(shares)
+    wrench = np.repeat(once.wrench, loads, axis=0) * np.tile(shares, poses)[:, None]
+    pose = np.repeat(np.arange(poses), loads)
+    more = {"pose": pose, "sigma_position": POSITION, "sigma_rotation": ROTATION} | more
+    return rows_of(robot, once.q[pose], wrench, **more)
+
+
 def sound(load: float = 1.0, noise: float = 1.0) -> Measurements:
     """Return 40 rows of the elbow arm as described; `load` and `noise` are times the usual and the stated."""
     rows = at_random(elbow(), 40, seed=1, sigma_position=POSITION, sigma_rotation=ROTATION)

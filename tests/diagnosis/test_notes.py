@@ -17,7 +17,17 @@ from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.measure.rows import in_runs
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, kr240, nominal, rows_of
+from tests.diagnosis.machines import (
+    ONCE,
+    POSITION,
+    ROTATION,
+    at_random,
+    cycles,
+    elbow,
+    kr240,
+    nominal,
+    rows_of,
+)
 from tests.diagnosis.planted import backlash, campaign, diagnosed, plan
 
 SILENCE = Library((), ())
@@ -60,15 +70,7 @@ def test_a_sound_campaign_lacks_repeats_at_most() -> None:
 
 def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
     rng = np.random.default_rng(2)
-    twice = at_random(elbow(), 40, seed=1)
-    rows = rows_of(
-        elbow(),
-        np.repeat(twice.q, 2, axis=0),
-        np.repeat(twice.wrench, 2, axis=0),
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-        time=100.0 * np.arange(80),
-    )
+    rows = cycles(elbow(), 40, np.ones(2), time=100.0 * np.arange(80))
     noise = rng.standard_normal((80, 6)) * np.repeat([3 * POSITION, ROTATION], 3)
     noise[:, 4] += 8 * ROTATION * np.tile([0, 1], 40)  # from each reading to the next, 100 s later
     read = replace(rows, displacement=predict(elbow(), rows) + noise)

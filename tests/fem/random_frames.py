@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from beamstiff import Material, Robot, Section
 from tests.fem.builders import FREE, RIGID, frame
-from tests.fem.reference_frame import ReferenceFrame
+from tests.fem.reference_frame import ReferenceFrame, properties_of
 
 Array = NDArray[np.float64]
 
@@ -89,22 +89,8 @@ class RandomFrame:
         )
 
     def reference(self) -> ReferenceFrame:
-        beams = [
-            (
-                *pair,
-                {
-                    "E": material.E,
-                    "G": material.G,
-                    **{name: getattr(section, name) for name in ("A", "Iy", "Iz", "J")},
-                    "Ay": section.Ay or np.inf,
-                    "Az": section.Az or np.inf,
-                },
-                up,
-            )
-            for pair, section, material, up in zip(
-                self.beams, self.sections, self.materials, self.ups, strict=True
-            )
-        ]
+        parts = zip(self.beams, self.sections, self.materials, self.ups, strict=True)
+        beams = [(*pair, properties_of(section, material), up) for pair, section, material, up in parts]
         joints = [(i, j, axis, kinds[[0, 1, 1, 2, 3, 3]]) for i, j, axis, kinds in self.joints]
         return ReferenceFrame(
             np.array(self.points), self.fixed, beams, list(self.rigids), joints, list(self.struts)

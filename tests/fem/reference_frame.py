@@ -9,6 +9,7 @@ refinement in extended precision.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,12 @@ class ReferenceFrame:
         """Add an element whose end j has this stiffness when i is held."""
         relative = self.relative(i, j)
         stiffness += relative.T @ end @ relative
+
+
+def properties_of(section: Any, material: Any) -> dict[str, float]:
+    """Return what `beams` take of a section and a material."""
+    own = {name: getattr(section, name) for name in ("A", "Iy", "Iz", "J")}
+    return own | {"E": material.E, "G": material.G, "Ay": section.Ay or np.inf, "Az": section.Az or np.inf}
 
 
 def flexibility(L: float, **properties: float) -> Array:

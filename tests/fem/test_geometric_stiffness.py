@@ -130,91 +130,34 @@ FOUR_BAR = [*FOUR_BAR, (2, 0, 1.1)]
 TILTED, Y = (0.1, 0.2, 1.0), (0, 1, 0)
 ALL_SIX, HINGE, FREE_HINGE = (1e5, 2e5, 1e4, 3e4), (RIGID, RIGID, 2e4, RIGID), (RIGID, RIGID, FREE, RIGID)
 SOFT_HINGE = (1e6, RIGID, 2e4, 5e4)
-MACHINES: dict[str, tuple[list[tuple[float, ...]], int, dict[str, Any]]] = {
-    "chain": (
-        ARM,
-        4,
-        {"joints": [(0, 1, TILTED, ALL_SIX), (2, 3, (1, 0.2, 1), ALL_SIX)], "rigids": [(1, 2), (3, 4)]},
-    ),
-    # joints that the way from the ground meets from their second node
-    "backward": (
-        ARM,
-        4,
-        {
-            "joints": [(1, 0, TILTED, (1e5, RIGID, 1e4, 3e4)), (3, 2, (1, 0.2, 1), (1e5, RIGID, RIGID, 3e4))],
-            "rigids": [(1, 2), (3, 4)],
-        },
-    ),
-    "slides": (
-        ARM,
-        4,
-        {
-            "joints": [
-                (0, 1, TILTED, (1e5, RIGID, RIGID, 3e4)),
-                (2, 3, (1, 0.2, 1), (1e5, RIGID, 2e4, RIGID)),
-            ],
-            "rigids": [(1, 2), (3, 4)],
-        },
-    ),
-    "joint that closes a loop": (
-        [*ARM[:4], ARM[3]],
-        2,
-        {
-            "joints": [
-                (0, 1, TILTED, (1e5, RIGID, 1e4, 3e4)),
-                (2, 3, (1, 0.2, 1), ALL_SIX),
-                (4, 3, (1, 0.2, 0.4), (1e5, 3e5, FREE, RIGID)),
-            ],
-            "rigids": [(1, 2)],
-            "fixed": (0, 4),
-        },
-    ),
-    "struts": (
-        [*ARM[:3], (1, -1, -0.3), (0, 1, 1)],
-        2,
-        {
-            "joints": [(0, 1, TILTED, (1e5, RIGID, 1e4, 3e4))],
-            "rigids": [(1, 2)],
-            "struts": [(2, 3, 2e5), (4, 2, RIGID)],
-            "fixed": (0, 3, 4),
-        },
-    ),
-    "four-bar": (
-        FOUR_BAR,
-        8,
-        {
-            "joints": [
-                (0, 1, Y, HINGE),
-                (2, 3, Y, FREE_HINGE),
-                (4, 5, Y, (RIGID, RIGID, 3e3, RIGID)),
-                (7, 6, Y, HINGE),
-            ],
-            "rigids": [(1, 2), (3, 4), (5, 6), (4, 8)],
-            "fixed": (0, 7),
-        },
-    ),
-    "soft four-bar": (
-        FOUR_BAR,
-        8,
-        {
-            "joints": [
-                (0, 1, Y, SOFT_HINGE),
-                (2, 3, Y, (RIGID, 1e6, FREE, RIGID)),
-                (5, 4, Y, (RIGID, RIGID, 3e3, 1e5)),
-                (7, 6, Y, SOFT_HINGE),
-            ],
-            "rigids": [(1, 2), (3, 4), (5, 6), (4, 8)],
-            "fixed": (0, 7),
-        },
-    ),
-    "triangle of rigids": (
-        [*ARM[:3], (1, 1, 0.3), (1.5, 1, 0.2), (1, 1, 0.3)],
-        4,
-        {
-            "joints": [(0, 1, TILTED, ALL_SIX), (3, 5, (0, 1, 1), (RIGID, 2e6, 3e4, RIGID))],
-            "rigids": [(1, 2), (2, 3), (3, 1), (5, 4)],
-        },
-    ),
+FIRM, SLIDE, SKEW = (1e5, RIGID, 1e4, 3e4), (1e5, RIGID, RIGID, 3e4), (1, 0.2, 1)
+SHUT = (1e5, 3e5, FREE, RIGID)  # of the joint that closes a loop
+ELASTIC, HINGED = (RIGID, RIGID, 3e3, RIGID), (RIGID, RIGID, 3e3, 1e5)
+LINKS, BARS = [(1, 2), (3, 4)], [(1, 2), (3, 4), (5, 6), (4, 8)]
+
+
+def made(points: Any, tcp: int, joints: Any, rigids: Any, **more: Any) -> tuple[Any, int, dict[str, Any]]:
+    return points, tcp, {"joints": joints, "rigids": rigids, **more}
+
+
+CHAIN = [(0, 1, TILTED, ALL_SIX), (2, 3, SKEW, ALL_SIX)]
+BACKWARD = [(1, 0, TILTED, FIRM), (3, 2, SKEW, SLIDE)]  # from the ground, their second nodes are met first
+SLIDES = [(0, 1, TILTED, SLIDE), (2, 3, SKEW, (1e5, RIGID, 2e4, RIGID))]
+CLOSING = [(0, 1, TILTED, FIRM), (2, 3, SKEW, ALL_SIX), (4, 3, (1, 0.2, 0.4), SHUT)]
+HINGES = [(0, 1, Y, HINGE), (2, 3, Y, FREE_HINGE), (4, 5, Y, ELASTIC), (7, 6, Y, HINGE)]
+SOFT = [(0, 1, Y, SOFT_HINGE), (2, 3, Y, (RIGID, 1e6, FREE, RIGID)), (5, 4, Y, HINGED), (7, 6, Y, SOFT_HINGE)]
+STRUTS = {"struts": [(2, 3, 2e5), (4, 2, RIGID)], "fixed": (0, 3, 4)}
+TRIANGLE = [(0, 1, TILTED, ALL_SIX), (3, 5, (0, 1, 1), (RIGID, 2e6, 3e4, RIGID))]
+CORNERS = [*ARM[:3], (1, 1, 0.3), (1.5, 1, 0.2), (1, 1, 0.3)]
+MACHINES = {
+    "chain": made(ARM, 4, CHAIN, LINKS),
+    "backward": made(ARM, 4, BACKWARD, LINKS),
+    "slides": made(ARM, 4, SLIDES, LINKS),
+    "joint that closes a loop": made([*ARM[:4], ARM[3]], 2, CLOSING, [(1, 2)], fixed=(0, 4)),
+    "struts": made([*ARM[:3], (1, -1, -0.3), (0, 1, 1)], 2, [(0, 1, TILTED, FIRM)], [(1, 2)], **STRUTS),
+    "four-bar": made(FOUR_BAR, 8, HINGES, BARS, fixed=(0, 7)),
+    "soft four-bar": made(FOUR_BAR, 8, SOFT, BARS, fixed=(0, 7)),
+    "triangle of rigids": made(CORNERS, 4, TRIANGLE, [(1, 2), (2, 3), (3, 1), (5, 4)]),
 }
 
 

@@ -101,18 +101,10 @@ def test_rows_are_taken_in_the_order_they_were_measured_in() -> None:
 def test_every_pose_begins_anew_unless_the_history_runs_on() -> None:
     wrench = np.tile(CYCLE[:4], 2)[:, None] * 1000 * np.eye(6)[1]
     pose, step = np.repeat([0, 1], 4), np.tile(np.arange(4), 2)
-    anew, running = (
-        shape_of(
-            nominal(
-                elbow(),
-                rows_of(elbow(), [0, 0], wrench, pose=pose, step=step, time=np.arange(8.0), continuous=on),
-            ),
-            "hysteresis",
-            "q2",
-            "friction 0.4",
-        ).columns[:, 5, 0]
-        for on in (False, True)
-    )
+    timed = {"pose": pose, "step": step, "time": np.arange(8.0)}
+    tables = (rows_of(elbow(), [0, 0], wrench, continuous=on, **timed) for on in (False, True))
+    shapes = (shape_of(nominal(elbow(), rows), "hysteresis", "q2", "friction 0.4") for rows in tables)
+    anew, running = (shape.columns[:, 5, 0] for shape in shapes)
     assert anew[4:] == pytest.approx(anew[:4])
     assert running == pytest.approx(-stepped(np.tile(CYCLE[:4], 2), 0.4))
     assert running[4:] != pytest.approx(anew[4:])

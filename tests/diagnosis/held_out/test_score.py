@@ -19,24 +19,13 @@ from beamstiff.diagnosis.held_out.score import (
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, nominal, rows_of
+from tests.diagnosis.machines import POSITION, ROTATION, cycles, elbow, nominal
 
 SIGMA = np.repeat([POSITION, ROTATION], 3)
 
 
 def campaign(poses: int = 40, loads: int = 3, shared: bool = False) -> Baseline:
-    robot = elbow()
-    some = at_random(robot, poses, seed=1)
-    rows = rows_of(
-        robot,
-        np.repeat(some.q, loads, axis=0),
-        np.repeat(some.wrench, loads, axis=0) * np.tile(np.linspace(0.5, 1, loads), poses)[:, None],
-        pose=np.repeat(np.arange(poses), loads),
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-        shared_unloaded=shared,
-    )
-    return nominal(robot, rows)
+    return nominal(elbow(), cycles(elbow(), poses, np.linspace(0.5, 1, loads), shared_unloaded=shared))
 
 
 def with_gap(there: Baseline, gap: Array) -> Baseline:

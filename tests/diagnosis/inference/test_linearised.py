@@ -37,16 +37,9 @@ def measured(seed: int = 0) -> Measurements:
     rows = rows_of(kr240(), how.q, how.wrench)
     moved = predict_displacements(machine(), replace(rows, load_point=np.full(len(rows), "lug")))
     noise = np.random.default_rng(seed).standard_normal(moved.shape) * np.repeat([POSITION, ROTATION], 3)
-    return rows_of(
-        kr240(),
-        how.q,
-        how.wrench,
-        displacement=moved + noise,
-        pose=how.pose,
-        step=how.step,
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-    )
+    sigma = {"sigma_position": POSITION, "sigma_rotation": ROTATION}
+    order = {"pose": how.pose, "step": how.step}
+    return rows_of(kr240(), how.q, how.wrench, displacement=moved + noise, **order, **sigma)
 
 
 def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_one_bent_to_the_gap() -> None:

@@ -10,17 +10,15 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predic
 from beamstiff.diagnosis.residual.repeats import Repeats, independent, repeats
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, rows_of
+from tests.diagnosis.machines import POSITION, ROTATION, at_random, cycles, elbow
 
 POSES, TIMES = 40, 6
 
 
 def campaign(**more: Any) -> Measurements:
     """Return forty postures, each read six times under one load."""
-    once = at_random(elbow(), POSES, seed=3)
-    q, wrench = (np.repeat(values, TIMES, axis=0) for values in (once.q, once.wrench))
-    stated = {"sigma_position": POSITION, "sigma_rotation": ROTATION, "time": 60.0 * np.arange(len(q))}
-    return rows_of(elbow(), q, wrench, **(stated | more))
+    timed = {"time": 60.0 * np.arange(POSES * TIMES)} | more
+    return cycles(elbow(), POSES, np.ones(TIMES), seed=3, **timed)
 
 
 def read(rows: Measurements, noise: Array) -> Repeats:

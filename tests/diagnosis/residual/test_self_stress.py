@@ -141,16 +141,9 @@ def test_the_drives_hold_all_the_energy_of_a_machine_that_is_rigid_else() -> Non
 def carriage(left: float, right: float, offset: float = 0.3) -> tuple[Robot, Measurements]:
     """Return a carriage that two screws in parallel push along x, and a push in line with neither."""
     points = [(0, -1, 0), (0, -1, 0), (0, 1, 0), (0, 1, 0), (0, offset, 0)]
-    robot = frame(
-        points,
-        rigids=[(1, 3), (3, 4)],
-        joints=[
-            (0, 1, (1, 0, 0), (left, RIGID, RIGID, RIGID)),
-            (2, 3, (1, 0, 0), (right, RIGID, RIGID, RIGID)),
-        ],
-        fixed=(0, 2),
-        tcp=4,
-    )
+    springs = ((0, 1, left), (2, 3, right))
+    screws = [(a, b, (1, 0, 0), (stiffness, RIGID, RIGID, RIGID)) for a, b, stiffness in springs]
+    robot = frame(points, rigids=[(1, 3), (3, 4)], joints=screws, fixed=(0, 2), tcp=4)
     return robot, rows_of(robot, np.zeros((1, 0)), [[1000.0, 0, 0, 0, 0, 0]])
 
 
@@ -196,18 +189,10 @@ def test_in_a_spherical_four_bar_the_drive_alone_is_determined(seed: int) -> Non
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     at, tip = axes * rng.uniform(0.5, 1.5, (4, 1)), rng.uniform(-1, 1, 3)
     drive, bearing = (RIGID, RIGID, 2e6, RIGID), (RIGID, RIGID, FREE, RIGID)
-    robot = frame(
-        [at[0], at[0], at[1], at[1], at[2], at[2], at[3], at[3], tip],
-        rigids=[(1, 2), (3, 4), (5, 6), (3, 8)],
-        joints=[
-            (0, 1, axes[0], drive),
-            (2, 3, axes[1], bearing),
-            (5, 4, axes[2], bearing),
-            (7, 6, axes[3], bearing),
-        ],
-        fixed=(0, 7),
-        tcp=8,
-    )
+    hinges = [(2, 3, axes[1], bearing), (5, 4, axes[2], bearing), (7, 6, axes[3], bearing)]
+    joints, links = [(0, 1, axes[0], drive), *hinges], [(1, 2), (3, 4), (5, 6), (3, 8)]
+    points = [*np.repeat(at, 2, axis=0), tip]
+    robot = frame(points, rigids=links, joints=joints, fixed=(0, 7), tcp=8)
     load = rng.normal(size=6) * 100
     places = find_places(robot, rows_of(robot, np.zeros((1, 0)), [load])).joints
     # both ways round the loop turn the coupler alike: a0 + w1 a1 = w3 a3 + w2 a2
