@@ -69,12 +69,14 @@ def test_bad_input_is_refused(folder: Path, refused: Refused, text: str, limit: 
     refused(f"check r.json --max-gap={limit}", says)
 
 
+def play(half_width: str, more: str = "") -> str:
+    """Return the lines of a robot file that has play."""
+    sizes = f"parameters: {{half_width: {half_width}}}, scales: {{torque: 700}}{more}"
+    return f"effects: [{{effect: backlash, component: q1, shape: flank within 0.03, {sizes}}}]\n"
+
+
 def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path) -> None:
-    effect = (
-        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
-        "parameters: {half_width: 2 mrad}, scales: {torque: 700}}]\n"
-    )
-    (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + effect)
+    (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + play("2 mrad"))
     said = run("verify worse.yaml crane.csv").stdout
     assert said.startswith("The file's effects make these rows worse: position error ")
     assert "Next: Do not use this robot. What makes these rows worse: backlash at q1." in " ".join(
@@ -84,16 +86,12 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
 
 
 def test_verify_of_effects_that_leave_much_sends_to_all_rows_together(run: Run, folder: Path) -> None:
-    effect = (
-        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
-        "parameters: {half_width: 0.1 mrad}, scales: {torque: 700}}]\n"
-    )
     stiff = (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e8 N*m/rad")
-    (folder / "stiff.yaml").write_text(stiff + effect)
+    (folder / "stiff.yaml").write_text(stiff + play("0.1 mrad"))
     said = " ".join(run("verify stiff.yaml crane.csv").stdout.split())
     command = "beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv."
     assert f"diagnose its rows and these together: {command}" in said
-    (folder / "more.yaml").write_text(stiff + effect.replace("700}", "700}, closes: 0.9"))
+    (folder / "more.yaml").write_text(stiff + play("0.1 mrad", ", closes: 0.9"))
     first = run("verify more.yaml crane.csv").stdout.splitlines()[0]
     assert first.endswith("its effects close 19 % of the gap, promised were 90 %")
     (folder / "bare.yaml").write_text(stiff)

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+import beamstiff.compensation.formats.krl as krl
+from beamstiff import load_robot
+from beamstiff.cli.main import app
+from beamstiff.robot.library import robot_path
+from beamstiff.robot.writer import robot_to_yaml
 from tests.cli.conftest import Refused, Run
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -83,8 +89,6 @@ def test_targets_out_of_reach_can_be_left_as_they_are(cell: Path, succeed: Run) 
 
 
 def test_the_real_robot_may_be_another(cell: Path, succeed: Run, refused: Refused) -> None:
-    from beamstiff.robot.library import robot_path
-
     text = robot_path("kr500").read_text(encoding="utf-8")
     (cell / "real.yaml").write_text(text.replace("theta: q2}", 'theta: "q2 + 0.05 deg"}'), encoding="utf-8")
     succeed("compensate kr500 cell.src --actual real.yaml --out new.src --quiet")
@@ -95,8 +99,6 @@ def test_the_real_robot_may_be_another(cell: Path, succeed: Run, refused: Refuse
 
 
 def test_frames_say_what_the_numbers_count_from(cell: Path, succeed: Run) -> None:
-    import beamstiff.compensation.formats.krl as krl
-
     here = krl.read(PROGRAM, "cell.src").path.poses[:, :3, 3]
     moved = PROGRAM.replace("X 1500.000", "X 1000.000").replace("X 1500", "X 1000")
     (cell / "moved.src").write_bytes(moved.encode("latin-1"))
@@ -193,9 +195,6 @@ PLAY = (
 
 def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Run) -> None:
     """An effect that moves the unloaded tool too was found from differences, in which that drops out."""
-    from beamstiff import load_robot
-    from beamstiff.robot.writer import robot_to_yaml
-
     (cell / "play.yaml").write_text(robot_to_yaml(load_robot("kr500")) + PLAY)
     (cell / "path.csv").write_text("# orientation: KUKA ABC\n" + TABLE)
     result = run("compensate kr500 path.csv --actual play.yaml")
@@ -218,9 +217,6 @@ def test_what_displacements_cannot_fix_is_not_promised(cell: Path, run: Run) -> 
 
 def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, succeed: Run) -> None:
     """A pedestal that tilts under the weight is seen tilting under the load."""
-    from beamstiff import load_robot
-    from beamstiff.robot.writer import robot_to_yaml
-
     tilting = PLAY[: PLAY.index("effects")] + (
         "effects: [{effect: base-compliance, shape: tilt, parameters: {tilting_compliance: 8e-8}}]\n"
     )
@@ -315,10 +311,6 @@ def test_a_frame_that_the_program_does_not_hold_is_asked_for(cell: Path, refused
 
 
 def test_a_stream_of_forces_is_answered_line_by_line(folder: Path) -> None:
-    from typer.testing import CliRunner
-
-    from beamstiff.cli.main import app
-
     (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
     lines = "target PTP 0 0 -900 0 0 0\ntarget PTP 0 0 0 0 0 0\nquit\n"
     result = CliRunner().invoke(app, ["compensate", "kr500", str(folder / "a.src"), "--stream"], input=lines)

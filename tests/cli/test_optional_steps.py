@@ -12,7 +12,7 @@ from beamstiff import load_robot, save_robot, write_measurements
 from beamstiff.errors import BeamstiffError, UnwritableError
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
-from tests.cli.conftest import Run
+from tests.cli.conftest import CRANE, Run
 from tests.cli.test_calibrate import readings
 from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
@@ -21,28 +21,14 @@ pytestmark = pytest.mark.usefixtures("remembering")
 REASON = "loop_1 does not close there"
 
 # A joint that goes up and down, without limits, below the joint that gives way.
-LIFT = """\
-beamstiff: 1
-name: lift
-variables:
-  - {name: s, type: prismatic}
-  - {name: q1, type: revolute, limits: ["-170 deg", "170 deg"]}
-frames:
-  - {name: f0, r: s}
-  - {name: f1, parent: f0, theta: q1}
-nodes:
-  - {name: foot, frame: f0}
-  - {name: hub, frame: f1}
-  - {name: tip, frame: f1, at: ["1 m", 0, 0]}
-rigids: [{name: arm, nodes: [hub, tip]}]
-joints:
-  - {name: J1, nodes: [foot, hub], frame: f1, axis: z, variable: q1,
-     stiffness: {axial: rigid, radial: rigid, torsional: "1e6 N*m/rad", tilting: rigid}}
-fixed: [foot]
-tcp: tip
-identify: [J1.torsional]
-"""
-
+LIFT = (
+    CRANE.replace("crane", "lift")
+    .replace("variables:\n", "variables:\n  - {name: s, type: prismatic}\n")
+    .replace("frames:\n  - {name: f1, ", "frames:\n  - {name: f0, r: s}\n  - {name: f1, parent: f0, ")
+    .replace("{name: foot}", "{name: foot, frame: f0}")
+    .replace('axial: "4e6 N/m", radial: "2e6 N/m"', "axial: rigid, radial: rigid")
+    .replace('"8e6 N*m/rad"', "rigid")
+)
 # An arm that its drive hardly holds: pulled it is stiff, pushed by the same force it buckles.
 SLACK = (
     LIFT.replace("  - {name: s, type: prismatic}\n", "")

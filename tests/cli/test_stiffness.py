@@ -8,8 +8,8 @@ import pytest
 import beamstiff
 from beamstiff.functions.stiffness import stiffness, tcp_compliance
 from beamstiff.report.overview import describe
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
+from tests.added import added
 from tests.cli.conftest import Run
 
 
@@ -40,14 +40,8 @@ def test_joint_values_take_units(told: Run, q: list[str]) -> None:
 def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None:
     crane = load_robot(folder / "crane.yaml")
     sprung = crane.parameter("J1.torsional")
-    effect = AddedEffect(
-        effect="joint-compliance",
-        component="q1",
-        shape="linear",
-        parameters={"compliance": 1.0 / sprung},
-        scales={"torque": 100.0},
-    )
-    drift = AddedEffect(effect="angle-curve", component="q1", shape="order 1", parameters={"sine_1": 1e-3})
+    effect = added("joint-compliance:q1", "linear", {"torque": 100.0}, compliance=1.0 / sprung)
+    drift = added("angle-curve:q1", "order 1", sine_1=1e-3)
     rigid = crane.with_parameters({"J1.torsional": np.inf})
     found = stiffness(rigid.model_copy(update={"effects": (effect, drift)}), {"q1": 0.3})
     np.testing.assert_allclose(found.compliance, tcp_compliance(crane, {"q1": 0.3})[0], rtol=1e-6, atol=1e-12)

@@ -25,6 +25,7 @@ from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
 from beamstiff.se3 import Array
+from tests.added import added
 from tests.diagnosis.machines import ELBOW, FORE, SHOULDER, UPPER, elbow
 
 # two links in a horizontal plane: gravity turns neither joint
@@ -242,15 +243,15 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
     law = EFFECTS[effect]
     for component in law.components(fit):
         shapes, expected = law.shapes(there, component), np.zeros((len(rows), 6))
-        added: dict[str, AddedEffect] = {}
+        every: dict[str, AddedEffect] = {}
         for shape in shapes[:: max(len(shapes) // 6, 1)] + shapes[-1:]:
-            if all(item.posture_specific for item in shape.parameters) or shape.name in added:
+            if all(item.posture_specific for item in shape.parameters) or shape.name in every:
                 continue  # of the campaign alone: no part of a robot
             values = rng.uniform(-1, 1, len(shape.parameters)) * [item.size for item in shape.parameters]
             values[[item.posture_specific for item in shape.parameters]] = 0.0
             values = np.where([item.positive for item in shape.parameters], np.abs(values), values)
             sizes = zip((item.name for item in shape.parameters), values.tolist(), strict=True)
-            added[shape.name] = AddedEffect(
+            every[shape.name] = AddedEffect(
                 effect=effect,
                 component=component,
                 shape=shape.name,
@@ -258,7 +259,7 @@ def test_every_shape_means_the_same_without_the_rows_it_was_fitted_to(effect: st
                 scales=needed_scales(shape, law.scales(fit, component)),
             )
             expected += shape.columns @ values
-        robot = fit.robot.model_copy(update={"effects": tuple(added.values())})
+        robot = fit.robot.model_copy(update={"effects": tuple(every.values())})
         robot = parse_robot(robot_to_yaml(robot))
         found = effects_displacement(robot, rows)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-12))
@@ -318,7 +319,7 @@ def test_what_the_library_does_not_know_is_refused(change: dict[str, Any], messa
 
 def test_a_payload_does_not_show_in_differences_and_is_checked_all_the_same() -> None:
     for shape in ("mass", "mast"):
-        payload = AddedEffect(effect="payload-error", shape=shape, parameters={"mass": "3 kg"})
+        payload = added("payload-error", shape, mass="3 kg")
         robot = elbow().model_copy(update={"effects": (payload,)})
         if shape == "mass":
             assert not effects_displacement(robot, any_rows("displacement", 0)).any()
@@ -348,12 +349,6 @@ def test_what_is_known_of_two_parameters_together_outlasts_their_rounding() -> N
     assert all(len(str(short[name])) < len(size) for name, size in sizes.items())
     total = sum(float(str(value).split()[0]) for value in short.values())
     assert total == pytest.approx(21.523471 - 21.487652, abs=1e-4)
-
-
-def added(
-    effect: str, shape: str, scales: dict[str, float] | None = None, **parameters: float
-) -> AddedEffect:
-    return AddedEffect(effect=effect, shape=shape, parameters=parameters, scales=scales or {})
 
 
 def test_a_floor_gives_way_under_the_payload_that_the_file_does_not_know() -> None:

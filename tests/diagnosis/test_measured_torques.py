@@ -14,9 +14,9 @@ from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.drive_torques import drive_torques
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 from benchmarks.torque_study import campaign
+from tests.added import added
 from tests.diagnosis.machines import arm_at, lift
 from tests.diagnosis.weighed_arm import (
     CENTRE,
@@ -208,13 +208,7 @@ def test_nothing_is_said_without_weights_readings_or_beside_effects() -> None:
     assert measured_torques(ROBOT, replace(readings(0), torque=np.full((COUNT, 6), np.nan))) == Said()
     bare = ROBOT.model_copy(update={"masses": MASSES[3:]})
     assert "states no weight of the links" in told(measured_torques(bare, readings(0)))
-    slack = AddedEffect(
-        effect="backlash",
-        component="q2",
-        shape="flank within 0.03",
-        parameters={"half_width": 1e-4},
-        scales={"torque": 2000.0},
-    )
+    slack = added("backlash:q2", "flank within 0.03", {"torque": 2000.0}, half_width=1e-4)
     loose = ROBOT.model_copy(update={"effects": (slack,)})
     assert measured_torques(loose, readings(0)).notes == (BESIDE_EFFECTS,)
 

@@ -14,19 +14,17 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.measure.rows import concatenate, row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
 from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
-
-PLAY = {"effect": "backlash", "component": "q2", "scales": {"torque": 700.0}}
+from tests.added import added
 
 
 def played() -> Robot:
     """Return an arm with play in two shapes, one of which rounding made negative."""
     robot = load_robot("kr500")
     shapes = [("flank within 0.03", 2e-4), ("flank within 0.1", -6.7e-19)]
-    play = [AddedEffect(**PLAY, shape=shape, parameters={"half_width": value}) for shape, value in shapes]
+    play = [added("backlash:q2", shape, {"torque": 700.0}, half_width=value) for shape, value in shapes]
     return robot.model_copy(update={"effects": tuple(play)})
 
 
@@ -63,12 +61,7 @@ def test_rows_that_were_fitted_are_counted() -> None:
 
 def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() -> None:
     robot = load_robot("kr240-2")
-    effect = AddedEffect(
-        effect="approach-direction",
-        component="q2",
-        shape="direction of the last motion",
-        parameters={"half_lost_motion": 1e-3},
-    )
+    effect = added("approach-direction:q2", "direction of the last motion", half_lost_motion=1e-3)
     q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + np.random.default_rng(4).uniform(-0.5, 0.5, (12, 6))
     names = [one.name for one in robot.actuated]
     plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
@@ -106,13 +99,7 @@ def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
 
 
 TURN, SHIFT = rotation_from_vector(np.array([0.4, -1.1, 2.0])), np.array([3.0, -1.5, 0.7])
-COMPLIANCE = AddedEffect(
-    effect="joint-compliance",
-    component="q3",
-    shape="linear",
-    parameters={"compliance": 1e-6},
-    scales={"torque": 1e3},
-)
+COMPLIANCE = added("joint-compliance:q3", "linear", {"torque": 1e3}, compliance=1e-6)
 
 
 def through_a_tracker(rows: Measurements, noise: float = 0.0) -> Measurements:

@@ -44,15 +44,8 @@ def serial_robot(
         nodes += [Node(name=f"a{at + 1}", frame=f"f{at + 1}"), Node(name=f"b{at + 1}", frame=f"f{at + 1}")]
         rigids.append((f"b{at}" if at else "ground", f"a{at + 1}"))
         ends = (f"b{at + 1}", f"a{at + 1}") if turned_round else (f"a{at + 1}", f"b{at + 1}")
-        joints.append(
-            Joint(
-                name=f"J{at + 1}",
-                nodes=ends,
-                frame=f"f{at + 1}",
-                variable=name,
-                stiffness=stiffness(*values[at]),
-            )
-        )
+        own = {"frame": f"f{at + 1}", "variable": name, "stiffness": stiffness(*values[at])}
+        joints.append(Joint(name=f"J{at + 1}", nodes=ends, **own))
     nodes.append(Node(name="tool", frame=f"f{count}", at=tuple(tool)))
     rigids.append((f"b{count}", "tool"))
     return Robot(

@@ -72,13 +72,8 @@ def test_what_the_move_has_left_is_friction_without_torque_where_the_weight_acts
 
 def test_the_elbow_lags_by_what_friction_holds() -> None:
     largest = 1000.0
-    rows = rows_of(
-        elbow(),
-        [0, 0],
-        CYCLE[:, None] * largest / FORE * np.eye(6)[1],
-        pose=np.zeros(11, int),
-        step=np.arange(11),
-    )
+    wrench = CYCLE[:, None] * largest / FORE * np.eye(6)[1]
+    rows = rows_of(elbow(), [0, 0], wrench, pose=np.zeros(11, int), step=np.arange(11))
     there = nominal(elbow(), rows)
     for limit in LIMITS:
         shape = shape_of(there, "hysteresis", "q2", f"friction {limit:g}")
@@ -204,15 +199,9 @@ def test_the_friction_of_the_last_motion_lags_behind_it_until_a_load_has_turned_
     q = np.array([[0.3, 0.0], [0.3, 0.6], [0.3, 0.2], [0.3, 0.9], [0.3, 0.4]])
     came = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], 2)
     push = np.repeat([1.0, 1.0, 1.0, -1.0, -1.0], 2) * np.tile([0.0, 1000.0], 5)
-    rows = rows_of(
-        elbow(),
-        np.repeat(q, 2, axis=0),
-        push[:, None] * np.eye(6)[1],
-        pose=np.repeat(np.arange(5), 2),
-        step=np.tile([0, 1], 5),
-        position=np.zeros((10, 3)),
-        rotation=np.zeros((10, 3)),
-    )
+    order = {"pose": np.repeat(np.arange(5), 2), "step": np.tile([0, 1], 5)}
+    order |= {"position": np.zeros((10, 3)), "rotation": np.zeros((10, 3))}
+    rows = rows_of(elbow(), np.repeat(q, 2, axis=0), push[:, None] * np.eye(6)[1], **order)
     base = nominal(elbow(), rows)
     moved = shape_of(base, "hysteresis", "q2", "friction 0.1, left from the last motion").columns[:, :, 0]
     axis = axis_at(base, "q2")

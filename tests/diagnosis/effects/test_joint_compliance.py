@@ -7,8 +7,8 @@ from beamstiff import predict
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import at_rows
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
+from tests.added import added
 from tests.diagnosis.machines import (
     at_random,
     by_compliance_of,
@@ -115,14 +115,9 @@ def test_what_was_found_to_follow_the_angle_holds_for_a_single_posture() -> None
     robot = elbow(torsional="rigid")
     fit = nominal(robot, at_random(robot, 8, seed=1))
     one = at_random(robot, 1, seed=2)
-    added = AddedEffect(
-        effect="joint-compliance",
-        component="q2",
-        shape="by its angle",
-        parameters={"compliance_by_cosine_q": 2e-6},
-        scales=EFFECTS["joint-compliance"].scales(fit, "q2"),
-    )
-    moved = effects_displacement(robot.model_copy(update={"effects": (added,)}), one)
+    scales = EFFECTS["joint-compliance"].scales(fit, "q2")
+    effect = added("joint-compliance:q2", "by its angle", scales, compliance_by_cosine_q=2e-6)
+    moved = effects_displacement(robot.model_copy(update={"effects": (effect,)}), one)
     linear = shape_of(nominal(robot, one), "joint-compliance", "q2", "linear").columns[..., 0]
     close(moved, 2e-6 * np.cos(one.q[0, 1]) * linear)
     assert shape_of(at_rows(fit, one), "joint-compliance", "q2", "by its angle")

@@ -110,14 +110,8 @@ def test_a_pulley_adds_to_a_rising_load_and_takes_from_a_falling_one() -> None:
 
 def test_a_state_that_is_read_again_or_at_another_reflector_was_reached_the_same_way() -> None:
     share = np.repeat([0.5, 1.0, 0.5, 0.0, -0.5], 2)
-    rows = rows_of(
-        elbow(),
-        [0.3, 0.8],
-        share[:, None] * [300.0, 900, 100, 0, 0, 0],
-        pose=np.zeros(10, int),
-        step=np.repeat(np.arange(5), 2),
-        point=["tip", "end"] * 5,
-    )
+    order = {"pose": np.zeros(10, int), "step": np.repeat(np.arange(5), 2), "point": ["tip", "end"] * 5}
+    rows = rows_of(elbow(), [0.3, 0.8], share[:, None] * [300.0, 900, 100, 0, 0, 0], **order)
     assert rising(nominal(elbow(), rows)).tolist() == [1, 1, 1, 1, -1, -1, -1, -1, 1, 1]
 
 

@@ -51,15 +51,8 @@ def test_without_times_and_temperatures_nothing_is_said_to_drift() -> None:
 
 
 def test_a_shared_unloaded_reading_takes_the_drift_of_its_moment_out() -> None:
-    rows = at_random(elbow(), 2, seed=2)
-    rows = rows_of(
-        elbow(),
-        np.repeat(rows.q, 3, axis=0),
-        np.repeat(rows.wrench, 3, axis=0),
-        pose=np.repeat([0, 1], 3),
-        time=TIME,
-        shared_unloaded=True,
-    )
+    once, pose = at_random(elbow(), 2, seed=2), np.repeat([0, 1], 3)
+    rows = rows_of(elbow(), once.q[pose], once.wrench[pose], pose=pose, time=TIME, shared_unloaded=True)
     shapes = EFFECTS["thermal-drift"].shapes(nominal(elbow(), rows), None)
     found = next(one for one in shapes if one.name == "linear, since the unloaded reading").columns[:, 0, 0]
     assert found == pytest.approx((TIME - [0, 0, 0, 300, 300, 300]) / 400)
