@@ -75,18 +75,9 @@ class RandomFrame:
 
     def robot(self, tcp: int | None = None) -> Robot:
         free = [node for node in self.turning() if node not in self.fixed]
-        return frame(
-            self.points,
-            beams=self.beams,
-            rigids=self.rigids,
-            joints=self.joints,
-            struts=self.struts,
-            section=self.sections,
-            material=self.materials,
-            up=self.ups,
-            fixed=self.fixed,
-            tcp=free[-1] if tcp is None else tcp,
-        )
+        parts = {"beams": self.beams, "rigids": self.rigids, "joints": self.joints, "struts": self.struts}
+        beam = {"section": self.sections, "material": self.materials, "up": self.ups}
+        return frame(self.points, fixed=self.fixed, tcp=free[-1] if tcp is None else tcp, **parts, **beam)
 
     def reference(self) -> ReferenceFrame:
         parts = zip(self.beams, self.sections, self.materials, self.ups, strict=True)

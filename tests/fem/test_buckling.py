@@ -41,16 +41,8 @@ def line(elements: int, section: Section, tcp: int, supports: Sequence[Sequence[
     ]
     points += [points[end] for end in ends[: len(supports)]]
     fixed = [joint[0] for joint in joints] + ([0] if len(supports) < 2 else [])
-    return frame(
-        points,
-        beams=[(at, at + 1) for at in range(elements)],
-        joints=joints,
-        fixed=fixed,
-        tcp=tcp,
-        section=section,
-        material=STEEL,
-        up=(0, 1, 0),
-    )
+    parts = {"beams": [(at, at + 1) for at in range(elements)], "joints": joints}
+    return frame(points, fixed=fixed, tcp=tcp, section=section, material=STEEL, up=(0, 1, 0), **parts)
 
 
 def loaded(robot: Robot, loads: Mapping[str, Sequence[float]], factor: float) -> Array:
@@ -185,14 +177,8 @@ def test_a_mast_buckles_under_its_own_weight() -> None:
 
     def stands(gravity: float) -> bool:
         points = [(0, 0, LENGTH * at / 4) for at in range(5)]
-        robot = frame(
-            points,
-            beams=[(at, at + 1) for at in range(4)],
-            section=ROD,
-            material=STEEL,
-            up=(0, 1, 0),
-            gravity=(0, 0, -gravity),
-        )
+        beam = {"section": ROD, "material": STEEL, "up": (0, 1, 0), "gravity": (0, 0, -gravity)}
+        robot = frame(points, beams=[(at, at + 1) for at in range(4)], **beam)
         structure = compile_structure(robot)
         try:
             loaded_compliance(structure, at_rest(structure), nodal_loads(structure, 1, {}), gravity=True)

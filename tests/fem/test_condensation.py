@@ -245,12 +245,8 @@ def test_ports_that_rigid_parts_tie_together_are_named() -> None:
     """Two bodies joined by two parallel hinges on one axis: their torsions are one motion."""
     points = [(0, 0, 0), (0, 0, 1), (0, 0, 0), (0, 0, 1), (1, 0, 0)]
     hinge = (RIGID, RIGID, 1e5, RIGID)
-    robot = frame(
-        points,
-        rigids=[(2, 3), (3, 4)],
-        joints=[(0, 2, (0, 0, 1), hinge), (1, 3, (0, 0, 1), hinge)],
-        fixed=(0, 1),
-    )
+    parts = {"rigids": [(2, 3), (3, 4)], "joints": [(0, 2, (0, 0, 1), hinge), (1, 3, (0, 0, 1), hinge)]}
+    robot = frame(points, fixed=(0, 1), **parts)
     ports = [Port(f"j{at}.torsional", "joint", at, 3) for at in (0, 1)]
     message = (
         r"j0\.torsional, j1\.torsional cannot move without one another: rigid parts of their loops hold them"

@@ -130,12 +130,8 @@ def test_the_free_motion_is_named_with_its_direction() -> None:
 
 @pytest.mark.parametrize("modulus", [1e3, 1e20, 1e40])
 def test_the_direction_is_named_however_stiff_the_rest_is(modulus: float) -> None:
-    robot = frame(
-        [(0, 0, 0), (0, 0, 0), (1, 0, 0)],
-        beams=[(1, 2)],
-        material=Material(E=modulus, G=modulus),
-        joints=[(0, 1, (0, 1, 0), HINGE)],
-    )
+    parts = {"beams": [(1, 2)], "joints": [(0, 1, (0, 1, 0), HINGE)]}
+    robot = frame([(0, 0, 0), (0, 0, 0), (1, 0, 0)], material=Material(E=modulus, G=modulus), **parts)
     assert "node 'n2' moves along (0.00, 0.00, 1.00) freely, through j0.torsional" in refusal(robot)
 
 

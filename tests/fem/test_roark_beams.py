@@ -27,15 +27,8 @@ def supported(
     """Return a beam along x with its nodes 0 and 4 fixed, supports 0-1 and 4-3, and node 2 at `a`."""
     points = [(0, 0, 0), (0, 0, 0), (a, 0, 0), (LENGTH, 0, 0), (LENGTH, 0, 0)]
     along = (1, 0, 0)
-    return frame(
-        points,
-        beams=[(1, 2), (2, 3)],
-        joints=[(0, 1, along, left), (3, 4, along, right)],
-        fixed=(0, 4),
-        tcp=2,
-        section=section,
-        up=(0, 1, 0),
-    )
+    parts = {"beams": [(1, 2), (2, 3)], "joints": [(0, 1, along, left), (3, 4, along, right)]}
+    return frame(points, fixed=(0, 4), tcp=2, section=section, up=(0, 1, 0), **parts)
 
 
 SUPPORTS = {"simple": (HINGED, ROLLER), "propped": (FIXED, ROLLER), "fixed": (FIXED, FIXED)}

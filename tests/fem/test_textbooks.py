@@ -13,15 +13,9 @@ from tests.fem.builders import FREE, RIGID, STEEL, displacement, frame, solve
 
 
 def test_logan_example_5_8_a_space_frame() -> None:  # kip, inch
-    robot = frame(
-        [(0, 0, 0), (-100, 0, 0), (0, 0, -100), (0, -100, 0)],
-        beams=[(1, 0), (2, 0), (3, 0)],
-        fixed=(1, 2, 3),
-        tcp=0,
-        section=Section(A=10.0, Iy=100.0, Iz=100.0, J=50.0),
-        material=Material(E=30000.0, G=10000.0),
-        up=(1, 1, 1),
-    )
+    points = [(0, 0, 0), (-100, 0, 0), (0, 0, -100), (0, -100, 0)]
+    beam = {"section": Section(A=10.0, Iy=100.0, Iz=100.0, J=50.0), "material": Material(E=3e4, G=1e4)}
+    robot = frame(points, beams=[(1, 0), (2, 0), (3, 0)], fixed=(1, 2, 3), tcp=0, up=(1, 1, 1), **beam)
     found = displacement(robot, {"n0": [0, -50, 0, -1000, 0, 0]})
     printed = np.array([7.098e-5, -0.014, -2.352e-3, -3.996e-3, 1.78e-5, -1.033e-4])
     # a unit of the last printed digit: the source rounds on the way
@@ -33,29 +27,17 @@ def test_ferreira_example_8_3_a_space_frame_of_two_second_moments() -> None:  # 
     # there local y is across the member and `up` (z; x for members along z); ours lies in their plane
     axes = [np.subtract(points[end], points[0]) for end in (1, 2, 3)]
     ups = [(0, 0, 1), (1, 0, 0), (0, 0, 1)]
-    robot = frame(
-        points,
-        beams=[(0, 1), (0, 2), (0, 3)],
-        fixed=(1, 2, 3),
-        tcp=0,
-        section=Section(A=0.02, Iy=1e-4, Iz=2e-4, J=5e-5),
-        material=Material(E=2.1e8, G=8.4e7),
-        up=[tuple(np.cross(up, axis)) for up, axis in zip(ups, axes, strict=True)],
-    )
+    across = [tuple(np.cross(up, axis)) for up, axis in zip(ups, axes, strict=True)]
+    beam = {"section": Section(A=0.02, Iy=1e-4, Iz=2e-4, J=5e-5), "material": Material(E=2.1e8, G=8.4e7)}
+    robot = frame(points, beams=[(0, 1), (0, 2), (0, 3)], fixed=(1, 2, 3), tcp=0, up=across, **beam)
     found = displacement(robot, {"n0": [-10, 0, 20, 0, 0, 0]})
     assert np.abs(1e6 * found - np.array([-7.05, -0.07, 14.18, 1.45, 1.75, 1.14])).max() <= 0.0051
 
 
 def test_kassimali_example_6_6_a_plane_frame() -> None:  # kip, inch
-    robot = frame(
-        [(0, 0, 0), (120, 240, 0), (360, 240, 0)],
-        beams=[(0, 1), (1, 2)],
-        fixed=(0, 2),
-        tcp=1,
-        section=Section(A=11.8, Iy=77.0, Iz=310.0, J=5.0),
-        material=Material(E=29000.0, G=11000.0),
-        up=[(-2, 1, 0), (0, 1, 0)],
-    )
+    points, ups = [(0, 0, 0), (120, 240, 0), (360, 240, 0)], [(-2, 1, 0), (0, 1, 0)]
+    beam = {"section": Section(A=11.8, Iy=77.0, Iz=310.0, J=5.0), "material": Material(E=29000.0, G=11000.0)}
+    robot = frame(points, beams=[(0, 1), (1, 2)], fixed=(0, 2), tcp=1, up=ups, **beam)
     found = displacement(robot, {"n1": [0, -60, 0, 0, 0, -750]})[[0, 1, 5]]
     # to a unit of the last printed digit: the source rounds on the way
     assert (np.abs(found - [0.021302, -0.06732, -0.0025499]) <= [1e-6, 1e-5, 1e-7]).all()
@@ -75,15 +57,10 @@ def test_kassimali_example_8_1_a_space_truss() -> None:  # kip, inch
 def test_frame3dd_example_B_a_pyramid_of_shear_beams_under_its_weight() -> None:  # N, mm
     """Printed with geometric stiffness; a linear solver gives 0.0141272, -0.0502277 and -0.0223740 mm."""
     points = [(0, 0, 1000), (-1200, -900, 0), (1200, -900, 0), (1200, 900, 0), (-1200, 900, 0)]
-    robot = frame(
-        points,
-        beams=[(1, 0), (0, 2), (0, 3), (4, 0)],
-        fixed=(1, 2, 3, 4),
-        tcp=0,
-        section=Section(A=36.0, Ay=20.0, Az=20.0, J=1000.0, Iy=492.0, Iz=492.0),
-        material=Material(E=200000.0, G=79300.0, density=7.85e-9),
-        gravity=(0, 0, -9806.33),
-    )
+    section = Section(A=36.0, Ay=20.0, Az=20.0, J=1000.0, Iy=492.0, Iz=492.0)
+    material = Material(E=200000.0, G=79300.0, density=7.85e-9)
+    beam = {"section": section, "material": material, "gravity": (0, 0, -9806.33)}
+    robot = frame(points, beams=[(1, 0), (0, 2), (0, 3), (4, 0)], fixed=(1, 2, 3, 4), tcp=0, **beam)
     found = displacement(robot, {"n0": [100, -200, -100, 0, 0, 0]}, gravity=True)
     assert [f"{value:.7f}" for value in found[:3]] == ["0.0141272", "-0.0502277", "-0.0223740"]
     assert [f"{value:.1e}" for value in found[3:5]] == ["3.6e-05", "8.1e-06"]
