@@ -27,10 +27,10 @@ from tests.fem import builders, random_frames
 from tests.fem import test_cantilever as cantilever
 from tests.fem import test_castigliano_bents as bents
 from tests.fem import test_identities as identities
-from tests.fem import test_kleinlogel_portals as portals
 from tests.fem import test_macneal_harder as macneal
 from tests.fem import test_rigid_offsets as offsets
 from tests.fem import test_roark_beams as roark
+from tests.fem import test_textbooks as portals
 from tests.fem import test_trusses as trusses
 from tests.robot import machines
 from tests.robot.test_kinematics import differences

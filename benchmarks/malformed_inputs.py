@@ -37,8 +37,7 @@ from tests.fuzz.test_fuzz_robot import BLOCK, EVERYTHING
 from tests.malformed import ANYTHING, BROKEN_ROBOTS, BROKEN_TABLES, with_other_words
 from tests.measure.test_bad_tables import BAD, FILES
 from tests.report.html.test_command import PATH, READINGS, many
-from tests.robot.test_bad_files import WHOLE
-from tests.robot.test_bad_robots import SPOILED
+from tests.robot.test_bad_files import SPOILED, WHOLE
 
 REFUSED, NOTED, READ = "refused", "read, with a note", "read"
 NOT_FINITE, MANY_LINES, INTERNAL = "NaN or inf", "refused otherwise", "internal error"

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +15,7 @@ from beamstiff.cli.main import app
 from tests.remembered import remembered
 
 Run = Callable[..., Any]
-Refused = Callable[[Sequence[str], str | Sequence[str]], None]
+Refused = Callable[[str | Sequence[str], str | Sequence[str]], None]
 
 # A rigid arm of 1 m on one elastic joint about z: along x at q1 = 0, along y at q1 = 90 deg.
 CRANE = """\
@@ -78,11 +79,14 @@ def remembering() -> Iterator[None]:
 
 @pytest.fixture
 def run(folder: Path) -> Run:
-    """Return a function that runs `beamstiff` with arguments; its result has exit_code, stdout, stderr."""
+    """Return a function that runs `beamstiff`; its result has exit_code, stdout, stderr.
 
-    def invoke(*arguments: str) -> Any:
+    The first argument is a line as it is typed, further ones are words of their own.
+    """
+
+    def invoke(typed: str = "", *words: str) -> Any:
         assert folder.is_dir()
-        return CliRunner().invoke(app, [*arguments], prog_name="beamstiff")
+        return CliRunner().invoke(app, [*shlex.split(typed), *words], prog_name="beamstiff")
 
     return invoke
 
@@ -109,11 +113,11 @@ def told(succeed: Run) -> Run:
 
 @pytest.fixture
 def refused(run: Run, folder: Path) -> Refused:
-    """Return a function that runs what has to be refused: 2, and one line with given parts."""
+    """Return a function that runs what has to be refused (a line or words): 2, one line with given parts."""
 
-    def check(arguments: Sequence[str], says: str | Sequence[str]) -> None:
+    def check(arguments: str | Sequence[str], says: str | Sequence[str]) -> None:
         before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-        result = run(*arguments)
+        result = run(arguments) if isinstance(arguments, str) else run(*arguments)
         assert (result.exit_code, result.stdout) == (2, ""), result.output
         assert re.fullmatch(r"error: .*\n", result.stderr), result.stderr
         assert "Traceback" not in result.stderr

@@ -67,12 +67,9 @@ def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> Non
 @pytest.mark.usefixtures("applied")
 def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Path) -> None:
     (folder / "new.csv").write_text(crane_with_backlash(2))
-    result = succeed("deflect", "larger.yaml", "new.csv")
-    assert "With the robot's effects: backlash:q1." in result.stdout
-    answers = {
-        robot: np.array(told("deflect", robot, "new.csv")["displacement"])
-        for robot in ("crane.yaml", "larger.yaml")
-    }
+    assert "With the robot's effects: backlash:q1." in succeed("deflect larger.yaml new.csv").stdout
+    robots = ("crane.yaml", "larger.yaml")
+    answers = {robot: np.array(told(f"deflect {robot} new.csv")["displacement"]) for robot in robots}
     rows = np.loadtxt((folder / "new.csv").read_text().splitlines()[2:], delimiter=",")
     left = {robot: np.abs(answer[:, :3] - rows[:, 4:]).max() for robot, answer in answers.items()}
     assert left["larger.yaml"] < 6 * NOISE < HALF_WIDTH < left["crane.yaml"]
@@ -81,11 +78,11 @@ def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Pa
 @pytest.mark.usefixtures("applied")
 def test_diagnose_and_identify_take_the_effect_for_known(succeed: Run, folder: Path) -> None:
     (folder / "new.csv").write_text(crane_with_backlash(3))
-    again = succeed("diagnose", "larger.yaml", "new.csv", "--json", "again.json", "--apply", "same.yaml")
+    again = succeed("diagnose larger.yaml new.csv --json again.json --apply same.yaml")
     assert json.loads((folder / "again.json").read_text())["verdict"]["effect"] == "none"
     assert "Already in the robot and included: backlash:q1." in again.stdout
     assert load_robot(folder / "same.yaml").effects == load_robot(folder / "larger.yaml").effects
-    found = succeed("identify", "larger.yaml", "new.csv", "--json", "found.json", "--out", "identified.yaml")
+    found = succeed("identify larger.yaml new.csv --json found.json --out identified.yaml")
     assert "The fit includes the robot's effects unchanged: backlash:q1." in found.stdout
     value = json.loads((folder / "found.json").read_text())["parameters"]["J1.torsional"]["value"]
     assert value == pytest.approx(TORSIONAL, rel=0.01)
@@ -94,22 +91,19 @@ def test_diagnose_and_identify_take_the_effect_for_known(succeed: Run, folder: P
 
 @pytest.mark.usefixtures("applied")
 def test_what_leaves_the_effect_out_says_so(run: Run, succeed: Run) -> None:
-    result = succeed("stiffness", "larger.yaml")
+    result = succeed("stiffness larger.yaml")
     assert "note: the stiffness includes, for small loads (1 N, 1 N m): backlash:q1" in result.stderr
-    result = succeed("stiffness", "larger.yaml", "--preload")
+    result = succeed("stiffness larger.yaml --preload")
     assert "note: the robot's effects (backlash:q1) are not part of its stiffness" in result.stderr
-    shown = run("show", "larger.yaml", "--samples", "10").stdout
+    shown = run("show larger.yaml --samples 10").stdout
     assert "Effect backlash:q1, flank within 0.03: half_width 0." in shown
-    result = succeed("exam", "larger.yaml", "--cases", "1", "--classes", "null", "--no-compare")
+    result = succeed("exam larger.yaml --cases 1 --classes null --no-compare")
     assert "note: the robot's effects (backlash:q1) are not part of the exam" in result.stderr
 
 
-def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_one(
-    succeed: Run, folder: Path
-) -> None:
-    few = crane_with_backlash(1).splitlines()[:26]
-    (folder / "few.csv").write_text("\n".join(few))
-    result = succeed("diagnose", "crane.yaml", "few.csv", "--apply", "perhaps.yaml", "--json", "said.json")
+def test_a_robot_with_a_cause_that_is_just_likeliest_is_said_to_be_one(succeed: Run, folder: Path) -> None:
+    (folder / "few.csv").write_text("\n".join(crane_with_backlash(1).splitlines()[:26]))
+    result = succeed("diagnose crane.yaml few.csv --apply perhaps.yaml --json said.json")
     verdict = json.loads((folder / "said.json").read_text())["verdict"]
     assert 0.0 < verdict["probability"] < 0.6
     share = f"{100 * verdict['probability']:.0f} %"
@@ -117,7 +111,9 @@ def test_a_robot_with_a_cause_that_is_no_more_than_the_likeliest_is_said_to_be_o
 
 
 def test_where_nothing_is_found_the_fitted_robot_is_written(succeed: Run, folder: Path) -> None:
-    result = succeed("diagnose", "crane.yaml", "crane.csv", "--apply", "fitted.yaml")
+    crane = (folder / "crane.yaml").read_text()
+    (folder / "soft.yaml").write_text(crane.replace("1e6 N*m/rad", "3e5 N*m/rad"))
+    result = succeed("diagnose soft.yaml crane.csv --apply fitted.yaml")
     assert "written: fitted.yaml (the fitted stiffness, and no effect added)" in result.stdout
     robot = load_robot(folder / "fitted.yaml")
     assert robot.effects == ()

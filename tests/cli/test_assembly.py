@@ -1,7 +1,6 @@
 """`--assembly`: every command that takes a robot takes the assembly of its loops, by name."""
 
 import inspect
-import json
 from pathlib import Path
 
 import numpy as np
@@ -28,23 +27,19 @@ def test_commands_with_a_robot_take_its_assembly() -> None:
     assert all(commands[name]["assembly"].annotation == Assembly for name in taking)
 
 
-def test_stiffness_is_that_of_the_named_assembly(succeed: Run, folder: Path) -> None:
+def test_stiffness_is_that_of_the_named_assembly(told: Run) -> None:
     q2, q8 = np.radians([10.0]), np.radians([45.0])
     for name, branch in (("+", 1), ("-", -1)):
         for option in (("--assembly", name), (f"--assembly={name}",)):
-            succeed("stiffness", "ir663", "--q", "q2=10deg,q8=45deg", *option, "--json", "found.json")
-            th3 = json.loads((folder / "found.json").read_text())["variables"]["th3"]
+            th3 = told("stiffness ir663 --q q2=10deg,q8=45deg", *option)["variables"]["th3"]
             assert np.sin(0.5 * (th3 + np.pi / 2 - four_bar_th3(q2, q8, branch)[0])) == pytest.approx(
                 0, abs=1e-12
             )
 
 
 def test_a_name_that_no_assembly_has_is_refused(refused: Refused) -> None:
-    refused(["stiffness", "ir663", "--assembly", "++"], "found assembly '++', expected one of +, -")
-    refused(
-        ["show", "crane.yaml", "--assembly", "+"],
-        "--assembly: found '+', but robot 'crane' has no closed loops",
-    )
+    refused("stiffness ir663 --assembly ++", "found assembly '++', expected one of +, -")
+    refused("show crane.yaml --assembly +", "--assembly: found '+', but robot 'crane' has no closed loops")
 
 
 def test_the_assembly_is_written_with_the_robot_its_comments_kept(succeed: Run, folder: Path) -> None:
@@ -54,17 +49,7 @@ def test_the_assembly_is_written_with_the_robot_its_comments_kept(succeed: Run, 
         for fx in (0, -900)
     )
     (folder / "data.csv").write_text(table, encoding="utf-8")
-    succeed(
-        "identify",
-        "ir663",
-        "data.csv",
-        "--parameters",
-        "J12.torsional",
-        "--assembly",
-        "-",
-        "--out",
-        "found.yaml",
-    )
+    succeed("identify ir663 data.csv --parameters J12.torsional --assembly - --out found.yaml")
     assert load_robot(folder / "found.yaml").assembly == "-"
     text = (folder / "found.yaml").read_text(encoding="utf-8")
     comments = [

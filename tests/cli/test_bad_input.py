@@ -98,9 +98,7 @@ def test_what_was_typed_is_refused(refused: Refused, arguments: list[str], says:
     ],
     ids=lambda value: " ".join(value).replace("\0", "NUL")[:40] if isinstance(value, list) else None,
 )
-def test_outputs_that_cannot_be_are_refused_before_any_is_written(
-    refused: Refused, options: list[str], says: list[str]
-) -> None:
+def test_impossible_outputs_are_refused(refused: Refused, options: list[str], says: list[str]) -> None:
     refused([*IDENTIFY, *options], says)
 
 
@@ -113,12 +111,10 @@ def test_a_broken_robot_is_refused(
     assert content != text.encode()
     (folder / "broken.yaml").write_bytes(content)
     for command in ("stiffness", "show"):
-        refused([command, "broken.yaml", "--json", "a.json"], says)
+        refused(f"{command} broken.yaml --json a.json", says)
 
 
-def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(
-    refused: Refused, folder: Path
-) -> None:
+def test_beams_of_no_length_and_of_negative_sections_are_refused(refused: Refused, folder: Path) -> None:
     beam = (
         "beamstiff: 1\nname: beam\nmaterials: {steel: {E: 2.1e11, G: 8e10}}\n"
         "sections: {rod: {A: 1e-4, Iy: 1e-9, Iz: 1e-9, J: 2e-9}}\n"
@@ -132,36 +128,28 @@ def test_a_beam_of_no_length_and_one_of_a_negative_section_are_refused(
         ("E: 2.1e11", "E: 0", ["E"]),
     ):
         (folder / "broken.yaml").write_text(beam.replace(old, new))
-        refused(["stiffness", "broken.yaml"], ["broken.yaml" if new != "[0, 0, 0]" else "", *says])
+        refused("stiffness broken.yaml", ["broken.yaml" if new != "[0, 0, 0]" else "", *says])
 
 
 @pytest.mark.parametrize(("content", "says"), BROKEN_TABLES)
-def test_broken_measurements_are_refused(
-    refused: Refused, folder: Path, content: bytes, says: list[str]
-) -> None:
+def test_broken_tables_are_refused(refused: Refused, folder: Path, content: bytes, says: list[str]) -> None:
     (folder / "broken.csv").write_bytes(content)
-    refused(["identify", "crane.yaml", "broken.csv", "--json", "a.json", "--out", "a.yaml"], says)
+    refused("identify crane.yaml broken.csv --json a.json --out a.yaml", says)
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
-def test_a_displacement_whose_square_is_no_number_is_refused_where_it_stands(
-    refused: Refused, folder: Path, command: str
-) -> None:
+def test_a_displacement_too_large_to_square_is_refused(refused: Refused, folder: Path, command: str) -> None:
     text = (folder / "crane.csv").read_text().replace("0,0,1000,0,1.5", "0,0,1000,-1e308,1.5")
     (folder / "broken.csv").write_text(text)
     says = "broken.csv:3: dx: found '-1e308', expected at most 1e+100 in SI"
-    refused([command, "crane.yaml", "broken.csv"], says)
+    refused(f"{command} crane.yaml broken.csv", says)
 
 
 @pytest.mark.parametrize("load", ["0", "1e-300"])
-def test_loads_whose_square_is_no_number_are_none(
-    run: Run, refused: Refused, folder: Path, load: str
-) -> None:
+def test_loads_whose_square_is_0_are_none(refused: Refused, folder: Path, load: str, succeed: Run) -> None:
     (folder / "rows.csv").write_text(f"q1,fy,dy [mm]\n0,{load},1\n1,{load},1\n")
-    result = run("diagnose", "crane.yaml", "rows.csv")
-    assert result.exit_code == 0
-    assert "no row carries a load" in result.stderr
-    refused(["identify", "crane.yaml", "rows.csv"], "without load")
+    assert "no row carries a load" in succeed("diagnose crane.yaml rows.csv").stderr
+    refused("identify crane.yaml rows.csv", "without load")
 
 
 def test_a_mechanism_is_refused_and_its_motion_named(refused: Refused, folder: Path) -> None:
@@ -179,33 +167,29 @@ def test_fewer_values_than_parameters_are_refused(refused: Refused, folder: Path
     refused(arguments, ["short.csv", "J1.radial"])
 
 
-def test_as_many_values_as_parameters_tell_no_uncertainty_unless_the_noise_is_stated(
-    run: Run, refused: Refused, folder: Path
-) -> None:
+def test_as_many_values_as_parameters_need_a_stated_noise(run: Run, refused: Refused, folder: Path) -> None:
     table = "q1,fy,dy [mm]\n0,1000,1.5\n"
     (folder / "short.csv").write_text(table)
     counted = "1 measured component in 1 row for 1 parameter (J1.torsional) and the noise, which"
-    refused(["identify", "crane.yaml", "short.csv"], [counted, "state the noise (# sigma_position: 0.03 mm)"])
+    refused("identify crane.yaml short.csv", [counted, "state the noise (# sigma_position: 0.03 mm)"])
     (folder / "short.csv").write_text("# sigma_position: 0.03 mm\n" + table)
-    assert run("identify", "crane.yaml", "short.csv").exit_code == 0
+    assert run("identify crane.yaml short.csv").exit_code == 0
 
 
 def test_a_robot_without_a_drive_to_identify_is_refused_with_a_hint(refused: Refused, folder: Path) -> None:
     text = (folder / "crane.yaml").read_text().replace("identify: [J1.torsional]", "")
     (folder / "plain.yaml").write_text(text.replace('torsional: "1e6 N*m/rad"', "torsional: rigid"))
-    refused(["identify", "plain.yaml", "crane.csv"], ["identify", "such as J1.axial"])
+    refused("identify plain.yaml crane.csv", ["identify", "such as J1.axial"])
 
 
 @pytest.mark.parametrize("command", ["stiffness", "show"])
 @pytest.mark.parametrize("length", ["1e160", "1e300"])
 def test_numbers_that_overflow_are_refused(refused: Refused, folder: Path, command: str, length: str) -> None:
     (folder / "huge.yaml").write_text((folder / "crane.yaml").read_text().replace('"1 m"', length))
-    refused([command, "huge.yaml", "--json", "a.json"], "numbers out of range")
+    refused(f"{command} huge.yaml --json a.json", "numbers out of range")
 
 
 @pytest.mark.parametrize("command", ["deflect", "identify"])
-def test_loads_and_displacements_that_overflow_are_refused(
-    refused: Refused, folder: Path, command: str
-) -> None:
+def test_loads_and_displacements_too_large_are_refused(refused: Refused, folder: Path, command: str) -> None:
     (folder / "huge.csv").write_text("q1,fy,dy\n0,1e308,1e300\n0,1,1e300\n1,1e3,1\n")
-    refused([command, "crane.yaml", "huge.csv", "--json", "a.json"], "numbers out of range")
+    refused(f"{command} crane.yaml huge.csv --json a.json", "numbers out of range")

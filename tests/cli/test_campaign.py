@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
 from beamstiff.measure.reader import parse_measurements
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.reader import load_robot
 from benchmarks.kill_study import Command, ended, start
 from tests.cli.conftest import CRANE, CRANE_DATA, Refused, Run
@@ -23,90 +24,80 @@ KILLS = 3
 pytestmark = pytest.mark.usefixtures("remembering")
 
 
-def told(run: Run, *words: str) -> dict[str, Any]:
-    result = run("campaign", *words, "--json", "-")
-    assert result.exit_code == 0, result.stderr
-    found: dict[str, Any] = json.loads(result.stdout)
-    return found
+def asked(folder: Path, name: str) -> Measurements:
+    """Return a table of proposed rows."""
+    text, crane = (folder / name).read_text(), load_robot(folder / "crane.yaml")
+    return parse_measurements(text, crane, require_measured=False)
 
 
-def test_a_campaign_goes_from_a_plan_to_a_diagnosis_of_all_batches(folder: Path, run: Run) -> None:
-    begun = told(run, "new", "cell", "crane.yaml", "--rows", "6", "--region", "z=-1m:1m")
+def test_a_campaign_goes_from_a_plan_to_a_diagnosis_of_all_batches(folder: Path, run: Run, told: Run) -> None:
+    begun = told("campaign new cell crane.yaml --rows 6 --region z=-1m:1m")
     assert begun["rows"] == 0
     assert begun["batches"] == []
     assert begun["proposed"] == 6
-    assert run("campaign", "next", "cell", "--out", "first.csv").exit_code == 0
-    planned = parse_measurements(
-        (folder / "first.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
-    )
-    assert len(planned) == 6
-    found = told(run, "add", "cell", "crane.csv")
-    alone = json.loads(run("diagnose", "crane.yaml", "crane.csv", "--json", "-").stdout)
+    assert run("campaign next cell --out first.csv").exit_code == 0
+    assert len(asked(folder, "first.csv")) == 6
+    found = told("campaign add cell crane.csv")
+    alone = json.loads(run("diagnose crane.yaml crane.csv --json -").stdout)
     assert found["diagnosis"]["verdict"] == alone["verdict"]
     assert found["rows"] == 4
     assert found["leading"].partition(":")[0] == alone["verdict"]["effect"]
     assert 0.0 <= found["settles"] <= 1.0
     assert [one["source"] for one in found["batches"]] == ["crane.csv"]
-    assert told(run, "status", "cell") == found
+    assert told("campaign status cell") == found
 
 
-def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run) -> None:
-    told(run, "new", "cell", "crane.yaml")
-    found = told(run, "add", "cell", "crane.csv")
+def test_what_is_proposed_can_be_filled_in_and_added(folder: Path, run: Run, told: Run) -> None:
+    told("campaign new cell crane.yaml")
+    found = told("campaign add cell crane.csv")
     assert found["proposed"] > 0
-    assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
-    rows = parse_measurements(
-        (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
-    )
-    assert len(rows) == found["proposed"] <= 10
+    assert run("campaign next cell --out next.csv").exit_code == 0
+    assert len(asked(folder, "next.csv")) == found["proposed"] <= 10
 
 
-def test_loads_pull_where_they_can(folder: Path, run: Run) -> None:
-    told(run, "new", "cell", "crane.yaml", "--directions", "x,-z")
+def test_loads_pull_where_they_can(folder: Path, run: Run, told: Run) -> None:
+    told("campaign new cell crane.yaml --directions x,-z")
     for rows in (6, 0):
-        assert run("campaign", "next", "cell", "--out", "next.csv").exit_code == 0
-        asked = parse_measurements(
-            (folder / "next.csv").read_text(), load_robot(folder / "crane.yaml"), require_measured=False
-        )
-        assert (asked.wrench[:, [0, 2]] * [1, -1] >= 0.0).all()
-        assert not asked.wrench[:, 1].any()
+        assert run("campaign next cell --out next.csv").exit_code == 0
+        rows_asked = asked(folder, "next.csv")
+        assert (rows_asked.wrench[:, [0, 2]] * [1, -1] >= 0.0).all()
+        assert not rows_asked.wrench[:, 1].any()
         if rows:
-            told(run, "add", "cell", "crane.csv")
+            told("campaign add cell crane.csv")
 
 
-def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run) -> None:
-    told(run, "new", "cell", "crane.yaml")
+def test_a_batch_is_withdrawn_and_may_come_back(folder: Path, run: Run, told: Run) -> None:
+    told("campaign new cell crane.yaml")
     (folder / "wrong.csv").write_text(CRANE_DATA.replace("1.5", "9.5"), encoding="utf-8")
-    right = told(run, "add", "cell", "crane.csv")
-    both = told(run, "add", "cell", "wrong.csv")
-    assert both["rows"] == 8
-    less = told(run, "remove", "cell", "2")
+    right = told("campaign add cell crane.csv")
+    assert told("campaign add cell wrong.csv")["rows"] == 8
+    less = told("campaign remove cell 2")
     assert less["diagnosis"] == right["diagnosis"]
     assert [one["withdrawn"] for one in less["batches"]] == [False, True]
-    assert told(run, "add", "cell", "wrong.csv")["rows"] == 8
+    assert told("campaign add cell wrong.csv")["rows"] == 8
 
 
-def test_a_campaign_refuses_what_it_cannot_use(folder: Path, run: Run, refused: Refused) -> None:
-    refused(["campaign", "status", "cell"], ["cell", "campaign.json", "campaign new"])
-    refused(["campaign", "new", "cell"], ["campaign new", "a ROBOT"])
-    refused(["campaign", "new", "cell", "crane.yaml", "--directions", "u"], ["--directions", "'u'"])
-    told(run, "new", "cell", "crane.yaml")
-    refused(["campaign", "new", "cell", "crane.yaml"], ["cell", "a campaign already"])
-    refused(["campaign", "add", "cell"], ["campaign add", "tables"])
-    refused(["campaign", "status", "cell", "1"], ["campaign status", "'1'", "nothing"])
-    refused(["campaign", "remove", "cell", "1"], ["cell", "'1'", "none"])
-    refused(["campaign", "add", "cell", "none.csv"], ["none.csv"])
-    refused(["campaign", "status", "cell", "--out", "o.csv"], ["--out", "campaign next"])
+def test_a_campaign_refuses_what_it_cannot_use(folder: Path, told: Run, refused: Refused) -> None:
+    refused("campaign status cell", ["cell", "campaign.json", "campaign new"])
+    refused("campaign new cell", ["campaign new", "a ROBOT"])
+    refused("campaign new cell crane.yaml --directions u", ["--directions", "'u'"])
+    told("campaign new cell crane.yaml")
+    refused("campaign new cell crane.yaml", ["cell", "a campaign already"])
+    refused("campaign add cell", ["campaign add", "tables"])
+    refused("campaign status cell 1", ["campaign status", "'1'", "nothing"])
+    refused("campaign remove cell 1", ["cell", "'1'", "none"])
+    refused("campaign add cell none.csv", ["none.csv"])
+    refused("campaign status cell --out o.csv", ["--out", "campaign next"])
     (folder / "empty.csv").write_text("q1,fx,dx\n0,1,\n", encoding="utf-8")
-    refused(["campaign", "add", "cell", "empty.csv"], ["empty.csv"])
-    told(run, "add", "cell", "crane.csv")
-    refused(["campaign", "add", "cell", "crane.csv"], ["crane.csv", "batch 1 already"])
+    refused("campaign add cell empty.csv", ["empty.csv"])
+    told("campaign add cell crane.csv")
+    refused("campaign add cell crane.csv", ["crane.csv", "batch 1 already"])
     head = folder / "cell" / "campaign.json"
     head.write_text("{}", encoding="utf-8")
-    refused(["campaign", "status", "cell"], ["campaign.json", "no campaign"])
+    refused("campaign status cell", ["campaign.json", "no campaign"])
     (folder / "mine").mkdir()
     (folder / "mine" / "notes.txt").write_text("mine", encoding="utf-8")
-    refused(["campaign", "new", "mine", "crane.yaml"], ["notes.txt", "an empty folder"])
+    refused("campaign new mine crane.yaml", ["notes.txt", "an empty folder"])
 
 
 def in_folder(folder: Path, *words: str) -> Any:

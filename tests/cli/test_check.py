@@ -11,16 +11,16 @@ from tests.cli.conftest import Refused, Run
 
 @pytest.mark.parametrize("command", ["verify", "identify", "diagnose"])
 def test_the_gap_of_each_result_is_the_one_it_states(run: Run, folder: Path, command: str) -> None:
-    assert run(command, "crane.yaml", "crane.csv", "--json", "out.json").exit_code == 0
+    assert run(f"{command} crane.yaml crane.csv --json out.json").exit_code == 0
     told = json.loads((folder / "out.json").read_text())
     gap = {
         "verify": lambda: told["after_mm"],
         "identify": lambda: told["rms_held_out_mm"],
         "diagnose": lambda: told["remainder"]["rms_mm"],
     }[command]()
-    beyond = run("check", "out.json", "--max-gap", f"{gap * 0.9 - 1e-9:.12f}mm") if gap > 1e-6 else None
+    beyond = run(f"check out.json --max-gap {gap * 0.9 - 1e-9:.12f}mm") if gap > 1e-6 else None
     assert beyond is None or (beyond.exit_code, beyond.stdout) == (3, "")
-    within = run("check", "out.json", "--max-gap", f"{gap * 1.1 + 1e-9:.12f}mm", "--json", "checked.json")
+    within = run(f"check out.json --max-gap {gap * 1.1 + 1e-9:.12f}mm --json checked.json")
     assert within.exit_code == 0
     assert within.stdout.count("\n") == 2
     assert within.stdout.endswith("\nwritten: checked.json\n")
@@ -33,8 +33,8 @@ def test_beyond_the_limit_it_ends_with_3_as_verify_does(run: Run, folder: Path) 
     (folder / "soft.yaml").write_text(
         (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e5 N*m/rad")
     )
-    verified = run("verify", "soft.yaml", "crane.csv", "--max-gap", "0.2mm", "--json", "out.json")
-    checked = run("check", "out.json", "--max-gap", "0.2mm")
+    verified = run("verify soft.yaml crane.csv --max-gap 0.2mm --json out.json")
+    checked = run("check out.json --max-gap 0.2mm")
     assert verified.exit_code == checked.exit_code == 3
     assert checked.stderr.count("\n") == 1
     # ten times the torsional compliance: 9 mm more across the arm, on its circle, in three of four rows (the
@@ -46,9 +46,9 @@ def test_beyond_the_limit_it_ends_with_3_as_verify_does(run: Run, folder: Path) 
 
 def test_of_a_calibration_it_takes_the_held_out_error(run: Run, folder: Path) -> None:
     (folder / "c.json").write_text('{"rms_mm": 0.1, "rms_held_out_mm": 0.3}')
-    assert run("check", "c.json", "--max-gap", "0.2mm").exit_code == 3
+    assert run("check c.json --max-gap 0.2mm").exit_code == 3
     (folder / "c.json").write_text('{"rms_mm": 0.1, "rms_held_out_mm": null}')
-    assert run("check", "c.json", "--max-gap", "0.2mm").exit_code == 0
+    assert run("check c.json --max-gap 0.2mm").exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -66,16 +66,18 @@ def test_of_a_calibration_it_takes_the_held_out_error(run: Run, folder: Path) ->
 )
 def test_bad_input_is_refused(folder: Path, refused: Refused, text: str, limit: str, says: str) -> None:
     (folder / "r.json").write_text(text)
-    refused(["check", "r.json", f"--max-gap={limit}"], says)
+    refused(f"check r.json --max-gap={limit}", says)
+
+
+def play(half_width: str, more: str = "") -> str:
+    """Return the lines of a robot file that has play."""
+    sizes = f"parameters: {{half_width: {half_width}}}, scales: {{torque: 700}}{more}"
+    return f"effects: [{{effect: backlash, component: q1, shape: flank within 0.03, {sizes}}}]\n"
 
 
 def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path) -> None:
-    effect = (
-        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
-        "parameters: {half_width: 2 mrad}, scales: {torque: 700}}]\n"
-    )
-    (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + effect)
-    said = run("verify", "worse.yaml", "crane.csv").stdout
+    (folder / "worse.yaml").write_text((folder / "crane.yaml").read_text() + play("2 mrad"))
+    said = run("verify worse.yaml crane.csv").stdout
     assert said.startswith("The file's effects make these rows worse: position error ")
     assert "Next: Do not use this robot. What makes these rows worse: backlash at q1." in " ".join(
         said.split()
@@ -83,28 +85,21 @@ def test_verify_says_which_effects_make_fresh_rows_worse(run: Run, folder: Path)
     assert "There is no before and after" not in said
 
 
-def test_verify_of_effects_that_help_but_leave_much_sends_to_all_rows_together(
-    run: Run, folder: Path
-) -> None:
-    effect = (
-        "effects: [{effect: backlash, component: q1, shape: flank within 0.03, "
-        "parameters: {half_width: 0.1 mrad}, scales: {torque: 700}}]\n"
-    )
+def test_verify_of_effects_that_leave_much_sends_to_all_rows_together(run: Run, folder: Path) -> None:
     stiff = (folder / "crane.yaml").read_text().replace("1e6 N*m/rad", "1e8 N*m/rad")
-    (folder / "stiff.yaml").write_text(stiff + effect)
-    said = " ".join(run("verify", "stiff.yaml", "crane.csv").stdout.split())
-    assert (
-        "diagnose its rows and these together: beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv." in said
-    )
-    (folder / "more.yaml").write_text(stiff + effect.replace("700}", "700}, closes: 0.9"))
-    first = run("verify", "more.yaml", "crane.csv").stdout.splitlines()[0]
+    (folder / "stiff.yaml").write_text(stiff + play("0.1 mrad"))
+    said = " ".join(run("verify stiff.yaml crane.csv").stdout.split())
+    command = "beamstiff diagnose FIRST_ROBOT FIRST_ROWS crane.csv."
+    assert f"diagnose its rows and these together: {command}" in said
+    (folder / "more.yaml").write_text(stiff + play("0.1 mrad", ", closes: 0.9"))
+    first = run("verify more.yaml crane.csv").stdout.splitlines()[0]
     assert first.endswith("its effects close 19 % of the gap, promised were 90 %")
     (folder / "bare.yaml").write_text(stiff)
-    said = " ".join(run("verify", "bare.yaml", "crane.csv").stdout.split())
+    said = " ".join(run("verify bare.yaml crane.csv").stdout.split())
     assert "Something is still missing: beamstiff diagnose bare.yaml crane.csv finds what." in said
 
 
 def test_verify_of_a_robot_without_effects_says_that_there_is_no_before_and_after(run: Run) -> None:
-    said = run("verify", "crane.yaml", "crane.csv").stdout
+    said = run("verify crane.yaml crane.csv").stdout
     assert "There is no before and after: the robot file holds no effects and no model" in said
     assert "of the robot file as it is" in said.splitlines()[0]

@@ -7,41 +7,22 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot, write_measurements
-from beamstiff.measure.table import make_measurements
-from beamstiff.model.linear import predict_displacements
-from tests.cli.conftest import Refused, Run
+from tests.cli.conftest import CRANE_DATA, Refused, Run
+from tests.cli.test_fitted_models import leaning
 
 
 @pytest.fixture
 def data(folder: Path) -> str:
     """Write readings of an IR-663 under two loads, whose axis 8 is softer the further it leans."""
-    robot, random = load_robot("ir663"), np.random.default_rng(0)
-    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (24, 2)), 4, axis=0)
-    loads = [
-        [-300.0, 0, 0, 0, 0, 0],
-        [0, 0, -300.0, 0, 0, 0],
-        [-900.0, 0, 0, 0, 0, 0],
-        [0, 0, -900.0, 0, 0, 0],
-    ]
-    wrench = np.tile(loads, (24, 1))
-    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, still)[:, :3] for one in (robot, soft))
-    lean = ((q[:, 1:] - 0.6) / 0.3) ** 2
-    seen = stiff + lean * (softer - stiff) + 1e-5 * random.standard_normal((96, 3))
-    table = make_measurements(
-        ["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=1e-5
-    )
-    write_measurements(table, folder / "data.csv", robot)
+    loads = np.array([-size * np.eye(6)[axis] for size in (300.0, 900.0) for axis in (0, 2)])
+    write_measurements(leaning(24, 0, loads), folder / "data.csv", load_robot("ir663"))
     return "data.csv"
 
 
-def test_models_are_shown_by_what_was_held_out_and_by_load_and_are_the_same_again(
-    run: Run, told: Run, folder: Path, data: str
-) -> None:
-    result = run("compare", "ir663", data, "--seed", "3", "--json", "one.json")
+def test_models_are_shown_by_held_out_rows_and_by_load(run: Run, told: Run, folder: Path, data: str) -> None:
+    result = run(f"compare ir663 {data} --seed 3 --json one.json")
     assert (result.exit_code, result.stderr) == (0, "")
-    both = json.loads((folder / "one.json").read_text()), told("compare", "ir663", data, "--seed", "3")
+    both = json.loads((folder / "one.json").read_text()), told(f"compare ir663 {data} --seed 3")
     first, again = ([{**one, "seconds": 0.0} for one in found["models"]] for found in both)
     assert first == again
     for text in ("fitted (36)", "new pose (12)", "new load (36)", "new pose and load (12)", "300 N", "900 N"):
@@ -52,9 +33,7 @@ def test_models_are_shown_by_what_was_held_out_and_by_load_and_are_the_same_agai
 
 
 def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:
-    result = succeed(
-        "compare", "ir663", data, "--json", "-", "--models", "parametric,gray box", "--fit-load", "900"
-    )
+    result = succeed(f"compare ir663 {data} --json - --models 'parametric,gray box' --fit-load 900")
     found = json.loads(result.stdout)
     assert found["format"] == "beamstiff-compare/1"
     assert found["split"]["fitted"] == 36
@@ -68,8 +47,7 @@ def test_json_holds_every_model_and_the_split(succeed: Run, data: str) -> None:
 
 
 def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
-    result = run("compare", "ir663", data, "--models", "grid", "--cube", "0.25m")
-    assert "cubes of 250 mm" in result.stdout
+    assert "cubes of 250 mm" in run(f"compare ir663 {data} --models grid --cube 0.25m").stdout
 
 
 @pytest.mark.parametrize(
@@ -90,13 +68,42 @@ def test_cubes_have_the_size_that_was_asked_for(run: Run, data: str) -> None:
         (["--parameters", "J99.bending"], "no stiffness parameter 'J99.bending'"),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_one_line(
-    refused: Refused, data: str, options: list[str], message: str
-) -> None:
+def test_what_cannot_be_is_refused(refused: Refused, data: str, options: list[str], message: str) -> None:
     refused(["compare", "ir663", data, *options], message)
 
 
 def test_absolute_positions_are_refused(refused: Refused, folder: Path) -> None:
     (folder / "absolute.csv").write_text("q2,q8,fx,x,y,z\n0,0.7,900,1.5,0,1.2\n0.1,0.7,900,1.5,0,1.2\n")
     says = "absolute.csv: holds absolute positions; compare needs displacements"
-    refused(["compare", "ir663", "absolute.csv", "--share", "0"], says)
+    refused("compare ir663 absolute.csv --share 0", says)
+
+
+# `beamstiff compare-runs` on a crane whose answers are known by hand
+
+
+def test_a_drive_that_became_softer_is_named_in_the_table_and_in_the_json(succeed: Run, folder: Path) -> None:
+    # across the arm 1/radial + 1 m^2/torsional = 0.5 + 1 um/N before; 1.2 um/N of the drive afterwards
+    (folder / "later.csv").write_text(CRANE_DATA.replace(",1.5", ",1.7").replace("1.5,0", "1.7,0"))
+    result = succeed("compare-runs crane.yaml crane.csv later.csv --json out.json")
+    assert "Something changed" in result.stdout
+    told = json.loads((folder / "out.json").read_text())
+    drive = told["parameters"]["1/J1.torsional"]
+    assert drive["changed"] is told["changed"] is True
+    assert drive["a"] == pytest.approx(1e-6)
+    assert drive["b"] == pytest.approx(1.2e-6)
+    # sigma 0.01 mm; two rows of 1 kN with 1 mm per unit each campaign (sensitivity 1000 N m times 1 m)
+    assert drive["std"] == pytest.approx(2**0.5 * 1e-5 / (2**0.5 * 1000))
+
+
+def test_the_same_table_again_has_not_changed(told: Run, folder: Path) -> None:
+    (folder / "later.csv").write_text(CRANE_DATA)
+    found = told("compare-runs crane.yaml crane.csv later.csv")
+    assert found["changed"] is False
+    assert found["p"] == pytest.approx(1.0)
+
+
+def test_bad_input_is_refused(folder: Path, refused: Refused) -> None:
+    (folder / "points.csv").write_text("q1 [deg],x,y,z\n0,1,0,0\n90,0,1,0\n-40,0.766,-0.643,0\n")
+    refused("compare-runs crane.yaml crane.csv points.csv", "expected the same kind of readings")
+    refused("compare-runs crane.yaml crane.csv crane.csv --level 5", "--level: found 5")
+    refused("compare-runs crane.yaml crane.csv missing.csv", "missing.csv")

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import load_robot, read_measurements
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot, read_measurements
 from beamstiff.functions.convert import with_joint_stiffness
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.cli.conftest import Refused, Run
@@ -25,95 +24,80 @@ CRANE = """<robot name="crane">
 """
 
 
-@pytest.fixture
-def urdf(folder: Path) -> Path:
+@pytest.fixture(autouse=True)
+def urdf(folder: Path) -> None:
     (folder / "arm.urdf").write_text(EVERYTHING, encoding="utf-8")
     (folder / "crane.urdf").write_text(CRANE, encoding="utf-8")
-    return folder
 
 
-@pytest.mark.usefixtures("urdf")
-def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_with_the_fit(
-    succeed: Run, folder: Path
-) -> None:
+def test_a_urdf_given_a_stiffness_is_identified_and_comes_back_fitted(succeed: Run, folder: Path) -> None:
     stiff = ("--joint-stiffness", "5e5 N*m/rad")
-    succeed("convert", "crane.urdf", *stiff, "--out", "start.yaml")
+    succeed("convert crane.urdf", *stiff, "--out", "start.yaml")
     assert load_robot("start.yaml").unmeasured == ("q1.torsional",)
     # a push of 1 kN across the arm of 1 m turns it by 1 mrad: 1e6 N m/rad
     (folder / "data.csv").write_text(
         "# sigma_position: 0.01 mm\nq1,fy,dx [mm],dy [mm]\n0,1000,0,1\n0,-2000,0,-2\n"
     )
-    succeed("identify", "start.yaml", "data.csv", "--out", "fitted.yaml", "--json", "fit.json")
-    succeed("convert", "fitted.yaml", "--out", "fitted.urdf")
+    succeed("identify start.yaml data.csv --out fitted.yaml --json fit.json")
+    succeed("convert fitted.yaml --out fitted.urdf")
     text = (folder / "fitted.urdf").read_text()
     assert parse_urdf(text).parameter("q1.torsional") == pytest.approx(1e6, rel=1e-6)
     assert re.sub(r"\n *<beamstiff torsional=.*? N\*m/rad\"/>", "", text) == CRANE
 
 
-@pytest.mark.usefixtures("urdf")
 def test_commands_take_a_urdf_as_it_is(succeed: Run, told: Run, folder: Path) -> None:
     text = CRANE.replace('velocity="1"/>', 'velocity="1"/><beamstiff torsional="1e6 N*m/rad"/>')
     (folder / "stiff.urdf").write_text(text)
     (folder / "loads.csv").write_text("q1,fy\n0,1000\n")
-    answer = told("deflect", "stiff.urdf", "loads.csv")
+    answer = told("deflect stiff.urdf loads.csv")
     np.testing.assert_allclose(answer["displacement"], [[0, 1e-3, 0, 0, 0, 1e-3]], atol=1e-12)
-    succeed("show", "stiff.urdf")
+    succeed("show stiff.urdf")
 
 
-@pytest.mark.usefixtures("urdf")
 @pytest.mark.parametrize("command", ["stiffness", "identify", "deflect"])
 def test_a_urdf_without_stiffness_says_which_joints_need_one(refused: Refused, command: str) -> None:
     arguments = [command, "crane.urdf", *([] if command == "stiffness" else ["crane.csv"])]
     refused(arguments, ["the joints q1 are rigid", "--joint-stiffness"])
 
 
-@pytest.mark.usefixtures("urdf")
-def test_a_rigid_robot_is_shown_with_a_note_and_its_posture_is_not_blamed(run: Run) -> None:
-    shown = run("show", "crane.urdf")
-    assert shown.exit_code == 0
-    assert "note: no compliance: the joints q1 are rigid" in shown.stderr
-    assert "--q" not in run("stiffness", "crane.urdf").stderr
+def test_a_rigid_robot_is_shown_with_a_note_and_its_posture_is_not_blamed(run: Run, succeed: Run) -> None:
+    assert "note: no compliance: the joints q1 are rigid" in succeed("show crane.urdf").stderr
+    assert "--q" not in run("stiffness crane.urdf").stderr
 
 
-@pytest.mark.usefixtures("urdf")
 def test_json_says_what_was_written(told: Run) -> None:
-    answer = told("convert", "crane.urdf", "--out", "crane2.yaml")
+    answer = told("convert crane.urdf --out crane2.yaml")
     assert answer["variables"] == ["q1"]
     assert "--joint-stiffness" in answer["notes"][0]
 
 
-@pytest.mark.usefixtures("urdf")
 def test_urdf_to_yaml_to_urdf_is_the_same_text(succeed: Run, folder: Path) -> None:
-    succeed("convert", "crane.urdf", "--out", "crane2.yaml")
-    succeed("convert", "crane2.yaml", "--out", "back.urdf")
+    succeed("convert crane.urdf --out crane2.yaml")
+    succeed("convert crane2.yaml --out back.urdf")
     assert (folder / "back.urdf").read_text() == CRANE
 
 
-@pytest.mark.usefixtures("urdf")
 def test_tables_go_in_and_out(succeed: Run, folder: Path) -> None:
-    succeed("convert", "kr500", "--convention", "modified", "--out", "kr500.csv")
-    succeed("convert", "kr500.csv", "--out", "kr500.urdf")
-    succeed("convert", "kr500.urdf", "--convention", "classic", "--out", "classic.csv")
+    succeed("convert kr500 --convention modified --out kr500.csv")
+    succeed("convert kr500.csv --out kr500.urdf")
+    succeed("convert kr500.urdf --convention classic --out classic.csv")
     assert "f3,q3 - 90,0,-55,-90" in (folder / "classic.csv").read_text()
     (folder / "rows.yaml").write_text("{convention: modified, rows: [{theta: q1, a: 1 m}]}")
-    succeed("convert", "rows.yaml", "--out", "one.yaml")
+    succeed("convert rows.yaml --out one.yaml")
     assert load_robot(folder / "one.yaml").frames[0].d == 1.0
 
 
-@pytest.mark.usefixtures("urdf")
 def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path) -> None:
     (folder / "points.txt").write_text("tip 1000 1 0\ntip 0 1001 0\n")
-    (folder / "p.yaml").write_text(
-        "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
-    )
+    profile = "{separator: whitespace, columns: {point: 1, x: 2, y: 3, z: 4}, units: {length: mm}}"
+    (folder / "p.yaml").write_text(profile)
     (folder / "q.csv").write_text("q1 [deg],fy\n0,1000\n90,0\n")
     arguments = ("--profile", "p.yaml", "--joints", "q.csv", "--out", "measured.csv")
-    succeed("convert", "points.txt", *arguments)
+    succeed("convert points.txt", *arguments)
     table = read_measurements(folder / "measured.csv", load_robot(folder / "crane.yaml"))
     np.testing.assert_allclose(table.position, [[1, 1e-3, 0], [0, 1.001, 0]])
 
 
-@pytest.mark.usefixtures("urdf")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -142,9 +126,7 @@ def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path)
         (("nothing.urdf", "--out", "x.yaml"), "nothing.urdf: no such file"),
     ],
 )
-def test_bad_input_ends_with_one_line_and_code_2(
-    refused: Refused, arguments: tuple[str, ...], message: str
-) -> None:
+def test_bad_input_ends_with_a_line_and_2(refused: Refused, arguments: tuple[str, ...], message: str) -> None:
     Path("classic.csv").write_text(
         "# convention: classic\ntheta [deg],d [mm],a [mm],alpha [deg]\nq1,0,600,0\n"
     )
@@ -173,7 +155,7 @@ def test_a_table_says_that_it_drops_a_coupling(run: Run, folder: Path) -> None:
     crane = (folder / "crane.yaml").read_text()
     text = crane.replace("variables:\n", 'variables:\n  - {name: q0, equals: "-q1"}\n')
     (folder / "coupled.yaml").write_text(text)
-    result = run("convert", "coupled.yaml", "--convention", "modified", "--out", "coupled.csv")
+    result = run("convert coupled.yaml --convention modified --out coupled.csv")
     assert result.exit_code == 0, result.output
     assert "not limits, that q0 equals -q1" in result.stderr
 
@@ -197,7 +179,5 @@ def test_exchanged_names_of_reflectors_are_put_back(succeed: Run, refused: Refus
     mended = read_measurements(folder / "mended.csv", load_robot(folder / "marked.yaml"))
     assert mended.point.tolist() == ["m1", "m2", "tip"] * 5
     refused([*arguments], "--mend-labels: goes with --like ROBOT")
-    refused(
-        [*arguments[:1], "crane.csv", *arguments[2:], "--like", "crane.yaml"],
-        "crane.csv: found no reflectors",
-    )
+    of_loads = [*arguments[:1], "crane.csv", *arguments[2:]]
+    refused([*of_loads, "--like", "crane.yaml"], "crane.csv: found no reflectors")

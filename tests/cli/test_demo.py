@@ -27,7 +27,6 @@ def printed(folder: Path) -> str:
 
 def test_the_demo_prints_what_its_page_shows_on_one_screen(printed: str) -> None:
     shown = BLOCK.search(PAGE.read_text(encoding="utf-8"))
-    assert shown is not None
     assert prints(shown[2], printed), f"`make readme` writes what the demo prints now:\n{printed}"
     assert len(printed.splitlines()) <= SCREEN
 

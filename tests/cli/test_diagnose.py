@@ -25,10 +25,8 @@ LOAD_CYCLE = "\n".join(
 )
 
 
-def test_a_diagnosis_is_printed_its_limits_on_stderr_and_its_json_is_the_same_again(
-    run: Run, succeed: Run, folder: Path
-) -> None:
-    result = succeed("diagnose", "crane.yaml", "crane.csv", "--seed", "3", "--json", "out.json")
+def test_a_diagnosis_is_printed_with_its_limits_and_repeats(run: Run, succeed: Run, folder: Path) -> None:
+    result = succeed("diagnose crane.yaml crane.csv --seed 3 --json out.json")
     for part in (
         "Too few rows to say anything",
         "Which effect",
@@ -40,13 +38,13 @@ def test_a_diagnosis_is_printed_its_limits_on_stderr_and_its_json_is_the_same_ag
     assert all(line.startswith("note: ") for line in result.stderr.strip().splitlines())
     written = json.loads((folder / "out.json").read_text(), parse_constant=pytest.fail)
     assert written["format"] == "beamstiff-diagnosis/1"
-    piped = run("diagnose", "crane.yaml", "crane.csv", "--seed", "3", "--json", "-")
+    piped = run("diagnose crane.yaml crane.csv --seed 3 --json -")
     assert written.pop("written_by").startswith("beamstiff-output sha256=")
     assert json.loads(piped.stdout, parse_constant=pytest.fail) == written
 
 
 def test_a_quiet_diagnosis_prints_nothing(run: Run) -> None:
-    result = run("diagnose", "crane.yaml", "crane.csv", "--quiet")
+    result = run("diagnose crane.yaml crane.csv --quiet")
     assert (result.exit_code, result.output) == (0, "")
 
 
@@ -73,21 +71,18 @@ def test_what_to_measure_next_is_a_table_to_fill_in(cycle: Path) -> None:
     assert (rows.q <= high).all()
 
 
-def test_what_was_measured_next_is_diagnosed_with_what_was_measured_before(
-    run: Run, folder: Path, cycle: Path
-) -> None:
+def test_what_was_measured_next_joins_the_rest(run: Run, folder: Path, cycle: Path, refused: Refused) -> None:
     sigma, header, *lines = LOAD_CYCLE.splitlines()
     halves = {"first.csv": lines[:10], "then.csv": lines[10:]}
     for name, some in halves.items():
         (folder / name).write_text("\n".join([sigma, header, *some]) + "\n", encoding="utf-8")
-    both = run("diagnose", "crane.yaml", "first.csv", "then.csv", "--json", "-")
+    both = run("diagnose crane.yaml first.csv then.csv --json -")
     found, expected = (
         json.loads(text)["verdict"] for text in (both.stdout, (cycle / "out.json").read_text())
     )
     assert (found["effect"], found["component"]) == (expected["effect"], expected["component"])
     assert found["probability"] == pytest.approx(expected["probability"], abs=1e-6)
-    twice = run("diagnose", "crane.yaml", "first.csv", "first.csv")
-    assert (twice.exit_code, "given twice" in twice.stderr) == (2, True)
+    refused("diagnose crane.yaml first.csv first.csv", "given twice")
 
 
 PLACED = "q1,fy,x,y,z\n0,100,1,0,0\n0.1,100,1,0.1,0\n0.1,10,1,0.1,0\n"
@@ -95,21 +90,18 @@ PLACED = "q1,fy,x,y,z\n0,100,1,0,0\n0.1,100,1,0.1,0\n0.1,10,1,0.1,0\n"
 
 def test_where_positions_were_measured_positions_are_proposed(succeed: Run, folder: Path) -> None:
     (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
-    succeed("diagnose", "crane.yaml", "placed.csv", "--next", "next.csv")
+    succeed("diagnose crane.yaml placed.csv --next next.csv")
     rows = read_measurements(folder / "next.csv", load_robot(folder / "crane.yaml"), require_measured=False)
     assert rows.kind == "absolute"
     assert not rows.measured_mask.any()
     assert set(np.abs(rows.wrench).max(axis=1)) == {0.0, 50.0, 100.0}
 
 
-def test_where_there_is_nothing_to_propose_that_is_said_and_the_diagnosis_stands(
-    succeed: Run, folder: Path
-) -> None:
+def test_where_there_is_nothing_to_propose_the_diagnosis_stands(succeed: Run, folder: Path) -> None:
     (folder / "placed.csv").write_text(PLACED, encoding="utf-8")
     others = ",".join(name for name in EFFECTS if name != "backlash")
     named = ["--without", others, "--next", "next.csv", "--json", "out.json"]
-    result = succeed("diagnose", "crane.yaml", "placed.csv", *named)
-    assert "next.csv was not written" in result.stderr
+    assert "next.csv was not written" in succeed("diagnose crane.yaml placed.csv", *named).stderr
     assert not (folder / "next.csv").exists()
     assert json.loads((folder / "out.json").read_text())["next"] == []
 
@@ -118,7 +110,7 @@ def test_effects_ruled_out_by_other_means_are_no_candidates(told: Run, cycle: Pa
     candidates = json.loads((cycle / "out.json").read_text())["which"]
     assert {"backlash", "hardening", "bearing-tilt"} <= {item["effect"] for item in candidates}
     table = str(cycle / "cycle.csv")
-    candidates = told("diagnose", "crane.yaml", table, "--without", "backlash,hardening:q1")["which"]
+    candidates = told("diagnose crane.yaml", table, "--without", "backlash,hardening:q1")["which"]
     assert not {"backlash", "hardening"} & {item["effect"] for item in candidates}
     assert sum(item["probability"] for item in candidates) == pytest.approx(1)
 
@@ -136,19 +128,16 @@ def test_effects_ruled_out_by_other_means_are_no_candidates(told: Run, cycle: Pa
         (["elbow.csv"], "q2"),
     ],
 )
-def test_what_cannot_be_diagnosed_is_refused_in_one_line(
-    refused: Refused, folder: Path, arguments: list[str], message: str
-) -> None:
+def test_bad_input_is_refused(refused: Refused, folder: Path, arguments: list[str], message: str) -> None:
     (folder / "empty.csv").write_text("q1,fy,dx,dy,dz\n")
     (folder / "elbow.csv").write_text("q2,fy,dx,dy,dz\n0,100,0,1e-3,0\n")
     refused(["diagnose", "crane.yaml", *arguments], message)
 
 
-def test_a_component_that_an_effect_cannot_have_is_refused_by_name(run: Run, succeed: Run) -> None:
-    result = run("diagnose", "crane.yaml", "crane.csv", "--without", "backlash:q9")
-    assert result.exit_code == 2
-    assert "backlash has no component 'q9' on this robot" in result.stderr
-    succeed("diagnose", "crane.yaml", "crane.csv", "--without", "backlash:q1")
+def test_a_component_that_an_effect_cannot_have_is_refused_by_name(succeed: Run, refused: Refused) -> None:
+    says = "backlash has no component 'q9' on this robot"
+    refused("diagnose crane.yaml crane.csv --without backlash:q9", says)
+    succeed("diagnose crane.yaml crane.csv --without backlash:q1")
 
 
 def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run: Run, folder: Path) -> None:
@@ -156,9 +145,7 @@ def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run:
     (folder / "bare.yaml").write_text(text.replace("identify: [J1.torsional]\n", ""))
     shown = "note: robot 'crane' names nothing under `identify:`: the stiffness of its joints "
     for command in ("identify", "diagnose"):
-        named, bare = (
-            run(command, robot, "crane.csv", "--json", "-") for robot in ("crane.yaml", "bare.yaml")
-        )
+        named, bare = (run(f"{command} {robot} crane.csv --json -") for robot in ("crane.yaml", "bare.yaml"))
         assert f"{shown}about or along their axes is fitted: J1.torsional" in bare.stderr
         assert shown not in named.stderr
         one, other = (json.loads(result.stdout) for result in (named, bare))
@@ -166,14 +153,11 @@ def test_a_robot_that_names_nothing_to_fit_is_fitted_alike_by_both_commands(run:
         assert one == other
 
 
-def test_of_a_rigid_robot_it_is_said_that_nothing_was_fitted(run: Run, succeed: Run, folder: Path) -> None:
-    text = (folder / "crane.yaml").read_text()
-    stiff = re.sub('"[0-9]e6 N.*?"', "rigid", text)
+def test_of_a_rigid_robot_nothing_is_fitted(succeed: Run, folder: Path, refused: Refused) -> None:
+    stiff = re.sub('"[0-9]e6 N.*?"', "rigid", (folder / "crane.yaml").read_text())
     (folder / "rigid.yaml").write_text(stiff.replace("identify: [J1.torsional]\n", ""))
-    refused = run("identify", "rigid.yaml", "crane.csv")
-    assert refused.exit_code == 2
-    assert "nothing is compliant, the joints J1 are rigid" in refused.stderr
-    shown = succeed("diagnose", "rigid.yaml", "crane.csv")
+    refused("identify rigid.yaml crane.csv", "nothing is compliant, the joints J1 are rigid")
+    shown = succeed("diagnose rigid.yaml crane.csv")
     assert "all drives are rigid in this file, so that no stiffness is fitted" in shown.stderr
 
 
@@ -188,16 +172,14 @@ q1 [deg],fx,fy,dx [mm],dy [mm]
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "deflect"])
-def test_mistakes_of_the_table_are_the_first_words_of_every_command(
-    run: Run, told: Run, folder: Path, command: str
-) -> None:
+def test_mistakes_of_a_table_are_said_first(run: Run, told: Run, folder: Path, command: str) -> None:
     (folder / "bad.csv").write_text(REVERSED.replace("q1 [deg]", "q1"))
-    lines = run(command, "crane.yaml", "bad.csv").stderr.splitlines()
+    lines = run(f"{command} crane.yaml bad.csv").stderr.splitlines()
     assert "bad.csv: the tool moved against its load in 3 of 4 rows" in lines[0]
     assert "more than two turns; if the column is in degrees, write q1 [deg]" in lines[1]
     assert len(set(lines)) == len(lines)  # and they are said once
     if command != "deflect":
-        facts = told(command, "crane.yaml", "bad.csv")
+        facts = told(f"{command} crane.yaml bad.csv")
         assert f"note: {facts['notes'][0]}" == lines[0]
 
 
@@ -205,18 +187,18 @@ def test_mistakes_of_the_table_are_the_first_words_of_every_command(
 def test_an_error_that_they_may_have_led_to_says_so_in_its_line(run: Run, folder: Path, command: str) -> None:
     (folder / "tall.yaml").write_text((folder / "crane.yaml").read_text().replace('"1 m"', "1e160"))
     (folder / "kilo.csv").write_text((folder / "crane.csv").read_text().replace("fx,fy", "fx [MN],fy [MN]"))
-    result = run(command, "tall.yaml", "kilo.csv")
+    result = run(f"{command} tall.yaml kilo.csv")
     assert (result.exit_code, result.stdout) == (2, "")
     (line,) = result.stderr.splitlines()
     assert line.startswith("error: ")
     assert "; it may come from this: kilo.csv:3: a load of 1e+09 N or N m is large for a robot" in line
 
 
-def test_what_to_measure_next_stays_in_the_region(run: Run, succeed: Run, folder: Path) -> None:
+def test_what_to_measure_next_stays_in_the_region(succeed: Run, folder: Path, refused: Refused) -> None:
     (folder / "cycle.csv").write_text(LOAD_CYCLE)
-    succeed("diagnose", "crane.yaml", "cycle.csv", "--next", "next.csv", "--region", "y=-0.3m:300mm,x=0:2")
+    succeed("diagnose crane.yaml cycle.csv --next next.csv --region y=-0.3m:300mm,x=0:2")
     rows = read_measurements(folder / "next.csv", load_robot(folder / "crane.yaml"), require_measured=False)
     assert rows.units == {"q1": "deg"}
     assert (abs(rows.q) <= 0.305).all()  # the arm is 1 m long, along x at q1 = 0
-    refused = run("diagnose", "crane.yaml", "cycle.csv", "--next", "other.csv", "--region", "y=0.3:0.1")
-    assert (refused.exit_code, "expected the lower end first" in refused.stderr) == (2, True)
+    other = "diagnose crane.yaml cycle.csv --next other.csv"
+    refused(f"{other} --region y=0.3:0.1", "expected the lower end first")

@@ -9,9 +9,10 @@ import pytest
 from beamstiff import Robot, load_robot, write_measurements
 from beamstiff.compensation.follow import solve
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.measure.table import make_measurements
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.se3 import Array
 from tests.cli.conftest import Refused, Run
 
 SIGMA = 1e-5
@@ -19,19 +20,21 @@ LOADS = np.array([[-900.0, 0, 0, 0, 0, 0], [0, 0, -900.0, 0, 0, 0]])
 PATH = "x [mm],y [mm],z [mm],fx [N],fz [N]\n1700,0,1200,-500,-600\n1800,0,1250,-500,-600\n"
 
 
-def leaning(count: int, seed: int, noise: float = SIGMA):
-    """Return readings of an IR-663 whose axis 8 is softer the further it leans, at poses drawn anew."""
-    robot, random = load_robot("ir663"), np.random.default_rng(seed)
-    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (count, 2)), 2, axis=0)
-    still = make_measurements(["q2", "q8"], q, tcp="n7", wrench=np.tile(LOADS, (count, 1)))
+def leaned(robot: Robot, rows: Measurements) -> Array:
+    """Return how an IR-663 moves (N, 3) whose axis 8 is softer the further it leans."""
     soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, still)[:, :3] for one in (robot, soft))
-    seen = stiff + ((q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
-    seen = seen + noise * random.standard_normal(seen.shape)
-    wrench = still.wrench
-    return make_measurements(
-        ["q2", "q8"], q, tcp="n7", wrench=wrench, displacement=seen, sigma_position=SIGMA
-    )
+    stiff, softer = (predict_displacements(one, rows)[:, :3] for one in (robot, soft))
+    return stiff + ((rows.q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
+
+
+def leaning(count: int, seed: int, loads: Array = LOADS) -> Measurements:
+    """Return readings of it under each of some loads, at poses drawn anew."""
+    robot, random = load_robot("ir663"), np.random.default_rng(seed)
+    q = np.repeat(random.uniform([-0.2, 0.6], [0.4, 0.9], (count, 2)), len(loads), axis=0)
+    rows = {"tcp": "n7", "wrench": np.tile(loads, (count, 1)), "sigma_position": SIGMA}
+    seen = leaned(robot, make_measurements(["q2", "q8"], q, **rows))
+    seen = seen + SIGMA * random.standard_normal(seen.shape)
+    return make_measurements(["q2", "q8"], q, displacement=seen, **rows)
 
 
 @pytest.fixture
@@ -45,37 +48,36 @@ def data(folder: Path) -> Path:
 @pytest.mark.usefixtures("data")
 @pytest.mark.parametrize("kind", ["fuzzy", "grid", "gray-box", "gaussian-process"])
 def test_every_command_follows_the_model_that_identify_wrote(succeed: Run, told: Run, kind: str) -> None:
-    found = succeed("identify", "ir663", "data.csv", "--model", kind, "--out", "model.yaml", "--folds", "0")
+    found = succeed(f"identify ir663 data.csv --model {kind} --out model.yaml --folds 0")
     assert "mm RMS on 16 held-out rows" in found.stderr
-    assert f"Model of elasticity: {kind.replace('-', ' ')}" in succeed("show", "model.yaml").stdout
-    checked = told("verify", "model.yaml", "fresh.csv")
-    springs = told("identify", "ir663", "data.csv", "--out", "springs.yaml")["rms_mm"]
+    assert f"Model of elasticity: {kind.replace('-', ' ')}" in succeed("show model.yaml").stdout
+    checked = told("verify model.yaml fresh.csv")
+    springs = told("identify ir663 data.csv --out springs.yaml")["rms_mm"]
     assert checked["after_mm"] < 0.5 * springs
     assert checked["causes"][0]["cause"] == f"model:{kind.replace('-', ' ')}"
-    deflected = told("deflect", "model.yaml", "fresh.csv")
-    assert ("std" in deflected) == (kind == "gaussian-process")
+    assert ("std" in told("deflect model.yaml fresh.csv")) == (kind == "gaussian-process")
     grid = ["--grid", "q2=5deg:15deg:2", "--grid", "q8=40deg:48deg:2", "--quantity", "deflection"]
     softer, stiffer = (
-        told("map", robot, *grid, "--wrench", "fx=-900N")["quantities"]["deflection"]["max"]
+        told(f"map {robot}", *grid, "--wrench", "fx=-900N")["quantities"]["deflection"]["max"]
         for robot in ("model.yaml", "springs.yaml")
     )
     assert softer > 1.02 * stiffer
     if kind == "grid":
         few = ",".join(name for name in EFFECTS if name != "backlash")  # whatever the causes, the gap is one
-        assert told("diagnose", "model.yaml", "fresh.csv", "--without", few)["gap"]["rms_mm"] < 0.5 * springs
-    corrected = succeed("compensate", "ir663", "path.csv", "--actual", "model.yaml", "--out", "out.csv")
+        assert told("diagnose model.yaml fresh.csv --without", few)["gap"]["rms_mm"] < 0.5 * springs
+    corrected = succeed("compensate ir663 path.csv --actual model.yaml --out out.csv")
     assert f"follows the robot's model ({kind.replace('-', ' ')}), fitted to data.csv" in corrected.stderr
 
 
 def test_commands_of_a_model_bring_the_real_tool_to_its_targets(succeed: Run, data: Path) -> None:
     """Judged by the machine itself, whose compliance the model has never been told."""
-    succeed("identify", "ir663", "data.csv", "--model", "gaussian-process", "--out", "gauss.yaml")
-    succeed("identify", "ir663", "data.csv", "--out", "springs.yaml")
+    succeed("identify ir663 data.csv --model gaussian-process --out gauss.yaml")
+    succeed("identify ir663 data.csv --out springs.yaml")
     robot = load_robot("ir663").model_copy(update={"gravity": (0.0, 0.0, 0.0)})
     left = {}
     for name in ("gauss", "springs"):
         weightless(data / f"{name}.yaml")
-        succeed("compensate", "ir663", "path.csv", "--actual", f"{name}.yaml", "--out", f"{name}.csv")
+        succeed(f"compensate ir663 path.csv --actual {name}.yaml --out {name}.csv")
         left[name] = _error(robot, data / f"{name}.csv")
     assert left["gauss"] < 0.3 * left["springs"]
 
@@ -95,11 +97,7 @@ def _error(robot: Robot, commands: Path) -> float:
     wrench = np.zeros((len(q), 6))
     wrench[:, [0, 2]] = read[0][:, 3:5]
     rows = make_measurements(["q2", "q8"], q, tcp="n7", wrench=wrench)
-    soft = robot.with_parameters({"J18.torsional": 0.5 * robot.parameter("J18.torsional")})
-    stiff, softer = (predict_displacements(one, rows)[:, :3] for one in (robot, soft))
-    moved = stiff + ((q[:, 1:] - 0.6) / 0.3) ** 2 * (softer - stiff)
-    tcp = kinematics.node_index["n7"]
-    at = posture(kinematics, q).node_positions[:, tcp] + moved
+    at = posture(kinematics, q).node_positions[:, kinematics.node_index["n7"]] + leaned(robot, rows)
     return float(np.linalg.norm(at - meant, axis=1).max())
 
 
@@ -108,11 +106,11 @@ def _table(file: Path) -> str:
 
 
 def test_compare_writes_the_model_that_is_best_on_held_out_rows(succeed: Run, told: Run, data: Path) -> None:
-    said = succeed("compare", "ir663", "data.csv", "--out", "best.yaml", "--json", "all.json").stdout
+    said = succeed("compare ir663 data.csv --out best.yaml --json all.json").stdout
     models = json.loads((data / "all.json").read_text())["models"]
     best = min((one for one in models if one["name"] not in ("rigid", "nominal")), key=_unseen)
     assert f"best.yaml (model {best['name']}, best on held-out rows" in said
-    assert told("verify", "best.yaml", "fresh.csv")["causes"][0]["cause"] == f"model:{best['name']}"
+    assert told("verify best.yaml fresh.csv")["causes"][0]["cause"] == f"model:{best['name']}"
 
 
 def _unseen(one: dict) -> float:
@@ -132,8 +130,8 @@ def test_a_model_that_is_worse_than_springs_says_so(succeed: Run, data: Path) ->
     )
     write_measurements(rows, data / "springs.csv", robot)
     both = (
-        succeed("identify", "ir663", "springs.csv", "--model", "fuzzy"),
-        succeed("compare", "ir663", "springs.csv", "--models", "parametric,fuzzy"),
+        succeed("identify ir663 springs.csv --model fuzzy"),
+        succeed("compare ir663 springs.csv --models parametric,fuzzy"),
     )
     for said in both:
         assert "the model fuzzy is worse than constant springs" in said.stderr
@@ -146,14 +144,10 @@ def test_cubes_get_kinematics_of_their_own_from_positions(succeed: Run, told: Ru
     at = posture(kinematics, q + np.array([1e-3, -5e-4])).node_positions[:, kinematics.node_index["n7"]]
     rows = make_measurements(["q2", "q8"], q, tcp="n7", position=at, sigma_position=SIGMA)
     write_measurements(rows, data / "still.csv", robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)}))
-    succeed(
-        *("identify", "ir663", "data.csv", "--model", "grid", "--positions", "still.csv"),
-        "--out",
-        "grid.yaml",
-    )
+    succeed("identify ir663 data.csv --model grid --positions still.csv --out grid.yaml")
     assert "kinematics:" in (data / "grid.yaml").read_text()
     weightless(data / "grid.yaml")
-    checked = told("verify", "grid.yaml", "still.csv")
+    checked = told("verify grid.yaml still.csv")
     assert checked["after_mm"] < 0.02 < 1.0 < checked["before_mm"]
 
 

@@ -12,7 +12,7 @@ from beamstiff import load_robot, save_robot, write_measurements
 from beamstiff.errors import BeamstiffError, UnwritableError
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
-from tests.cli.conftest import Run
+from tests.cli.conftest import CRANE, Run
 from tests.cli.test_calibrate import readings
 from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
@@ -21,28 +21,14 @@ pytestmark = pytest.mark.usefixtures("remembering")
 REASON = "loop_1 does not close there"
 
 # A joint that goes up and down, without limits, below the joint that gives way.
-LIFT = """\
-beamstiff: 1
-name: lift
-variables:
-  - {name: s, type: prismatic}
-  - {name: q1, type: revolute, limits: ["-170 deg", "170 deg"]}
-frames:
-  - {name: f0, r: s}
-  - {name: f1, parent: f0, theta: q1}
-nodes:
-  - {name: foot, frame: f0}
-  - {name: hub, frame: f1}
-  - {name: tip, frame: f1, at: ["1 m", 0, 0]}
-rigids: [{name: arm, nodes: [hub, tip]}]
-joints:
-  - {name: J1, nodes: [foot, hub], frame: f1, axis: z, variable: q1,
-     stiffness: {axial: rigid, radial: rigid, torsional: "1e6 N*m/rad", tilting: rigid}}
-fixed: [foot]
-tcp: tip
-identify: [J1.torsional]
-"""
-
+LIFT = (
+    CRANE.replace("crane", "lift")
+    .replace("variables:\n", "variables:\n  - {name: s, type: prismatic}\n")
+    .replace("frames:\n  - {name: f1, ", "frames:\n  - {name: f0, r: s}\n  - {name: f1, parent: f0, ")
+    .replace("{name: foot}", "{name: foot, frame: f0}")
+    .replace('axial: "4e6 N/m", radial: "2e6 N/m"', "axial: rigid, radial: rigid")
+    .replace('"8e6 N*m/rad"', "rigid")
+)
 # An arm that its drive hardly holds: pulled it is stiff, pushed by the same force it buckles.
 SLACK = (
     LIFT.replace("  - {name: s, type: prismatic}\n", "")
@@ -70,14 +56,11 @@ def with_play(folder: Path, text: str, q: Any, force: Any) -> tuple[str, str]:
 STEPS = np.array([0.5, 1.0, 0.5, -0.5, -1.0, -0.5])
 
 
-def test_states_are_proposed_within_the_measured_range_of_a_length_without_limits(
-    succeed: Run, folder: Path
-) -> None:
+def test_states_are_proposed_within_the_measured_range_of_a_free_length(folder: Path, told: Run) -> None:
     q = np.repeat([[0.0, 0.0], [0.2, 0.3], [0.4, -0.3], [0.1, 0.1]], len(STEPS), axis=0)
     ways = np.stack([-np.sin(q[:, 1]), np.cos(q[:, 1]), 0.0 * q[:, 1]], axis=1)
     given = with_play(folder, LIFT, q, 800.0 * ways * np.tile(STEPS, 4)[:, None])
-    succeed("diagnose", *given, "--json", "out.json", "--next", "next.csv")
-    found = json.loads((folder / "out.json").read_text())
+    found = told("diagnose", *given, "--next", "next.csv")
     assert found["verdict"]["effect"] not in ("none", "unknown")
     lengths = np.array([state["q"]["s"] for state in found["next"]])
     assert len(np.unique(lengths)) > 4  # others than the four measured
@@ -185,14 +168,13 @@ def test_a_step_that_fails_becomes_a_note_beside_the_result(
     options: tuple[str, ...],
     in_json: bool,
     before_of: dict[str, Any],
+    told: Run,
 ) -> None:
     if command[0] not in before_of:
-        succeed(*command, "--json", "before.json")
-        before_of[command[0]] = json.loads((inputs / "before.json").read_text())
+        before_of[command[0]] = told(*command)
     module, _, name = step.rpartition(".")
     monkeypatch.setattr(import_module(module), name, fails)
-    result = succeed(*command, *options, "--json", "after.json")
-    assert f"skipped: {REASON}\n" in result.stderr
+    assert f"skipped: {REASON}\n" in succeed(*command, *options, "--json", "after.json").stderr
     before, after = before_of[command[0]], json.loads((inputs / "after.json").read_text())
     notes = after.get("notes") or []
     assert any(REASON in text for text in notes) == in_json

@@ -58,8 +58,7 @@ def test_the_readme_is_a_page() -> None:
 
 def test_robot_and_table_of_the_formats_are_read(crane: Path) -> None:
     robot = load_robot(crane / "crane.yaml")
-    table = read_measurements(crane / "crane.csv", robot)
-    assert (robot.name, len(table)) == ("crane", 6)
+    assert (robot.name, len(read_measurements(crane / "crane.csv", robot))) == ("crane", 6)
     assert len(block("robot").splitlines()) <= 32
     assert len(block("data").splitlines()) <= 10
 
@@ -92,9 +91,7 @@ def commands() -> list[str]:
 
 
 @pytest.mark.parametrize("command", commands())
-def test_the_commands_of_the_readme_work(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_of_the_readme_work(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     arguments = [
         str(REPOSITORY / word) if word.startswith("examples/") else word for word in shlex.split(command)[1:]
@@ -105,6 +102,5 @@ def test_the_commands_of_the_readme_work(
 
 def test_the_readme_names_every_command() -> None:
     for command in app.registered_commands:
-        assert command.callback is not None
         name = command.callback.__name__.replace("_", "-")
         assert f"`beamstiff {name} " in README

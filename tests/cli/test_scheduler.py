@@ -28,10 +28,9 @@ def identified(run: Run, folder: Path) -> Callable[..., dict[str, Any]]:
     (folder / "poses.csv").write_text(POSES)
 
     def answer(*arguments: str) -> dict[str, Any]:
-        result = run("identify", "crane.yaml", "poses.csv", "--json", "-", *arguments)
+        result = run("identify crane.yaml poses.csv --json -", *arguments)
         assert (result.exit_code, result.stderr) == (0, "")
-        found: dict[str, Any] = json.loads(result.stdout)
-        return found
+        return json.loads(result.stdout)
 
     return answer
 
@@ -40,7 +39,7 @@ def test_a_bootstrap_and_several_searches_say_the_same_anywhere(
     succeed: Run, folder: Path, identified: Callable[..., dict[str, Any]], scheduler: str
 ) -> None:
     what = ("--method", "crs2", "--searches", "3", "--evaluations", "200", "--bootstrap", "12")
-    told = succeed("identify", "crane.yaml", "poses.csv", *what, "--json", "alone.json").stdout
+    told = succeed("identify crane.yaml poses.csv", *what, "--json", "alone.json").stdout
     assert "3 of 3 searches ended there" in " ".join(told.split())
     alone = json.loads((folder / "alone.json").read_text())
     assert alone.pop("written_by")
@@ -84,13 +83,13 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_one_line_within_10_secon
 
 def test_without_dask_it_is_said_how_to_install_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    result = run("identify", "crane.yaml", "crane.csv", "--bootstrap", "50", "--scheduler", NOBODY)
+    result = run("identify crane.yaml crane.csv --bootstrap 50 --scheduler", NOBODY)
     assert result.exit_code == 2
     assert result.stderr.endswith("dask.distributed is not installed: pip install 'beamstiff[cluster]'\n")
 
 
 def test_where_nothing_is_spread_it_is_said(succeed: Run) -> None:
-    result = succeed("identify", "crane.yaml", "crane.csv", "--processes", "2")
+    result = succeed("identify crane.yaml crane.csv --processes 2")
     assert result.stderr == ("note: one search is one process: only bootstrap and searches are spread\n")
 
 

@@ -8,13 +8,13 @@ import pytest
 import beamstiff
 from beamstiff.functions.stiffness import stiffness, tcp_compliance
 from beamstiff.report.overview import describe
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
+from tests.added import added
 from tests.cli.conftest import Run
 
 
 def test_the_json_of_a_cantilever_holds_the_closed_forms(run: Run) -> None:
-    result = run("stiffness", "cantilever", "--json", "-")
+    result = run("stiffness cantilever --json -")
     assert (result.exit_code, result.stderr) == (0, "")
     answer = json.loads(result.stdout)
     assert list(answer) == ["stiffness", "compliance", "tcp", "variables"]
@@ -29,7 +29,7 @@ def test_the_json_of_a_cantilever_holds_the_closed_forms(run: Run) -> None:
 
 @pytest.mark.parametrize("q", [["--q", "q1=90deg"], ["--q", "q1 = 1.5707963267948966"], ["--q", "q1=100gon"]])
 def test_joint_values_take_units(told: Run, q: list[str]) -> None:
-    answer = told("stiffness", "crane.yaml", *q)
+    answer = told("stiffness crane.yaml", *q)
     np.testing.assert_allclose(answer["tcp"], [0, 1, 0], atol=1e-15)
     assert answer["variables"]["q1"] == pytest.approx(pi / 2, rel=1e-15)
     # the arm along y: 1000 N along x turn the hub by 1000 N m / 1e6 N m/rad and push it by 1000 / 2e6 m
@@ -40,14 +40,8 @@ def test_joint_values_take_units(told: Run, q: list[str]) -> None:
 def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None:
     crane = load_robot(folder / "crane.yaml")
     sprung = crane.parameter("J1.torsional")
-    effect = AddedEffect(
-        effect="joint-compliance",
-        component="q1",
-        shape="linear",
-        parameters={"compliance": 1.0 / sprung},
-        scales={"torque": 100.0},
-    )
-    drift = AddedEffect(effect="angle-curve", component="q1", shape="order 1", parameters={"sine_1": 1e-3})
+    effect = added("joint-compliance:q1", "linear", {"torque": 100.0}, compliance=1.0 / sprung)
+    drift = added("angle-curve:q1", "order 1", sine_1=1e-3)
     rigid = crane.with_parameters({"J1.torsional": np.inf})
     found = stiffness(rigid.model_copy(update={"effects": (effect, drift)}), {"q1": 0.3})
     np.testing.assert_allclose(found.compliance, tcp_compliance(crane, {"q1": 0.3})[0], rtol=1e-6, atol=1e-12)
@@ -55,21 +49,20 @@ def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None
 
 
 def test_joints_not_named_are_zero(told: Run) -> None:
-    plain = told("stiffness", "crane.yaml")
-    named = told("stiffness", "crane.yaml", "--q", "q1=0")
-    assert plain == named
+    plain = told("stiffness crane.yaml")
+    assert plain == told("stiffness crane.yaml --q q1=0")
     assert plain["variables"] == {"q1": 0.0}
 
 
 def test_passive_variables_are_solved_and_told(told: Run) -> None:
-    answer = told("stiffness", "ir663", "--q", "q2=1.37deg", "--q", "q8=48.63deg")
+    answer = told("stiffness ir663 --q q2=1.37deg --q q8=48.63deg")
     assert list(answer["variables"]) == ["q2", "q8", "th3", "th9"]
     # SEEDS of the shipped robot: 900 N along x move the tool by 0.96 mm here
     assert 900 * answer["compliance"][0][0] == pytest.approx(0.96e-3, abs=0.005e-3)
 
 
 def test_people_get_tables_that_say_units_and_frame(succeed: Run) -> None:
-    result = succeed("stiffness", "crane.yaml", "--q", "q1=30deg")
+    result = succeed("stiffness crane.yaml --q q1=30deg")
     for text in (
         "crane",
         "30 deg",
@@ -83,22 +76,21 @@ def test_people_get_tables_that_say_units_and_frame(succeed: Run) -> None:
 
 
 def test_the_tables_hold_place_and_rotation_vector_of_the_tcp(run: Run) -> None:
-    printed = run("stiffness", "kr240-2", "--q", "q2=60deg,q3=-160deg,q5=30deg").stdout
+    printed = run("stiffness kr240-2 --q q2=60deg,q3=-160deg,q5=30deg").stdout
     assert "2283.968, 0.000, 1699.348 mm" in printed
     assert "0.000, 70.000, 0.000 deg (rotation vector)" in printed  # pitch: -(60 - 160 + 30) deg
 
 
 def test_json_goes_to_a_file_beside_the_tables(run: Run, folder: Path) -> None:
-    result = run("stiffness", "crane.yaml", "--json", "out.json")
-    assert "Compliance" in result.stdout
-    printed = run("stiffness", "crane.yaml", "--json", "-").stdout
+    assert "Compliance" in run("stiffness crane.yaml --json out.json").stdout
+    printed = run("stiffness crane.yaml --json -").stdout
     *lines, seal, end = (folder / "out.json").read_text(encoding="utf-8").splitlines()
     assert "\n".join([*lines, end, ""]).replace("},\n}", "}\n}") == printed
     assert seal.startswith('  "written_by": "beamstiff-output sha256=')
 
 
 def test_quiet_prints_nothing(run: Run, folder: Path) -> None:
-    result = run("stiffness", "crane.yaml", "--quiet", "--q", "q1=200deg", "--json", "out.json")
+    result = run("stiffness crane.yaml --quiet --q q1=200deg --json out.json")
     assert (result.exit_code, result.output) == (0, "")
     assert json.loads((folder / "out.json").read_text())["variables"]["q1"] == pytest.approx(200 * pi / 180)
 
@@ -106,9 +98,7 @@ def test_quiet_prints_nothing(run: Run, folder: Path) -> None:
 def test_preload_lets_a_push_along_the_arm_soften_it_and_a_pull_stiffen_it(run: Run) -> None:
     push = 1e5  # N on an arm of 1 m and a spring of 1e6 N m/rad; gravity is along the joint's axis
     for q, wrench, load in (("0", "fx=-100kN", -push), ("90deg", "fy=1e5N", push)):
-        result = run(
-            "stiffness", "crane.yaml", "--q", f"q1={q}", "--preload", "--wrench", wrench, "--json", "-"
-        )
+        result = run(f"stiffness crane.yaml --q q1={q} --preload --wrench", wrench, "--json", "-")
         assert (result.exit_code, result.stderr) == (0, "")
         answer = json.loads(result.stdout)
         assert list(answer) == ["stiffness", "compliance", "tcp", "variables"]
@@ -127,30 +117,28 @@ def test_preload_counts_the_payload(run: Run, told: Run, folder: Path) -> None:
     )
     (folder / "hanging.yaml").write_text(text.replace("name: crane", "name: crane\ngravity: [9.81, 0, 0]"))
     plain, loaded = (
-        told("stiffness", "hanging.yaml", *option)["compliance"][5][5] for option in ([], ["--preload"])
+        told("stiffness hanging.yaml", *option)["compliance"][5][5] for option in ([], ["--preload"])
     )
     assert plain == pytest.approx(1 / 1e6, rel=1e-12)
     assert loaded == pytest.approx(1 / (1e6 + 2000 * 9.81), rel=1e-9)
-    assert "Tangent stiffness of the loaded machine" in run("stiffness", "hanging.yaml", "--preload").stdout
+    assert "Tangent stiffness of the loaded machine" in run("stiffness hanging.yaml --preload").stdout
 
 
 def test_a_value_outside_its_limits_is_noted(succeed: Run) -> None:
-    result = succeed("stiffness", "crane.yaml", "--q", "q1=200deg")
+    result = succeed("stiffness crane.yaml --q q1=200deg")
     assert result.stderr == "note: q1 = 200 deg is outside its limits -170 deg to 170 deg\n"
 
 
 def test_degrees_taken_for_radians_are_refused_with_what_to_write(run: Run, succeed: Run) -> None:
-    result = run("stiffness", "crane.yaml", "--q", "q1=-90")
+    result = run("stiffness crane.yaml --q q1=-90")
     assert result.exit_code == 2
     assert result.stderr == ("error: --q: q1: found -90 rad, beyond its limits; in degrees write q1=-90deg\n")
-    succeed("stiffness", "crane.yaml", "--q", "q1=-90deg")
-    succeed("stiffness", "crane.yaml", "--q", "q1=3.1")  # rad, a little outside
+    succeed("stiffness crane.yaml --q q1=-90deg")
+    succeed("stiffness crane.yaml --q q1=3.1")  # rad, a little outside
 
 
 def test_a_note_says_where_one_beam_is_too_few_for_the_load(run: Run) -> None:
-    light, heavy = (
-        run("stiffness", "cantilever", "--preload", "--wrench", f"fz={f}N") for f in ("-2000", "-20000")
-    )
+    light, heavy = (run(f"stiffness cantilever --preload --wrench fz={f}N") for f in ("-2000", "-20000"))
     assert light.stderr == ""
     assert heavy.stderr.startswith("note: beam 'tube': its moments are 13% of what buckles it")
 
@@ -158,7 +146,7 @@ def test_a_note_says_where_one_beam_is_too_few_for_the_load(run: Run) -> None:
 @pytest.mark.parametrize("robot", ["five-bar", "gantry", "kr240-2", "stewart"])
 def test_without_joint_values_the_posture_is_that_of_show_within_the_limits(succeed: Run, robot: str) -> None:
     """At zero these are outside their limits, cannot close their loops or have a beam without length."""
-    result = succeed("stiffness", robot)
+    result = succeed(f"stiffness {robot}")
     assert "outside its limits" not in result.stderr
     assert "the reference posture" in result.stderr
     machine = load_robot(robot)
@@ -168,10 +156,8 @@ def test_without_joint_values_the_posture_is_that_of_show_within_the_limits(succ
 
 
 @pytest.mark.parametrize("preload", [False, True])
-def test_a_robot_with_drive_springs_only_has_a_compliance_and_its_rigid_wrenches_move_nothing(
-    succeed: Run, preload: bool
-) -> None:
-    result = succeed("stiffness", "kr240-2", "--q", "q1=0", *(["--preload"] if preload else []))
+def test_with_drive_springs_only_rigid_wrenches_move_nothing(succeed: Run, preload: bool) -> None:
+    result = succeed("stiffness kr240-2 --q q1=0", *(["--preload"] if preload else []))
     assert "Rigid: the TCP is not displaced by mx (N, N m)" in result.stdout
     assert "Stiffness at the TCP" not in result.stdout
     (row,) = [line for line in result.stdout.splitlines() if line.startswith("rx [rad]")]
@@ -185,4 +171,4 @@ def test_a_robot_with_drive_springs_only_has_a_compliance_and_its_rigid_wrenches
 
 
 def test_what_closes_to_rounding_is_shown_as_zero(succeed: Run) -> None:
-    assert "e-1" not in succeed("stiffness", "delta").stdout.split("Stiffness at")[0]
+    assert "e-1" not in succeed("stiffness delta").stdout.split("Stiffness at")[0]

@@ -245,8 +245,7 @@ def put(
         shutil.copy2(made, where)
         if kind == "earlier":
             return False
-        old = where.read_bytes()
-        where.write_bytes(edited(old, *edit))
+        where.write_bytes(edited(where.read_bytes(), *edit))
         return where.stat().st_size > 0
     if kind == "folder":
         where.mkdir()
@@ -324,12 +323,8 @@ HEADS = {
 def test_outputs_are_of_the_kind_that_their_name_says(name: str, earlier: dict[str, Path]) -> None:
     for file in outputs_of(name).values():
         if file != "reports":
-            assert (
-                (earlier[name] / file)
-                .read_bytes()
-                .lower()
-                .startswith(HEADS[Path(file).suffix.lower()].lower())
-            )
+            head = HEADS[Path(file).suffix.lower()].lower()
+            assert (earlier[name] / file).read_bytes().lower().startswith(head)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff import Robot, load_robot
+from beamstiff import Beam, JointStiffness, Mass, Material, Robot, Section, load_robot
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predict
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Beam, JointStiffness, Mass, Material
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.arms import planar_arm
 
@@ -56,6 +54,15 @@ def at_random(robot: Robot, count: int, seed: int, reach: float = 1.0, **more: A
     q = limits.mean(axis=1) + half * rng.uniform(-1, 1, (count, len(limits)))
     wrench = rng.standard_normal((count, 6)) * [800, 800, 800, 200, 200, 200]
     return rows_of(robot, q, wrench, **more)
+
+
+def cycles(robot: Robot, poses: int, shares: Any, seed: int = 1, **more: Any) -> Measurements:
+    """Return rows of random postures, each under shares of its own random wrench."""
+    once, loads = at_random(robot, poses, seed), len(shares)
+    wrench = np.repeat(once.wrench, loads, axis=0) * np.tile(shares, poses)[:, None]
+    pose = np.repeat(np.arange(poses), loads)
+    more = {"pose": pose, "sigma_position": POSITION, "sigma_rotation": ROTATION} | more
+    return rows_of(robot, once.q[pose], wrench, **more)
 
 
 def sound(load: float = 1.0, noise: float = 1.0) -> Measurements:

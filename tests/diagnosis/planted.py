@@ -122,8 +122,7 @@ def bearing_play(what: Plan, joint: int = 2, half: float = 1.5e-4) -> Array:
 
 def one_sided_drive(what: Plan, joint: int = 1, softer: float = 8e-8) -> Array:
     """A drive gives more under torque of one sign than of the other: the library has no name for that."""
-    torque = what.arm.torque(what.wrench)[:, joint]
-    return what.arm.slipped(softer * np.maximum(torque, 0.0), joint)
+    return what.arm.slipped(softer * np.maximum(what.arm.torque(what.wrench)[:, joint], 0.0), joint)
 
 
 def base_compliance(what: Plan, compliance: float = 2e-7) -> Array:
@@ -172,8 +171,7 @@ def joint_coupling(what: Plan, share: float = 0.35) -> Array:
 def actuator_lever(what: Plan, joint: int = 1) -> Array:
     """A ball screw between points 0.3 and 0.9 m from the second axis drives it."""
     angle = what.q[:, joint] + 0.35
-    length = np.sqrt(0.3**2 + 0.9**2 - 2 * 0.3 * 0.9 * np.cos(angle))
-    lever = 0.3 * 0.9 * np.sin(angle) / length
+    lever = 0.3 * 0.9 * np.sin(angle) / np.sqrt(0.3**2 + 0.9**2 - 2 * 0.3 * 0.9 * np.cos(angle))
     follows = lever.max() ** 2 / lever**2
     return what.arm.slipped(compliances()[joint] * (follows - 1) * what.torque[:, joint], joint)
 

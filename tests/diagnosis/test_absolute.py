@@ -89,14 +89,11 @@ def test_a_rigid_robot_that_does_not_give_way_is_in_order(told: dict[int | None,
 
 
 @pytest.mark.parametrize("joint", [2, 3])
-def test_a_joint_that_gives_way_under_its_own_weight_is_named(
-    told: dict[int | None, Diagnosis], joint: int
-) -> None:
+def test_a_joint_that_gives_way_under_weight_is_named(told: dict[int | None, Diagnosis], joint: int) -> None:
     found = told[joint]
     assert found.verdict.key == f"joint-compliance:q{joint}"
     [compliance] = found.verdict.estimates
     assert compliance.value == pytest.approx(COMPLIANCE, rel=0.05)
-    assert found.verdict.shrink is not None
     assert found.verdict.shrink.shrink > 0.95
 
 
@@ -121,7 +118,6 @@ def test_a_robot_found_from_poses_is_the_one_that_was_measured() -> None:
     found = diagnose(corrected(robot, off, rows.q[:1]), rows)
     assert found.decomposition is not None
     told = recalibration_of(found.decomposition, found.applied)
-    assert told is not None
     by = {one.parameter.name: one.by for one in told.changes}
     assert by["q4"] == pytest.approx(-off["q4"], abs=5e-5)
     assert by["q3"] == pytest.approx(-off["q3"], abs=5e-5)
@@ -144,8 +140,7 @@ def test_what_rigid_joints_without_loads_cannot_show_is_said(told: dict[int | No
 
 def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else() -> None:
     robot = load_robot(UR10)
-    bare = robot.model_copy(update={"masses": (), "payload": None})
-    found = diagnose(bare, measured(robot, 2))
+    found = diagnose(robot.model_copy(update={"masses": (), "payload": None}), measured(robot, 2))
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
     assert "Give the robot file `masses`, estimates are enough, and diagnose again" in str(found)

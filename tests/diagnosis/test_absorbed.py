@@ -64,8 +64,7 @@ def test_rows_move_into_the_base_frame_that_would_be_found() -> None:
     rows = measured(robot, None)
     base = {"base.x": 1e-3, "base.rz": 2e-3}
     _, there = calibrated_without(robot, [base], rows)
-    angle = np.array([0.0, 0.0, 2e-3])
-    moved = there.position + np.cross(angle, there.position) + [1e-3, 0.0, 0.0]
+    moved = there.position + np.cross(np.array([0.0, 0.0, 2e-3]), there.position) + [1e-3, 0.0, 0.0]
     np.testing.assert_allclose(moved, rows.position, atol=1e-5)  # (2e-3)^2 of a metre
     part = np.where(np.arange(240).reshape(80, 3) == 8, np.nan, rows.position)  # one axis of the third row
     _, read = calibrated_without(robot, [base], replace(rows, position=part))
@@ -86,9 +85,8 @@ def test_joints_stay_whole_where_a_file_has_rounded_their_nodes() -> None:
         node.model_copy(update={"at": tuple((node.at + by).tolist())})
         for node, by in zip(real.nodes, off, strict=True)
     ]
-    again = corrected(
-        real.model_copy(update={"nodes": tuple(short)}), {"f1.r": 2e-3, "f3.alpha": 2e-3}, np.zeros((1, 6))
-    )
+    written = real.model_copy(update={"nodes": tuple(short)})
+    again = corrected(written, {"f1.r": 2e-3, "f3.alpha": 2e-3}, np.zeros((1, 6)))
     kinematics = compile_kinematics(again)
     places = posture(kinematics, np.full((1, 6), 0.3)).node_positions[0]
     ends = np.array([[kinematics.node_index[name] for name in joint.nodes] for joint in again.joints])

@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.robot.library import robot_names
+from beamstiff import load_robot, robot_names
 from benchmarks.applied_effects import APPLIED, ARMS, COMMANDS, RANDOM, Case, case_of, source_of, taken
 
-GROUPS = [("kr240-2", APPLIED[at::3]) for at in range(3)] + [
-    (f"{RANDOM}{at}", (APPLIED[at],)) for at in (3, 8, 13)
-]
+GROUPS = [("kr240-2", APPLIED[at::3]) for at in range(3)]
+GROUPS += [(f"{RANDOM}{at}", (APPLIED[at],)) for at in (3, 8, 13)]
 ALL = [(name, effect) for name in robot_names() for effect in APPLIED]
 ALL += [(f"{RANDOM}{at}", APPLIED[at % len(APPLIED)]) for at in range(ARMS)]
 
@@ -34,9 +32,7 @@ def check(tmp_path: Path, *cases: Case) -> None:
 
 
 @pytest.mark.parametrize(("name", "effects"), GROUPS)
-def test_what_is_written_is_taken_by_all_that_reads_robots(
-    tmp_path: Path, name: str, effects: tuple[str, ...]
-) -> None:
+def test_what_is_written_is_taken_by_all_readers(tmp_path: Path, name: str, effects: tuple[str, ...]) -> None:
     """Several effects at once, in one file each kind of rows."""
     found = [case for effect in effects if (case := case_of(name, effect)) is not None]
     for absolute in {case.absolute for case in found}:

@@ -111,9 +111,8 @@ def test_holms_example() -> None:
 def test_a_softer_spring_is_named_with_its_compliance() -> None:
     robot = beamstiff.load_robot("kr240-2")
     stiff = robot.parameter("J2.torsional")
-    found = compare_runs(
-        robot, moved(robot, 0), moved(robot.with_parameters({"J2.torsional": 0.7 * stiff}), 1)
-    )
+    softer = robot.with_parameters({"J2.torsional": 0.7 * stiff})
+    found = compare_runs(robot, moved(robot, 0), moved(softer, 1))
     assert found.changed
     assert [one.name for one in found.changes if one.changed] == ["1/J2.torsional"]
     one = next(one for one in found.changes if one.changed)
@@ -134,8 +133,7 @@ def test_a_zero_a_tool_and_a_payload_that_changed_are_named_though_the_tracker_m
         return {one.name: one.change for one in found.changes if one.changed}
 
     assert named(placed(robot, 1, payload=100.0)) == {}
-    zero = named(placed(robot, 2, zero=5e-4, payload=100.0))
-    assert zero == {"q3": pytest.approx(5e-4, rel=0.1)}
+    assert named(placed(robot, 2, zero=5e-4, payload=100.0)) == {"q3": pytest.approx(5e-4, rel=0.1)}
     tool = named(placed(robot, 3, tool=3e-4, payload=100.0))
     assert np.linalg.norm(list(tool.values())) == pytest.approx(3e-4, rel=0.1)
     assert {name.partition(".")[0] for name in tool} == {robot.tcp}

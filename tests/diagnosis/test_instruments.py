@@ -62,8 +62,7 @@ def test_three_perpendicular_gauges_identify_what_a_tracker_does() -> None:
 
 def test_the_gap_and_what_effects_add_are_read_along_the_gauges() -> None:
     one, other = fit_baseline(ROBOT, TRACKED), fit_baseline(ROBOT, GAUGED)
-    gap = other.gap[:, 0].reshape(-1, 3)
-    np.testing.assert_allclose(gap, one.gap[:, :3] @ AXES.T, atol=1e-10)
+    np.testing.assert_allclose(other.gap[:, 0].reshape(-1, 3), one.gap[:, :3] @ AXES.T, atol=1e-10)
     for effect, component in (("backlash", "q2"), ("link-bending", "link2"), ("load-error", None)):
         for a, b in zip(
             EFFECTS[effect].shapes(one, component), EFFECTS[effect].shapes(other, component), strict=True

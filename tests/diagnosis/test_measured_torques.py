@@ -14,9 +14,9 @@ from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.drive_torques import drive_torques
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 from benchmarks.torque_study import campaign
+from tests.added import added
 from tests.diagnosis.machines import arm_at, lift
 from tests.diagnosis.weighed_arm import (
     CENTRE,
@@ -103,8 +103,7 @@ def test_a_payload_is_found_with_its_mass_whatever_gains_offsets_signs_and_frict
         more = rng.choice([-1, 1]) * rng.uniform(20, 50)
         moved = CENTRE + rng.uniform(-0.05, 0.05, 3)
         rows = readings(seed, weights(tool=TOOL + more, centre=moved), friction=0.05)
-        turned = rng.choice([-1.0, 1.0], 6)
-        said = measured_torques(ROBOT, replace(rows, torque=rows.torque * turned))
+        said = measured_torques(ROBOT, replace(rows, torque=rows.torque * rng.choice([-1.0, 1.0], 6)))
         assert named(said) == {"payload-error:null"}
         (found,) = re.findall(r"fits with ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
         away.append((float(found[0]) * (1 if found[2] == "more" else -1) - more) / float(found[1]))
@@ -191,9 +190,7 @@ def millimetres(torque: Array) -> None:
         (millimetres, "tau_q2 is not used: it changes 1e+03 times as much"),
     ],
 )
-def test_readings_that_say_nothing_are_left_out_with_the_reason(
-    change: Callable[[Array], None], why: str
-) -> None:
+def test_readings_that_say_nothing_are_left_out_and_why(change: Callable[[Array], None], why: str) -> None:
     said = measured_torques(ROBOT, changed(change))
     assert why in told(said)
     assert "tau_q1 is not used: weight and loads make it hold the same everywhere" in told(said)
@@ -211,23 +208,15 @@ def test_nothing_is_said_without_weights_readings_or_beside_effects() -> None:
     assert measured_torques(ROBOT, replace(readings(0), torque=np.full((COUNT, 6), np.nan))) == Said()
     bare = ROBOT.model_copy(update={"masses": MASSES[3:]})
     assert "states no weight of the links" in told(measured_torques(bare, readings(0)))
-    slack = AddedEffect(
-        effect="backlash",
-        component="q2",
-        shape="flank within 0.03",
-        parameters={"half_width": 1e-4},
-        scales={"torque": 2000.0},
-    )
-    assert measured_torques(ROBOT.model_copy(update={"effects": (slack,)}), readings(0)).notes == (
-        BESIDE_EFFECTS,
-    )
+    slack = added("backlash:q2", "flank within 0.03", {"torque": 2000.0}, half_width=1e-4)
+    loose = ROBOT.model_copy(update={"effects": (slack,)})
+    assert measured_torques(loose, readings(0)).notes == (BESIDE_EFFECTS,)
 
 
 def test_positions_are_judged_by_what_the_torques_say() -> None:
     rows = campaign(2, "balancer")
-    found, without = (
-        diagnose(ROBOT, one) for one in (rows, replace(rows, torque=np.full_like(rows.torque, np.nan)))
-    )
+    unread = replace(rows, torque=np.full_like(rows.torque, np.nan))
+    found, without = (diagnose(ROBOT, one) for one in (rows, unread))
     assert (found.verdict.effect, found.verdict.component) == ("gravity-compensator", "q2")
     assert without.verdict.effect == "angle-curve"
     assert any("torques differ from those of the stated weights" in note for note in found.notes)

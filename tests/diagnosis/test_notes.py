@@ -4,16 +4,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff import diagnose
+from beamstiff import Mass, diagnose
 from beamstiff import predict as predicted
+from beamstiff.diagnosis import diagnose as module
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.notes import MASSLESS, notes, notes_of_verdict, unloaded, unstated_loads
 from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
 from beamstiff.diagnosis.residual.screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.shared_reading import shared_reading
+from beamstiff.measure.rows import in_runs
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.parts import Mass
-from tests.diagnosis.machines import ONCE, POSITION, ROTATION, at_random, elbow, kr240, nominal, rows_of
+from beamstiff.se3 import Array
+from tests.diagnosis.machines import (
+    ONCE,
+    POSITION,
+    ROTATION,
+    at_random,
+    cycles,
+    elbow,
+    kr240,
+    nominal,
+    rows_of,
+)
+from tests.diagnosis.planted import backlash, campaign, diagnosed, plan
 
 SILENCE = Library((), ())
 
@@ -55,17 +70,8 @@ def test_a_sound_campaign_lacks_repeats_at_most() -> None:
 
 def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
     rng = np.random.default_rng(2)
-    twice = at_random(elbow(), 40, seed=1)
-    rows = rows_of(
-        elbow(),
-        np.repeat(twice.q, 2, axis=0),
-        np.repeat(twice.wrench, 2, axis=0),
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-        time=100.0 * np.arange(80),
-    )
-    sigma = np.repeat([3 * POSITION, ROTATION], 3)
-    noise = rng.standard_normal((80, 6)) * sigma
+    rows = cycles(elbow(), 40, np.ones(2), time=100.0 * np.arange(80))
+    noise = rng.standard_normal((80, 6)) * np.repeat([3 * POSITION, ROTATION], 3)
     noise[:, 4] += 8 * ROTATION * np.tile([0, 1], 40)  # from each reading to the next, 100 s later
     read = replace(rows, displacement=predict(elbow(), rows) + noise)
     found = screen(fit_baseline(elbow(), read), SILENCE)
@@ -153,3 +159,84 @@ def test_a_robot_without_masses_is_told_that_gravity_cannot_load_its_drives() ->
     assert MASSLESS not in unloaded(fit_baseline(heavy, loaded))
     afloat = robot.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
     assert MASSLESS not in unloaded(fit_baseline(afloat, loaded))
+
+
+# Tables that are too large to be diagnosed whole
+
+
+@pytest.mark.parametrize("rows", [40, 41, 97, 400])
+def test_runs_hold_whole_postures_in_their_order_and_no_more_rows_than_asked_for(rows: int) -> None:
+    table = at_random(kr240(), 400, seed=1)
+    pose = np.arange(400) // 4
+    table = replace(table, pose=pose)
+    found = in_runs(table, rows)
+    assert len(found) <= max(rows, 40)
+    assert (np.bincount(found.pose)[np.unique(found.pose)] == 4).all()
+    assert (np.diff(found.rows) > 0).all()
+    if rows < 400:
+        assert found.pose.max() - found.pose.min() > 70  # from one end to the other
+
+
+def test_of_a_large_table_a_part_is_diagnosed_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_ROWS", 60)
+    robot = elbow()
+    rows = at_random(robot, 120, seed=2)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal((120, 6))
+    found = diagnose(robot, replace(rows, displacement=predict(robot, rows) + noise))
+    assert found.notes[0] == "60 of 120 rows are diagnosed: ten runs of postures, spread over the table"
+    assert len(found.baseline.rows) == 60
+
+
+# Rows that share one unloaded reading, unknown to the table, are told; nothing else is taken for it
+
+
+OPTION = "# unloaded_reading: shared"
+
+
+def off_by(error: Array, name: str | None = "backlash") -> Diagnosis:
+    """Return the diagnosis of play with readings that are off by more (N, 3), m."""
+    result = diagnosed(name)
+    measured = result.baseline.measured.copy()
+    measured[:, :3] += error
+    return replace(result, baseline=replace(result.baseline, measured=measured))
+
+
+def of_each_posture(seed: int = 0) -> Array:
+    """Return the error of an unloaded reading for the rows of each posture, (N, 3), m."""
+    return POSITION * np.random.default_rng(seed).standard_normal((len(plan().q), 3))[plan().pose]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_error_that_the_rows_of_a_posture_share_is_told_with_the_line_that_states_it(seed: int) -> None:
+    assert OPTION in shared_reading(off_by(of_each_posture(seed)))
+
+
+def test_where_it_is_stated_nothing_is_told() -> None:
+    result = off_by(of_each_posture())
+    stated = replace(result.baseline, sharing=plan().pose.astype(np.int64))
+    assert shared_reading(replace(result, baseline=stated)) == ""
+
+
+@pytest.mark.parametrize("name", [None, "backlash", "link_bending", "hysteresis", "thermal_drift"])
+def test_independent_readings_share_nothing_whatever_the_cause(name: str | None) -> None:
+    assert shared_reading(diagnosed(name)) == ""
+
+
+def test_an_error_that_grows_with_the_load_is_no_unloaded_reading() -> None:
+    along = plan().wrench[:, :3] / 1500.0
+    assert shared_reading(off_by(2.0 * np.abs(of_each_posture()) * along)) == ""
+
+
+def test_an_error_far_above_the_scatter_is_no_reading_of_the_same_instrument() -> None:
+    assert shared_reading(off_by(10.0 * of_each_posture())) == ""
+
+
+def test_a_diagnosis_notes_it() -> None:
+    rows = campaign(plan(), backlash)
+    moved = rows.displacement.copy()
+    moved[:, :3] += of_each_posture()
+    assert any(OPTION in one for one in diagnose(kr240(), replace(rows, displacement=moved)).notes)
+
+
+def test_a_law_of_the_load_that_the_library_lacks_is_no_unloaded_reading() -> None:
+    assert shared_reading(diagnosed("one_sided_drive")) == ""

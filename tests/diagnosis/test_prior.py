@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, diagnose, load_robot
+from beamstiff import BeamstiffError, diagnose
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.prior import Prior
 from tests.diagnosis.decomposition import test_decompose as ur10
@@ -22,8 +22,7 @@ def probability(prior: dict[str, float]) -> float:
 
 def test_what_is_expected_more_often_is_likelier() -> None:
     usual, likelier = probability({}), probability({"backlash:q3": 0.5})
-    seldom = probability({"backlash": 0.005})
-    assert seldom < usual < likelier
+    assert probability({"backlash": 0.005}) < usual < likelier
 
 
 @pytest.mark.parametrize(
@@ -63,9 +62,7 @@ def test_nor_does_another_cause_explain_a_drift() -> None:
 
 
 def test_neither_is_lost_motion_of_all_joints_of_a_ur10() -> None:
-    robot, rng = load_robot(ur10.UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
-    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (ur10.POSES, 6)), ("friction",), rng)
-    found = diagnose(robot, rows, without=["approach-direction"])
+    found = diagnose(*ur10.table(("friction",)), without=["approach-direction"])
     assert found.verdict.key == "unknown:null"
     assert found.noise == pytest.approx(np.sqrt(3) * ur10.NOISE, rel=0.1)
 

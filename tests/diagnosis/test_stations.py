@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import diagnose, predict
+from beamstiff import BeamstiffError, diagnose, predict
 from beamstiff.diagnosis.residual.baseline import nominal_pose
-from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.reader import parse_robot
 from beamstiff.se3 import rotation_from_vector
@@ -28,7 +27,6 @@ def tables() -> list[Measurements]:
         rows = at_random(robot, 40, seed=number, position=np.zeros((40, 3)), sigma_position=NOISE)
         rows = replace(rows, wrench=np.zeros((40, 6)))
         pose = predict(real, rows).pose
-        assert pose is not None
         turn = rotation_from_vector(np.array([[0.0, 0.0, about]]))[0]
         seen = pose[:, :3] @ turn.T + [x, y, 0.7] + NOISE * rng.standard_normal((40, 3))
         found.append(replace(rows, position=seen, sources=(f"stand {number}",)))
@@ -54,15 +52,12 @@ def test_tables_of_one_stand_are_not_taken_for_tables_of_several(tables: list[Me
 
 
 def test_displacements_know_no_stand() -> None:
-    rows = at_random(lift(), 20, seed=1)
-    moved = replace(rows, displacement=np.full((20, 6), 1e-4))
+    moved = replace(at_random(lift(), 20, seed=1), displacement=np.full((20, 6), 1e-4))
     with pytest.raises(BeamstiffError, match="displacements know no base frame"):
         diagnose(lift(), moved, stations=True)
 
 
-def test_few_readings_far_from_the_base_frame_have_the_base_fitted_and_nothing_else(
-    tables: list[Measurements],
-) -> None:
+def test_few_readings_far_from_the_base_frame_have_the_base_fitted_alone(tables: list[Measurements]) -> None:
     found = diagnose(lift(), tables[1])
     assert found.to_dict()["gap"]["rms_mm"] < 10.0
     assert found.verdict.key == "link-bending:column"
@@ -77,5 +72,4 @@ def test_of_few_readings_an_error_of_the_geometry_is_a_cause() -> None:
     turn = rotation_from_vector(np.array([[0.0, 0.0, 1.9]]))[0]
     noise = NOISE * np.random.default_rng(4).standard_normal((9, 3))
     seen = nominal_pose(longer, rows)[0] @ turn.T + [4.0, -2.0, 0.7] + noise
-    found = diagnose(robot, replace(rows, position=seen))
-    assert found.verdict.key == "geometry-error:fore.d"
+    assert diagnose(robot, replace(rows, position=seen)).verdict.key == "geometry-error:fore.d"

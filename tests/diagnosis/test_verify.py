@@ -5,23 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import beamstiff
+from beamstiff import Robot
+from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.diagnosis.verify import verify
-from beamstiff.measure.rows import row_digests, subset
+from beamstiff.diagnosis.without_effects import without_effects
+from beamstiff.measure.rows import concatenate, row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import load_robot
-from beamstiff.se3 import rotation_from_vector
-
-PLAY = {"effect": "backlash", "component": "q2", "scales": {"torque": 700.0}}
+from beamstiff.se3 import Array, rotation_from_vector
+from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
+from tests.added import added
 
 
 def played() -> Robot:
     """Return an arm with play in two shapes, one of which rounding made negative."""
     robot = load_robot("kr500")
     shapes = [("flank within 0.03", 2e-4), ("flank within 0.1", -6.7e-19)]
-    play = [AddedEffect(**PLAY, shape=shape, parameters={"half_width": value}) for shape, value in shapes]
+    play = [added("backlash:q2", shape, {"torque": 700.0}, half_width=value) for shape, value in shapes]
     return robot.model_copy(update={"effects": tuple(play)})
 
 
@@ -58,12 +61,7 @@ def test_rows_that_were_fitted_are_counted() -> None:
 
 def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() -> None:
     robot = load_robot("kr240-2")
-    effect = AddedEffect(
-        effect="approach-direction",
-        component="q2",
-        shape="direction of the last motion",
-        parameters={"half_lost_motion": 1e-3},
-    )
+    effect = added("approach-direction:q2", "direction of the last motion", half_lost_motion=1e-3)
     q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + np.random.default_rng(4).uniform(-0.5, 0.5, (12, 6))
     names = [one.name for one in robot.actuated]
     plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
@@ -71,10 +69,8 @@ def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() 
     rows = replace(plan, position=nominal_pose(robot, plan)[0] + predict(real, plan)[:, :3])
     rows.position[0] += 2e-3
     found = verify(real, rows)
-    assert (found.rows, found.notes) == (
-        11,
-        (f"left out: {rows.place(0)}: from which side the joints came is unknown",),
-    )
+    said = f"left out: {rows.place(0)}: from which side the joints came is unknown"
+    assert (found.rows, found.notes) == (11, (said,))
     assert found.after < 1e-9
     alone = verify(real, subset(rows, np.arange(1)))
     assert (alone.rows, alone.notes) == (1, ())
@@ -84,8 +80,7 @@ def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() 
 def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
     """The tracker stands elsewhere; the robot is as described, and its readings are exact but for that."""
     robot = load_robot("kr240-2")
-    rng = np.random.default_rng(2)
-    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + rng.uniform(-0.5, 0.5, (12, 6))
+    q = np.array([0.0, -1.0, 1.5, 0.0, 0.5, 0.0]) + np.random.default_rng(2).uniform(-0.5, 0.5, (12, 6))
     names = [one.name for one in robot.actuated]
     plan = make_measurements(names, q, tcp=robot.tcp, position=np.zeros((12, 3)))
     there = (nominal_pose(robot, plan)[0] + predict(robot, plan)[:, :3]) @ rotation_from_vector(
@@ -98,3 +93,71 @@ def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
     there[2, 0] += 1e-3
     off = verify(robot, replace(plan, position=there), refit_frame=True)
     assert off.after == pytest.approx(1e-3 / np.sqrt(12.0), rel=1e-6)
+
+
+# A robot that has effects already, on absolute readings in the frame of a tracker
+
+
+TURN, SHIFT = rotation_from_vector(np.array([0.4, -1.1, 2.0])), np.array([3.0, -1.5, 0.7])
+COMPLIANCE = added("joint-compliance:q3", "linear", {"torque": 1e3}, compliance=1e-6)
+
+
+def through_a_tracker(rows: Measurements, noise: float = 0.0) -> Measurements:
+    """Return absolute rows as a tracker that stands elsewhere reads them."""
+    random = np.random.default_rng(1).standard_normal(rows.position.shape)
+    return replace(rows, position=rows.position @ TURN.T + SHIFT + noise * random)
+
+
+@pytest.fixture(scope="module")
+def machine() -> Robot:
+    """Return a machine with play, as a diagnosis writes it."""
+    return case_of("kr240-2", "backlash").robot
+
+
+def seen(machine: Robot, noise: float = 0.0) -> Measurements:
+    return through_a_tracker(read(machine, rows_of("kr240-2", True, seed=5)), noise)
+
+
+def test_readings_lose_their_effects_in_whatever_frame_they_are(machine: Robot) -> None:
+    bare, left = without_effects(machine, seen(machine))
+    expected = seen(robot_of("kr240-2"))
+    assert not bare.effects
+    assert np.abs(seen(machine).position - expected.position).max() > 1e-4
+    np.testing.assert_allclose(left.position, expected.position, atol=1e-9)
+
+
+def test_each_table_may_have_a_frame_of_its_own(machine: Robot) -> None:
+    near, far = read(machine, rows_of("kr240-2", True, seed=5)), seen(machine)
+    both = concatenate([near, far])
+    _, left = without_effects(machine, both, stations=True)
+    bare: Array = read(robot_of("kr240-2"), rows_of("kr240-2", True, seed=5)).position
+    np.testing.assert_allclose(left.position[both.run == 0], bare, atol=1e-9)
+    np.testing.assert_allclose(left.position[both.run == 1], bare @ TURN.T + SHIFT, atol=1e-9)
+
+
+def test_a_second_diagnosis_of_the_readings_finds_nothing(machine: Robot) -> None:
+    rows = seen(machine, SIGMA)
+    torque = np.random.default_rng(2).standard_normal(rows.q.shape)
+    found = beamstiff.diagnose(machine, replace(rows, torque=torque))
+    assert found.verdict.effect == "none"
+    assert BESIDE_EFFECTS in found.notes  # torques are those of a machine without effects
+    assert found.known == machine.effects
+    assert extended(found).effects == machine.effects
+
+
+def test_what_is_missing_beside_the_effects_is_found_and_added(machine: Robot) -> None:
+    more = machine.model_copy(update={"effects": (*machine.effects, COMPLIANCE)})
+    rigid = machine.with_parameters({"J3.torsional": np.inf}).model_copy(update={"identify": ()})
+    found = beamstiff.diagnose(rigid, seen(more.with_parameters({"J3.torsional": np.inf}), SIGMA))
+    assert found.verdict.key == "joint-compliance:q3"
+    assert [one.effect for one in extended(found).effects] == ["backlash", "joint-compliance"]
+
+
+def test_a_frame_that_is_off_is_told_from_a_robot_that_is_off(machine: Robot) -> None:
+    rows = seen(machine, SIGMA)
+    off = verify(machine, rows)
+    assert off.after > 1.0
+    assert off.other_frame == pytest.approx(verify(machine, rows, refit_frame=True).after)
+    near = read(machine, rows_of("kr240-2", True, seed=5))
+    assert verify(robot_of("kr240-2"), near).other_frame is None  # the machine's play is no frame
+    assert verify(machine, replace(rows, sigma=np.full_like(rows.sigma, 10.0))).other_frame is None

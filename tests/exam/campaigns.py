@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from beamstiff import JointStiffness, Robot
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.effect import Reality
 from beamstiff.exam.forms import draw_truth, imposed
 from beamstiff.exam.machine import machine_of
 from beamstiff.exam.robots import exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.simulate import readings
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import JointStiffness
 from tests.arms import planar_arm
 
 

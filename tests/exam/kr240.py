@@ -5,11 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from beamstiff import load_robot
+from beamstiff import Robot, compile_structure, load_robot
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.robot.parts import FRAME_PARAMETERS
 from beamstiff.units import quantity

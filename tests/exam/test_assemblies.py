@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.exam.designs import reachable, simulated_alike
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.robots import with_closed_guesses
 from beamstiff.functions.examine import _asked, examine
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.robot.machines import LAMBDA2, slider_crank
 
@@ -29,8 +27,7 @@ def test_the_simulator_closes_the_named_assembly(name: str, assembly: str) -> No
     q = reachable(np.random.default_rng(0), robot, 20)
     placed = place(skeleton_of(robot), q)
     found = np.stack([placed.node(node) for node in robot.nodes], axis=1)
-    expected = posture(compile_kinematics(robot), q).node_positions
-    np.testing.assert_allclose(found, expected, atol=1e-11)
+    np.testing.assert_allclose(found, posture(compile_kinematics(robot), q).node_positions, atol=1e-11)
 
 
 def test_poses_at_which_the_simulator_would_close_another_assembly_are_not_taken() -> None:

@@ -104,9 +104,7 @@ def test_a_diagnosis_that_breaks_off_is_wrong_everywhere_and_the_exam_goes_on() 
     assert score.detection(records).value == 0.0
 
 
-def test_labels_do_not_depend_on_who_is_examined(
-    oracle: tuple[Oracle, list[Record]], silent: list[Record]
-) -> None:
+def test_labels_are_the_same_for_all(oracle: tuple[Oracle, list[Record]], silent: list[Record]) -> None:
     drawn_anew = run_exam(replace(EXAM), 4, Examiner(anything))
     assert [r.label_sha256 for r in oracle[1]] == [r.label_sha256 for r in silent]
     assert [r.label_sha256 for r in drawn_anew] == [r.label_sha256 for r in silent[:4]]
@@ -146,9 +144,7 @@ def test_a_cluster_finds_the_same_and_files_are_written_here(
     run_exam(EXAM, 4, examiner, scheduler="tcp://nobody:1", results=results)  # all is done: nobody is asked
 
 
-def test_labelled_campaigns_are_examined_the_same_by_several_processes(
-    shared_path: Callable[[str], Path],
-) -> None:
+def test_labelled_campaigns_are_examined_alike_by_more_processes(shared_path: Callable[[str], Path]) -> None:
     folder, examiner = shared_path("practice/labels.json").parent, Examiner(always_none)
     alone = examine_folder(folder, examiner)
     found = examine_folder(folder, examiner, processes=2)
@@ -262,9 +258,7 @@ def test_a_line_that_was_cut_short_anywhere_is_taken_up(tmp_path: Path) -> None:
         assert len(read_results(results)[1]) == 2
 
 
-def test_of_two_exams_to_one_file_the_second_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_exam_to_the_same_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("beamstiff.files.PATIENCE", 0.1)
     results = tmp_path / "results.jsonl"
 

@@ -217,8 +217,7 @@ def test_the_loaded_machine_is_reciprocal(name: str) -> None:
     q = random_poses(robot, rng, 1)
     force = np.concatenate([1500.0 * rng.standard_normal(3), np.zeros(3)])
     small = np.concatenate([10.0 * np.eye(3), np.zeros((3, 3))], axis=1)
-    loads = np.concatenate([force + small, force - small])
-    found = read(robot, campaign_of(robot, q, loads))[:, :3]
+    found = read(robot, campaign_of(robot, q, np.concatenate([force + small, force - small])))[:, :3]
     compliance = (found[:3] - found[3:]) / 20.0
     np.testing.assert_allclose(compliance, compliance.T, atol=1e-9 * np.abs(compliance).max() + 1e-15)
 
@@ -301,8 +300,7 @@ def test_true_stiffness_is_spread_about_the_nominal_one() -> None:
 
 
 def test_rotation_vectors_return_from_their_matrices_up_to_half_a_turn() -> None:
-    rng = np.random.default_rng(13)
-    axis = rng.standard_normal((200, 3))
+    axis = np.random.default_rng(13).standard_normal((200, 3))
     vector = (
         axis
         / np.linalg.norm(axis, axis=1)[:, None]
@@ -314,8 +312,7 @@ def test_rotation_vectors_return_from_their_matrices_up_to_half_a_turn() -> None
 def test_a_machine_that_cannot_stand_is_refused() -> None:
     robot = _pendulum(300.0, 20.0)
     loose = robot.joints[0].model_copy(update={"stiffness": JointStiffness(torsional="free")})
-    upright = Frame(name="f1", theta="q1")
-    robot = robot.model_copy(update={"joints": (loose,), "frames": (upright,)})
+    robot = robot.model_copy(update={"joints": (loose,), "frames": (Frame(name="f1", theta="q1"),)})
     with pytest.raises(BeamstiffError, match="pendulum"):
         read(robot, campaign_of(robot, [[0.2]], [[0, 1.0, -1.0, 0, 0, 0]]))
 
@@ -323,8 +320,7 @@ def test_a_machine_that_cannot_stand_is_refused() -> None:
 def test_equilibrium_does_not_depend_on_where_the_search_starts() -> None:
     robot = load_robot("ir663")
     q = random_poses(robot, np.random.default_rng(14), 3)
-    machine = machine_of(robot)
-    topology = topology_of(machine)
+    topology = topology_of(machine_of(robot))
     layout = lay_out(topology, place(skeleton_of(robot), q))
     body = np.full(3, topology.body[topology.index[robot.tcp]])
     wrench = np.tile([800.0, 300, -1e3, 50, 0, 20], (3, 1))

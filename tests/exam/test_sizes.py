@@ -57,8 +57,7 @@ def test_the_fit_takes_what_compliances_explain_and_leaves_the_rest() -> None:
     values, basis = (change * fit.weight).reshape(-1), (fit.basis * fit.weight[:, None]).reshape(-1, 6)
     left = values - explained(values, basis)
     assert np.abs(left).max() < 2e-3 * np.abs(values).max()
-    truth = draw_truth(rng, robot, "base-compliance", 0.7)
-    assert whitened_gap(campaign, fit.residual((truth,))) > 1.0
+    assert whitened_gap(campaign, fit.residual((draw_truth(rng, robot, "base-compliance", 0.7),))) > 1.0
 
 
 @pytest.mark.parametrize("wanted", [0.05, 0.3, 1.0, 5.0])

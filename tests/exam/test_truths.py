@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.exam.campaign import Array, SimulatedCampaign, Truth
 from beamstiff.exam.designs import Wish, draw_campaign
 from beamstiff.exam.forms import AUTHORS, EFFECTS, INSIDE, OUTSIDE, author_of, components, draw_truth, resized
@@ -17,7 +16,6 @@ from beamstiff.exam.names import LATER
 from beamstiff.exam.parameters import DrawRequest
 from beamstiff.exam.robots import exam_robot
 from beamstiff.exam.simulate import simulate
-from beamstiff.robot.description import Robot
 from tests.exam.campaigns import campaign_of, drawn, loaded_robot, random_poses, read, without_weight
 
 FORMS = [(effect.name, form) for effect in (*INSIDE, *OUTSIDE) for form in effect.forms]
@@ -53,9 +51,7 @@ def test_every_effect_of_the_table_has_a_truth_and_several_lie_outside_it() -> N
 
 @pytest.mark.parametrize("name", ["kr240-2", "random-arm", "ir663"])
 @pytest.mark.parametrize(("effect", "form"), FORMS)
-def test_every_form_can_be_measured_on_every_robot_and_leaves_a_trace(
-    name: str, effect: str, form: str
-) -> None:
+def test_every_form_is_measured_on_every_robot_and_leaves_a_trace(name: str, effect: str, form: str) -> None:
     robot = machine(name, effect)
     kind = "absolute" if effect in ("geometry-error", "payload-error") else "displacement"
     campaign, rng, without = small_campaign(name, effect == "joint-compliance", kind)

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
+from beamstiff import compile_structure, load_robot
 from beamstiff.exam.campaign import Array
 from beamstiff.exam.robots import with_payload
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.structure import compile_structure
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.exam.campaigns import campaign_of, changed, drawn, random_loads, random_poses, read, without_weight
 from tests.exam.kr240 import STILL, more, seen_at, serial, tcp_axes, tcp_places, vector, with_errors

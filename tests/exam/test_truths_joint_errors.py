@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.forms import EFFECTS, came_to_rest, components
 from beamstiff.se3 import Array
@@ -27,8 +26,7 @@ def test_an_angle_curve_turns_the_arm_by_its_fourier_series(form: str) -> None:
     p = {"amplitude": 1e-3, "order": 2.0, "phase": 0.4, "second": 0.5 if form == "two-orders" else 0.0}
     q = ANGLES[:, 0]
     error = 1e-3 * (np.sin(2.0 * q + 0.4) + p["second"] * np.cos(3.0 * q + 0.8))
-    found = seen(Truth("angle-curve", "q1", form, p))
-    np.testing.assert_allclose(found, tip(q + error), atol=1e-12)
+    np.testing.assert_allclose(seen(Truth("angle-curve", "q1", form, p)), tip(q + error), atol=1e-12)
 
 
 def test_a_joint_stands_at_the_flank_by_which_it_came() -> None:
@@ -51,8 +49,7 @@ def test_in_play_a_small_motion_does_not_reach_the_other_flank() -> None:
 
 def test_a_slip_is_constant_in_the_tool_and_lasts() -> None:
     p = {"when": 0.5, "again": 0.0, "x": 1e-3, "y": 2e-3, "z": 0.0}
-    once = Truth("target-slip", None, "once", p)
-    moved = seen(once) - seen()
+    moved = seen(Truth("target-slip", None, "once", p)) - seen()
     q = ANGLES[:, 0]
     c, s = np.cos(q), np.sin(q)
     own = np.stack([1e-3 * c - 2e-3 * s, 1e-3 * s + 2e-3 * c, 0.0 * q], axis=-1)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.exam.campaign import Array, Truth
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture, twist_jacobian
 from tests.exam.campaigns import (
     STIFF,

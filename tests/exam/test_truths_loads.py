@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff import load_robot
+from beamstiff import Robot, load_robot
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.forms.author3.structure import eyes
-from beamstiff.robot.description import Robot
 from tests.exam.campaigns import campaign_of, changed, drawn, random_loads
 from tests.exam.kr240 import XYZ, linear, more, serial, tcp_axes, tcp_places, vector
 
@@ -117,8 +116,7 @@ def push_pull(truth: Truth, m: Machine) -> Array:
 
 def rope(truth: Truth, m: Machine) -> Array:
     """Return a pull towards a pulley that is set out for the middle of the range, and stays."""
-    limits = np.array([v.limits for v in m.robot.actuated])
-    middle = tcp_places(m.robot, limits.mean(axis=1)[None])[0]
+    middle = tcp_places(m.robot, np.array([v.limits for v in m.robot.actuated]).mean(axis=1)[None])[0]
     reach, force = np.linalg.norm(middle), m.loads[:, 0, :3]
     way = force / size(m)[:, 0]
     at = middle + reach * vector(truth) + reach / truth.parameters["angle"] * way
@@ -239,8 +237,7 @@ def test_a_sling_lies_elsewhere_in_every_pose_but_there_for_all_of_its_loads() -
     for pose in range(6):  # the moment of each force, found by the rotation that it adds
         made = np.linalg.solve(C[pose], found[pose].T).T[:, 3:] / 20.0
         np.testing.assert_allclose(made, -made.T, atol=2e-2 * np.abs(made).max())  # that of one arm
-        arm = np.array([made[1, 2], made[2, 0], made[0, 1]])
-        places.append(tcp_axes(robot, q)[pose].T @ arm)
+        places.append(tcp_axes(robot, q)[pose].T @ np.array([made[1, 2], made[2, 0], made[0, 1]]))
     away = p["scatter"] * p["away"]
     assert np.linalg.norm(np.mean(places, axis=0) - p["away"] * vector(truth)) < 3.0 * away
     assert 0.2 * away < np.std(places, axis=0).max() < 3.0 * away

@@ -38,8 +38,7 @@ def test_a_wrong_measuring_frame_maps_displacements_linearly(form: str) -> None:
     p = truth.parameters
     shear = np.array([p.get("yz", 0.0), -p.get("xz", 0.0), p.get("xy", 0.0)])  # odd part of a shear
     np.testing.assert_allclose(turned, vector(truth) - 0.5 * shear, atol=1e-4)
-    diagonal = np.full(3, p.get("scale", 0.0))
-    np.testing.assert_allclose(np.diag(even), diagonal, atol=1e-4)
+    np.testing.assert_allclose(np.diag(even), np.full(3, p.get("scale", 0.0)), atol=1e-4)
 
 
 def test_a_tracker_sees_the_right_distance_from_where_it_stands() -> None:
@@ -261,11 +260,9 @@ def test_a_stand_goes_with_the_reaction_of_the_load_whatever_the_pose() -> None:
     p = truth.parameters
     loads = random_loads(np.random.default_rng(3), 6, [1.0, 2.0])
     found = more(robot, campaign_of(robot, q, loads), truth)
-    force = loads.reshape(-1, 6)[:, :3]
-    head = -np.array([p[f"soft_{n}"] for n in XYZ]) * force
+    head = -np.array([p[f"soft_{n}"] for n in XYZ]) * loads.reshape(-1, 6)[:, :3]
     lean = np.stack([-head[:, 1], head[:, 0], np.zeros(12)], axis=1) / p["tall"]
-    tracker = np.array([p["u"], p["v"], p["tall"]])
-    seen = np.repeat(tcp_places(robot, q), 2, axis=0) - tracker
+    seen = np.repeat(tcp_places(robot, q), 2, axis=0) - np.array([p["u"], p["v"], p["tall"]])
     np.testing.assert_allclose(found[:, :3], -head - np.cross(lean, seen), atol=1e-12)
     np.testing.assert_allclose(found[:, 3:], -lean, atol=1e-2 * np.abs(lean).max())
     np.testing.assert_allclose(found[1::2, :3], 2.0 * found[::2, :3], atol=1e-12)

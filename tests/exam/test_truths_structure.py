@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from beamstiff import Beam, Material, Section
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.forms.author2.structure import strutted
 from beamstiff.exam.forms.author3.structure import carriage, girder
-from beamstiff.robot.parts import Beam, Material
-from beamstiff.robot.sections import Section
 from tests.exam.campaigns import LONG, STIFF, arm, campaign_of, changed, drawn, pushed, read
 from tests.exam.closed_forms import CLOSED_FORMS, FIRST_ORDER, TIP, ClosedForm, Parameters, Z
 
@@ -202,9 +201,7 @@ def test_a_links_section_turns_with_it(form: str) -> None:
         ("fork", {"beside": 1e-6}, 1.0, 1.0),
     ],
 )
-def test_a_beam_of_the_model_is_softer(
-    form: str, changes: dict[str, float], stretch: float, twist: float | None
-) -> None:
+def test_a_beam_is_softer(form: str, changes: dict[str, float], stretch: float, twist: float | None) -> None:
     steel = Material(E=2.1e11, G=8e10, density=0.0)
     bar = Beam(name="bar", nodes=["b", "tip"], section="bar", material="steel")
     parts = {"sections": {"bar": Section(A=1e-3, Iy=1e-6, Iz=1e-6, J=2e-6)}, "beams": (bar,)}

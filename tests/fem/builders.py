@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from beamstiff import Beam, Joint, Mass, Material, Node, Rigid, Robot, Section, Strut
 from beamstiff.fem.large.frame import Frame
 from beamstiff.fem.response import Response, nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, posture
-from beamstiff.robot.parts import Beam, Joint, Mass, Material, Node, Rigid, Strut
-from beamstiff.robot.sections import Section
 from benchmarks import lattice
 from benchmarks.lattice import ROD, tip
 

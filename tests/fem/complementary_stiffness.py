@@ -39,5 +39,4 @@ def complementary_stiffness(structure: Structure, posture: Posture, wrench: Arra
     by_moment = np.einsum("pja,pab,pib->pji", axes, skew(wrench[:, 3:]), axes)
     upstream = np.tril(np.ones((len(screws), len(screws))))  # i before j, or j itself
     result = upstream * (by_force + by_moment) + (1 - upstream) * by_force.swapaxes(-1, -2)
-    complementary: Array = rates.T @ result @ rates
-    return complementary
+    return rates.T @ result @ rates

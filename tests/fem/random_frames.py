@@ -5,11 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
+from beamstiff import Material, Robot, Section
 from tests.fem.builders import FREE, RIGID, frame
-from tests.fem.reference_frame import ReferenceFrame
+from tests.fem.reference_frame import ReferenceFrame, properties_of
 
 Array = NDArray[np.float64]
 
@@ -77,36 +75,13 @@ class RandomFrame:
 
     def robot(self, tcp: int | None = None) -> Robot:
         free = [node for node in self.turning() if node not in self.fixed]
-        return frame(
-            self.points,
-            beams=self.beams,
-            rigids=self.rigids,
-            joints=self.joints,
-            struts=self.struts,
-            section=self.sections,
-            material=self.materials,
-            up=self.ups,
-            fixed=self.fixed,
-            tcp=free[-1] if tcp is None else tcp,
-        )
+        parts = {"beams": self.beams, "rigids": self.rigids, "joints": self.joints, "struts": self.struts}
+        beam = {"section": self.sections, "material": self.materials, "up": self.ups}
+        return frame(self.points, fixed=self.fixed, tcp=free[-1] if tcp is None else tcp, **parts, **beam)
 
     def reference(self) -> ReferenceFrame:
-        beams = [
-            (
-                *pair,
-                {
-                    "E": material.E,
-                    "G": material.G,
-                    **{name: getattr(section, name) for name in ("A", "Iy", "Iz", "J")},
-                    "Ay": section.Ay or np.inf,
-                    "Az": section.Az or np.inf,
-                },
-                up,
-            )
-            for pair, section, material, up in zip(
-                self.beams, self.sections, self.materials, self.ups, strict=True
-            )
-        ]
+        parts = zip(self.beams, self.sections, self.materials, self.ups, strict=True)
+        beams = [(*pair, properties_of(section, material), up) for pair, section, material, up in parts]
         joints = [(i, j, axis, kinds[[0, 1, 1, 2, 3, 3]]) for i, j, axis, kinds in self.joints]
         return ReferenceFrame(
             np.array(self.points), self.fixed, beams, list(self.rigids), joints, list(self.struts)

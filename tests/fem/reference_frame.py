@@ -9,6 +9,7 @@ refinement in extended precision.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +67,7 @@ class ReferenceFrame:
             rows.append(self.relative(i, j))
         for i, j, axis, values in self.joints:
             turn = np.kron(np.eye(2), any_axes(axis))
-            finite = np.where(np.isinf(values), 0.0, values)
-            self.add(stiffness, i, j, turn @ np.diag(finite) @ turn.T)
+            self.add(stiffness, i, j, turn @ np.diag(np.where(np.isinf(values), 0.0, values)) @ turn.T)
             rows.append((turn.T @ self.relative(i, j))[np.isinf(values)])
         for i, j, value in self.struts:
             along = np.zeros(6)
@@ -102,26 +102,32 @@ class ReferenceFrame:
         stiffness += relative.T @ end @ relative
 
 
-def beam_end_stiffness(
-    axis: Array, up: Array, E: float, G: float, A: float, Iy: float, Iz: float, J: float, Ay: float, Az: float
-) -> Array:
+def properties_of(section: Any, material: Any) -> dict[str, float]:
+    """Return what `beams` take of a section and a material."""
+    own = {name: getattr(section, name) for name in ("A", "Iy", "Iz", "J")}
+    return own | {"E": material.E, "G": material.G, "Ay": section.Ay or np.inf, "Az": section.Az or np.inf}
+
+
+def flexibility(L: float, **properties: float) -> Array:
+    """Return the flexibility (6, 6) of a cantilever's end in its own axes (Gere and Timoshenko)."""
+    E, G, A, Iy, Iz, J = (properties[name] for name in ("E", "G", "A", "Iy", "Iz", "J"))
+    Ay, Az = (properties.get(name, np.inf) for name in ("Ay", "Az"))
+    bent_y, bent_z = L**3 / (3 * E * Iz) + L / (G * Ay), L**3 / (3 * E * Iy) + L / (G * Az)
+    result = np.diag([L / (E * A), bent_y, bent_z, L / (G * J), L / (E * Iy), L / (E * Iz)])
+    result[1, 5] = result[5, 1] = L**2 / (2 * E * Iz)
+    result[2, 4] = result[4, 2] = -(L**2) / (2 * E * Iy)
+    return result
+
+
+def beam_end_stiffness(axis: Array, up: Array, **properties: float) -> Array:
     """Return the stiffness (6, 6) of a beam's far end, the near one clamped: its flexibility inverted."""
     length = float(np.linalg.norm(axis))
-    flexibility = np.zeros((6, 6))
-    flexibility[0, 0] = length / (E * A)
-    flexibility[3, 3] = length / (G * J)
-    flexibility[1, 1] = length**3 / (3 * E * Iz) + length / (G * Ay)
-    flexibility[5, 5] = length / (E * Iz)
-    flexibility[1, 5] = flexibility[5, 1] = length**2 / (2 * E * Iz)
-    flexibility[2, 2] = length**3 / (3 * E * Iy) + length / (G * Az)
-    flexibility[4, 4] = length / (E * Iy)
-    flexibility[2, 4] = flexibility[4, 2] = -(length**2) / (2 * E * Iy)
+    own = flexibility(length, **properties)
     x = axis / length
     y = up - x * (x @ up)  # Gram-Schmidt: in the plane of x and up
     y /= np.linalg.norm(y)
     turn = np.kron(np.eye(2), np.column_stack([x, y, np.cross(x, y)]))
-    end: Array = turn @ np.linalg.inv(flexibility) @ turn.T
-    return end
+    return turn @ np.linalg.inv(own) @ turn.T
 
 
 def any_axes(axis: Array) -> Array:
@@ -141,8 +147,7 @@ def independent(rows: Array, tolerance: float = 1e-10) -> Array:
     rows = rows[size > 0] / size[size > 0, None]
     q, r, _ = linalg.qr(rows.T, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(r))
-    result: Array = q[:, : int((diagonal > tolerance * diagonal[0]).sum())].T
-    return result
+    return q[:, : int((diagonal > tolerance * diagonal[0]).sum())].T
 
 
 def refined(matrix: Array, right: Array) -> Array:

@@ -4,10 +4,8 @@ import itertools
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Material, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.parts import Material
 from tests.fem.builders import FREE, RIGID, Array, at_rest, some_rotation
 from tests.fem.exact_frame import exact_compliance
 from tests.fem.random_frames import RandomFrame, machine_frame

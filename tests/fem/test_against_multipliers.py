@@ -20,8 +20,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 def disagreement(made: RandomFrame) -> float:
     """Return the largest error of all nodes' displacement under random wrenches."""
-    rng = np.random.default_rng(len(made.points))
-    loads = rng.normal(size=(len(made.points), 6)) * 100
+    loads = np.random.default_rng(len(made.points)).normal(size=(len(made.points), 6)) * 100
     loads[sorted(set(range(len(made.points))) - set(made.turning())), 3:] = 0.0
     response = solve(made.robot(), {f"n{at}": load for at, load in enumerate(loads)})
     event(f"constraints: {has_constraints(response.structure)}")

@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from beamstiff import compile_structure, robot_names
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.geometry import place
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.structure import compile_structure
 from beamstiff.model.ports import find_ports
 from beamstiff.robot.kinematics import Posture, posture
-from beamstiff.robot.library import robot_names
 from beamstiff.robot.reader import load_robot
 from tests.fem.builders import at_rest, screw, some_rotation
 from tests.fem.random_frames import machine_frame
@@ -62,8 +61,7 @@ def test_shipped_robots(name: str) -> None:
 @given(seed=seeds, count=st.integers(1, 5))
 def test_random_machines_lying_in_different_ways(seed: int, count: int) -> None:
     """The same machine turned and shifted differently pose by pose: one call, and each pose its own."""
-    made = machine(seed, 5, 2)
-    structure = compile_structure(made.robot())
+    structure = compile_structure(machine(seed, 5, 2).robot())
     rest = at_rest(structure)
     turns = np.array([some_rotation(seed + at) for at in range(count)])
     transforms = np.broadcast_to(np.eye(4), (count, 1, 4, 4)).copy()

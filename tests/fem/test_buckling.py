@@ -11,14 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Material, Robot, Section
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
 from beamstiff.fem.response import nodal_loads
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.fem.builders import FREE, RIGID, at_rest, frame, solve, some_rotation, turned
 
@@ -44,16 +41,8 @@ def line(elements: int, section: Section, tcp: int, supports: Sequence[Sequence[
     ]
     points += [points[end] for end in ends[: len(supports)]]
     fixed = [joint[0] for joint in joints] + ([0] if len(supports) < 2 else [])
-    return frame(
-        points,
-        beams=[(at, at + 1) for at in range(elements)],
-        joints=joints,
-        fixed=fixed,
-        tcp=tcp,
-        section=section,
-        material=STEEL,
-        up=(0, 1, 0),
-    )
+    parts = {"beams": [(at, at + 1) for at in range(elements)], "joints": joints}
+    return frame(points, fixed=fixed, tcp=tcp, section=section, material=STEEL, up=(0, 1, 0), **parts)
 
 
 def loaded(robot: Robot, loads: Mapping[str, Sequence[float]], factor: float) -> Array:
@@ -98,9 +87,7 @@ EULER = np.pi**2 * EI / LENGTH**2
     [((HINGE, ROLLER), 1.0), ((), 0.25), ((SLIDING_CLAMP,), 4.0), ((ROLLER,), 4.4934094579**2 / np.pi**2)],
     ids=["pinned", "cantilever", "clamped", "clamped and hinged"],  # the last at tan u = u
 )
-def test_a_column_buckles_at_a_multiple_of_eulers_load(
-    elements: int, supports: Sequence[Sequence[float]], times: float
-) -> None:
+def test_a_column_buckles_by_euler(elements: int, supports: Sequence[Sequence[float]], times: float) -> None:
     """Arts 2.1 and 2.2; the column stands askew in space."""
     rotation = some_rotation(1)
     robot = turned(line(elements, ROD, tcp=1, supports=supports), rotation)
@@ -122,9 +109,7 @@ def test_a_column_that_shears_buckles_at_haringxs_load(elements: int, softness: 
 
 @pytest.mark.parametrize("softness", [0.0, 0.1, 3.0])
 @pytest.mark.parametrize("share", [-3.0, -1.0, 1e-6, 0.1, 0.9, 0.99])
-def test_one_element_gives_the_stiffness_that_many_of_first_order_converge_to(
-    softness: float, share: float
-) -> None:
+def test_one_element_is_as_stiff_as_many_of_first_order_converge_to(softness: float, share: float) -> None:
     """Halved often enough, what is of first order in the force is all that is left of it."""
     area = EULER / softness / STEEL.G if softness else None
     section = ROD.model_copy(update={"Ay": area, "Az": area})
@@ -192,14 +177,8 @@ def test_a_mast_buckles_under_its_own_weight() -> None:
 
     def stands(gravity: float) -> bool:
         points = [(0, 0, LENGTH * at / 4) for at in range(5)]
-        robot = frame(
-            points,
-            beams=[(at, at + 1) for at in range(4)],
-            section=ROD,
-            material=STEEL,
-            up=(0, 1, 0),
-            gravity=(0, 0, -gravity),
-        )
+        beam = {"section": ROD, "material": STEEL, "up": (0, 1, 0), "gravity": (0, 0, -gravity)}
+        robot = frame(points, beams=[(at, at + 1) for at in range(4)], **beam)
         structure = compile_structure(robot)
         try:
             loaded_compliance(structure, at_rest(structure), nodal_loads(structure, 1, {}), gravity=True)
@@ -254,8 +233,7 @@ def test_a_note_says_where_the_moments_of_one_element_are_coarse(section: Sectio
     force = share * np.pi * np.sqrt(least * STEEL.G * section.J) / LENGTH**2
     one, many = (loaded(line(n, section, tcp=n), {f"n{n}": (0, 0, -force, 0, 0, 0)}, 1.0) for n in (1, 32))
     error = float(np.abs(np.diag(one - many) / np.diag(many)).max())
-    robot = line(1, section, tcp=1)
-    notes = coarse_beams(solve(robot, {"n1": [0, 0, -force, 0, 0, 0]}))
+    notes = coarse_beams(solve(line(1, section, tcp=1), {"n1": [0, 0, -force, 0, 0, 0]}))
     if share < 0.05:
         assert not notes
         assert error < 1e-3

@@ -8,18 +8,16 @@ the loop equations (Gosselin, Stiffness mapping for parallel manipulators, IEEE 
 import numpy as np
 import pytest
 
+from beamstiff import Robot, compile_structure, robot_names
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, twist_jacobian
-from beamstiff.robot.library import robot_names
 from beamstiff.robot.parts import JOINT_DIRECTIONS, STIFFNESS_KINDS, Rigid
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.sections import section_properties
 from tests.fem.builders import relative_error
-from tests.fem.reference_frame import ReferenceFrame
+from tests.fem.reference_frame import ReferenceFrame, properties_of
 from tests.fem.test_batches import some_poses
 
 
@@ -63,19 +61,12 @@ def reference(robot: Robot, poses: Posture, at: int) -> ReferenceFrame:
     beams = []
     for beam in robot.beams:
         section, material = section_properties(robot.sections[beam.section]), robot.materials[beam.material]
-        properties = {key: getattr(section, key) for key in ("A", "Iy", "Iz", "J")}
-        properties |= {
-            "E": material.E,
-            "G": material.G,
-            "Ay": section.Ay or np.inf,
-            "Az": section.Az or np.inf,
-        }
         i, j = (node[end] for end in beam.nodes)
         axis = poses.node_positions[at, j] - poses.node_positions[at, i]
         up = np.roll(axis, 1) + np.array([0.0, 0.0, 0.1])  # where any perpendicular will do
         if beam.up is not None:
             up = turns[kinematics.node_frame[i]] @ beam.up
-        beams.append((i, j, properties, up))
+        beams.append((i, j, properties_of(section, material), up))
     joints = [
         (
             *(node[end] for end in joint.nodes),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, event, example, given, settings
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance, tcp_stiffness
@@ -19,7 +19,6 @@ from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
 from tests.fem.builders import FREE, RIGID, at_rest, compliance, frame, relative_error
 from tests.fem.random_frames import RandomFrame, beam_frame, machine_frame
 from tests.fem.test_identities import FIRM, TOLERANCE, closing, machine, seeds, sizes
@@ -49,8 +48,7 @@ def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, l
     geometry = place(structure, at_rest(structure))
     # the whole stiffness by reordering: with beams alone the unknowns are the nodes' own displacements
     K, rows = made.reference().system()
-    tcp = structure.kinematics.node_index[robot.tcp]
-    E = 6 * tcp + np.arange(6)
+    E = 6 * structure.kinematics.node_index[robot.tcp] + np.arange(6)
     R = np.setdiff1d(np.arange(len(K)), np.concatenate([E, np.arange(6)]))  # less the fixed node 0
     assert len(rows) == 6
     F = gravity_wrenches(structure, geometry)[0].reshape(-1)
@@ -67,12 +65,9 @@ def test_tcp_stiffness_and_equivalent_wrench_of_seed_003(seed: int, more: int, l
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_compliance_at_several_nodes_is_the_response_to_unit_wrenches_there(
-    seed: int, more: int, loops: int
-) -> None:
+def test_compliance_at_nodes_is_the_response_to_unit_wrenches_there(seed: int, more: int, loops: int) -> None:
     made = machine(seed, more, loops)
-    robot = made.robot()
-    structure = compile_structure(robot)
+    structure = compile_structure(made.robot())
     observed = [f"n{at}" for at in made.turning()[-3:]]
     result = condense(structure, at_rest(structure), observed)
     at = [structure.kinematics.node_index[name] for name in observed]
@@ -227,14 +222,12 @@ def test_closed_chain_of_springs_is_its_two_halves_in_parallel(seed: int) -> Non
     one.fixed.append(shift)
     one.rigids.append((shift - 1, len(one.points) - 1))  # the plate: both ends lie at one point
     assume(max(np.linalg.cond(part) for part in parts) < 1e5)
-    together = compliance(one.robot())
-    assert relative_error(together, np.linalg.inv(parts[0] + parts[1])) <= 1e-8
+    assert relative_error(compliance(one.robot()), np.linalg.inv(parts[0] + parts[1])) <= 1e-8
 
 
 def test_compliance_of_the_reduced_stiffness_is_its_inverse_at_the_tcp() -> None:
     """Where the TCP's displacement is among the unknowns, C is a block of the inverse of the reduced K."""
-    made = beam_frame(3)
-    robot = made.robot()
+    robot = beam_frame(3).robot()
     structure: Structure = compile_structure(robot)
     K = dense_stiffness(structure, place(structure, at_rest(structure)))[0]
     own = [at for at, (name, _) in enumerate(structure.unknowns.labels) if name == robot.tcp]
@@ -252,12 +245,8 @@ def test_ports_that_rigid_parts_tie_together_are_named() -> None:
     """Two bodies joined by two parallel hinges on one axis: their torsions are one motion."""
     points = [(0, 0, 0), (0, 0, 1), (0, 0, 0), (0, 0, 1), (1, 0, 0)]
     hinge = (RIGID, RIGID, 1e5, RIGID)
-    robot = frame(
-        points,
-        rigids=[(2, 3), (3, 4)],
-        joints=[(0, 2, (0, 0, 1), hinge), (1, 3, (0, 0, 1), hinge)],
-        fixed=(0, 1),
-    )
+    parts = {"rigids": [(2, 3), (3, 4)], "joints": [(0, 2, (0, 0, 1), hinge), (1, 3, (0, 0, 1), hinge)]}
+    robot = frame(points, fixed=(0, 1), **parts)
     ports = [Port(f"j{at}.torsional", "joint", at, 3) for at in (0, 1)]
     message = (
         r"j0\.torsional, j1\.torsional cannot move without one another: rigid parts of their loops hold them"

@@ -72,9 +72,7 @@ def within_limits(robot: Robot, count: int, seed: int = 0) -> np.ndarray:
 def test_shipped_robots(name: str, way: bool) -> None:
     structure = compile_structure(load_robot(name))
     poses = posture(structure.kinematics, within_limits(structure.robot, 40))
-    program = program_of(structure)
-    assert program is not None
-    (_, _, found, _, _), sure = program.run(poses.values, way)
+    (_, _, found, _, _), sure = program_of(structure).run(poses.values, way)
     assert sure.all()
     assert disagreement(found, generally(structure, poses).clamped) <= AGREED
     assert (found == found.swapaxes(-1, -2)).all()
@@ -86,7 +84,6 @@ def test_compiled_and_interpreted_differ_as_the_last_digit_of_the_joint_values_d
     structure = compile_structure(load_robot(name))
     poses = posture(structure.kinematics, within_limits(structure.robot, 200))
     program = program_of(structure)
-    assert program is not None
     one, other = (program.run(poses.values, way)[0][2] for way in (True, False))
     # what last digits do is the worst of many draws: one alone is off by a factor of two from the next
     ways = np.random.default_rng(0).choice([-np.inf, np.inf], (64, *poses.values.shape))
@@ -228,8 +225,7 @@ def stayed(q: np.ndarray) -> tuple[Structure, np.ndarray]:
 
 
 def test_a_mechanism_among_many_poses_is_named_with_its_number() -> None:
-    q = np.linspace(0.2, 1.2, MANY)
-    structure, values = stayed(q)
+    structure, values = stayed(np.linspace(0.2, 1.2, MANY))
     poses = posture(structure.kinematics, values)
     assert disagreement(tcp_compliance(structure, poses), generally(structure, poses).clamped) <= AGREED
     values[MANY - 7] = 0.0
@@ -242,9 +238,7 @@ def test_near_a_mechanism_the_general_way_decides() -> None:
     structure, values = stayed(np.linspace(0.2, 1.2, MANY))
     values[3] = 2e-4
     poses = posture(structure.kinematics, values)
-    program = program_of(structure)
-    assert program is not None
-    assert np.flatnonzero(~program.run(poses.values)[1]).tolist() == [3]
+    assert np.flatnonzero(~program_of(structure).run(poses.values)[1]).tolist() == [3]
     one = posture(structure.kinematics, values[3:4])
     assert (tcp_compliance(structure, poses)[3] == generally(structure, one).clamped[0]).all()
 
@@ -277,8 +271,7 @@ def test_another_robot_at_the_same_values_is_not_taken_for_this_one() -> None:
     stiffer = robot.with_parameters({robot.identify[0]: 1e9})
     structure, same = compile_structure(robot), compile_structure(stiffer)
     poses = posture(same.kinematics, within_limits(robot, MANY))
-    general = generally(structure, poses).clamped
-    assert disagreement(tcp_compliance(structure, poses), general) <= AGREED
+    assert disagreement(tcp_compliance(structure, poses), generally(structure, poses).clamped) <= AGREED
     structure, values = stayed(np.linspace(0.2, 1.2, MANY))
     tip = structure.robot.nodes[-1].model_copy(update={"at": (1.1, 0.0, 0.0)})
     longer = structure.robot.model_copy(update={"nodes": (*structure.robot.nodes[:-1], tip)})
@@ -323,7 +316,6 @@ def test_ports_and_dead_weight_of_shipped_robots(name: str) -> None:
     numbers = tuple(known[port.index, port.direction] for port in ports)
     nodes = tuple(structure.kinematics.node_index[node] for node in observed)
     program = condensation_program(structure, nodes, numbers, True)
-    assert program is not None
     assert program.run(poses.values)[1].all()
     met = float(program.port_size.max())
     alike(condense(structure, poses, observed, ports), generally(structure, poses, observed, ports), met)

@@ -26,8 +26,7 @@ def falls_with_the_third_power(errors: list[float], size: float) -> bool:
 def test_machines_of_rigid_bodies_move_as_in_their_exact_equilibrium(name: str, payload: bool) -> None:
     """What is left falls with the third power of the load; the linear displacement misses the second."""
     points, tcp, parts = MACHINES[name]
-    rng = np.random.default_rng(len(name))
-    push = rng.normal(size=(len(points), 6)) * ([200] * 3 + [100] * 3)
+    push = np.random.default_rng(len(name)).normal(size=(len(points), 6)) * ([200] * 3 + [100] * 3)
     push[list(parts.get("fixed", (0,)))] = 0.0
     errors, shares = [], (0.2, 0.1)
     for share in shares:

@@ -8,16 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot, Section, Variable, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
 from beamstiff.fem.response import nodal_loads
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
-from beamstiff.robot.parts import Variable
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.sections import Section
 from beamstiff.se3 import Array
 from tests.fem.builders import (
     FREE,
@@ -88,10 +84,7 @@ def with_coupled_wrist() -> Robot:
 )
 def test_complementary_stiffness_is_what_differences_of_the_jacobian_give(robot: Robot) -> None:
     rng = np.random.default_rng(5)
-    q, wrench = (
-        rng.uniform(-3, 3, (50, len(robot.actuated))),
-        rng.normal(size=(50, 6)) * [*3 * [1e3], *3 * [300]],
-    )
+    q, wrench = rng.uniform(-3, 3, (50, len(robot.actuated))), rng.normal(size=(50, 6)) * SIZES
     structure = compile_structure(robot)
     found = complementary_stiffness(structure, posture(structure.kinematics, q), wrench)
     expected = derivative_of_jacobian_transpose(robot, q, wrench)
@@ -114,9 +107,8 @@ def test_seed_000_equations_8_and_10(seed: int, kinds: str) -> None:
     k_theta = np.diag(stiffness_about_axes(robot))
     k_c = complementary_stiffness(structure, pose, wrench)
     compliance = loaded_at_tcp(robot, q, wrench)
-    assert (
-        relative_error(compliance, jacobian @ np.linalg.inv(k_theta - k_c) @ jacobian.swapaxes(1, 2)) < 1e-10
-    )
+    expected = jacobian @ np.linalg.inv(k_theta - k_c) @ jacobian.swapaxes(1, 2)
+    assert relative_error(compliance, expected) < 1e-10
     well = np.linalg.cond(jacobian) < 1e3
     if well.any():
         k_x = loaded_stiffness(compliance[well])
@@ -133,105 +125,39 @@ def test_without_load_the_compliance_is_the_plain_one() -> None:
 
 # joints and loops of rigid bodies: points, node at the TCP, parts as `builders.frame` takes them
 ARM = [(0, 0, 0), (0, 0, 0), (1, 0.2, 0.3), (1, 0.2, 0.3), (1.5, 1, 0.2)]
-FOUR_BAR = [
-    (0, 0, 0),
-    (0, 0, 0),
-    (0.2, 0, 1),
-    (0.2, 0, 1),
-    (1.3, 0, 1.2),
-    (1.3, 0, 1.2),
-    (1.2, 0, 0),
-    (1.2, 0, 0),
-]
+FOUR_BAR = [at for at in ((0, 0, 0), (0.2, 0, 1), (1.3, 0, 1.2), (1.2, 0, 0)) for _ in (0, 1)]
 FOUR_BAR = [*FOUR_BAR, (2, 0, 1.1)]
 TILTED, Y = (0.1, 0.2, 1.0), (0, 1, 0)
 ALL_SIX, HINGE, FREE_HINGE = (1e5, 2e5, 1e4, 3e4), (RIGID, RIGID, 2e4, RIGID), (RIGID, RIGID, FREE, RIGID)
 SOFT_HINGE = (1e6, RIGID, 2e4, 5e4)
-MACHINES: dict[str, tuple[list[tuple[float, ...]], int, dict[str, Any]]] = {
-    "chain": (
-        ARM,
-        4,
-        {"joints": [(0, 1, TILTED, ALL_SIX), (2, 3, (1, 0.2, 1), ALL_SIX)], "rigids": [(1, 2), (3, 4)]},
-    ),
-    # joints that the way from the ground meets from their second node
-    "backward": (
-        ARM,
-        4,
-        {
-            "joints": [(1, 0, TILTED, (1e5, RIGID, 1e4, 3e4)), (3, 2, (1, 0.2, 1), (1e5, RIGID, RIGID, 3e4))],
-            "rigids": [(1, 2), (3, 4)],
-        },
-    ),
-    "slides": (
-        ARM,
-        4,
-        {
-            "joints": [
-                (0, 1, TILTED, (1e5, RIGID, RIGID, 3e4)),
-                (2, 3, (1, 0.2, 1), (1e5, RIGID, 2e4, RIGID)),
-            ],
-            "rigids": [(1, 2), (3, 4)],
-        },
-    ),
-    "joint that closes a loop": (
-        [*ARM[:4], ARM[3]],
-        2,
-        {
-            "joints": [
-                (0, 1, TILTED, (1e5, RIGID, 1e4, 3e4)),
-                (2, 3, (1, 0.2, 1), ALL_SIX),
-                (4, 3, (1, 0.2, 0.4), (1e5, 3e5, FREE, RIGID)),
-            ],
-            "rigids": [(1, 2)],
-            "fixed": (0, 4),
-        },
-    ),
-    "struts": (
-        [*ARM[:3], (1, -1, -0.3), (0, 1, 1)],
-        2,
-        {
-            "joints": [(0, 1, TILTED, (1e5, RIGID, 1e4, 3e4))],
-            "rigids": [(1, 2)],
-            "struts": [(2, 3, 2e5), (4, 2, RIGID)],
-            "fixed": (0, 3, 4),
-        },
-    ),
-    "four-bar": (
-        FOUR_BAR,
-        8,
-        {
-            "joints": [
-                (0, 1, Y, HINGE),
-                (2, 3, Y, FREE_HINGE),
-                (4, 5, Y, (RIGID, RIGID, 3e3, RIGID)),
-                (7, 6, Y, HINGE),
-            ],
-            "rigids": [(1, 2), (3, 4), (5, 6), (4, 8)],
-            "fixed": (0, 7),
-        },
-    ),
-    "soft four-bar": (
-        FOUR_BAR,
-        8,
-        {
-            "joints": [
-                (0, 1, Y, SOFT_HINGE),
-                (2, 3, Y, (RIGID, 1e6, FREE, RIGID)),
-                (5, 4, Y, (RIGID, RIGID, 3e3, 1e5)),
-                (7, 6, Y, SOFT_HINGE),
-            ],
-            "rigids": [(1, 2), (3, 4), (5, 6), (4, 8)],
-            "fixed": (0, 7),
-        },
-    ),
-    "triangle of rigids": (
-        [*ARM[:3], (1, 1, 0.3), (1.5, 1, 0.2), (1, 1, 0.3)],
-        4,
-        {
-            "joints": [(0, 1, TILTED, ALL_SIX), (3, 5, (0, 1, 1), (RIGID, 2e6, 3e4, RIGID))],
-            "rigids": [(1, 2), (2, 3), (3, 1), (5, 4)],
-        },
-    ),
+FIRM, SLIDE, SKEW = (1e5, RIGID, 1e4, 3e4), (1e5, RIGID, RIGID, 3e4), (1, 0.2, 1)
+SHUT = (1e5, 3e5, FREE, RIGID)  # of the joint that closes a loop
+ELASTIC, HINGED = (RIGID, RIGID, 3e3, RIGID), (RIGID, RIGID, 3e3, 1e5)
+LINKS, BARS = [(1, 2), (3, 4)], [(1, 2), (3, 4), (5, 6), (4, 8)]
+
+
+def made(points: Any, tcp: int, joints: Any, rigids: Any, **more: Any) -> tuple[Any, int, dict[str, Any]]:
+    return points, tcp, {"joints": joints, "rigids": rigids, **more}
+
+
+CHAIN = [(0, 1, TILTED, ALL_SIX), (2, 3, SKEW, ALL_SIX)]
+BACKWARD = [(1, 0, TILTED, FIRM), (3, 2, SKEW, SLIDE)]  # from the ground, their second nodes are met first
+SLIDES = [(0, 1, TILTED, SLIDE), (2, 3, SKEW, (1e5, RIGID, 2e4, RIGID))]
+CLOSING = [(0, 1, TILTED, FIRM), (2, 3, SKEW, ALL_SIX), (4, 3, (1, 0.2, 0.4), SHUT)]
+HINGES = [(0, 1, Y, HINGE), (2, 3, Y, FREE_HINGE), (4, 5, Y, ELASTIC), (7, 6, Y, HINGE)]
+SOFT = [(0, 1, Y, SOFT_HINGE), (2, 3, Y, (RIGID, 1e6, FREE, RIGID)), (5, 4, Y, HINGED), (7, 6, Y, SOFT_HINGE)]
+STRUTS = {"struts": [(2, 3, 2e5), (4, 2, RIGID)], "fixed": (0, 3, 4)}
+TRIANGLE = [(0, 1, TILTED, ALL_SIX), (3, 5, (0, 1, 1), (RIGID, 2e6, 3e4, RIGID))]
+CORNERS = [*ARM[:3], (1, 1, 0.3), (1.5, 1, 0.2), (1, 1, 0.3)]
+MACHINES = {
+    "chain": made(ARM, 4, CHAIN, LINKS),
+    "backward": made(ARM, 4, BACKWARD, LINKS),
+    "slides": made(ARM, 4, SLIDES, LINKS),
+    "joint that closes a loop": made([*ARM[:4], ARM[3]], 2, CLOSING, [(1, 2)], fixed=(0, 4)),
+    "struts": made([*ARM[:3], (1, -1, -0.3), (0, 1, 1)], 2, [(0, 1, TILTED, FIRM)], [(1, 2)], **STRUTS),
+    "four-bar": made(FOUR_BAR, 8, HINGES, BARS, fixed=(0, 7)),
+    "soft four-bar": made(FOUR_BAR, 8, SOFT, BARS, fixed=(0, 7)),
+    "triangle of rigids": made(CORNERS, 4, TRIANGLE, [(1, 2), (2, 3), (3, 1), (5, 4)]),
 }
 
 
@@ -291,8 +217,7 @@ def test_under_forces_alone_the_stiffness_is_symmetric(seed: int) -> None:
     forces = loads * ([1] * 3 + [0] * 3)
     found = loaded_compliance(structure, at_rest(structure), forces[None], gravity=True)[0]
     plain = tcp_compliance(structure, at_rest(structure))[0]
-    effect = np.abs(found - plain)
-    assert (np.abs(found - found.T) <= 1e-9 * effect.max() + 1e-12 * np.abs(found)).all()
+    assert (np.abs(found - found.T) <= 1e-9 * np.abs(found - plain).max() + 1e-12 * np.abs(found)).all()
     found = loaded_compliance(structure, at_rest(structure), loads[None], gravity=True)[0]
     assert np.abs(found - found.T).max() > 1e-6 * np.abs(found - plain).max()
 
@@ -390,9 +315,8 @@ def test_loads_that_do_not_fit_are_refused(bad: Array) -> None:
 
 def test_a_moment_on_a_node_of_struts_is_refused() -> None:
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.3, 0.3, 0.3)]
-    robot = frame(
-        points, beams=[(0, 1)], struts=[(1, 4, 1e6), (2, 4, 1e6), (3, 4, 1e6)], fixed=(0, 2, 3), tcp=1
-    )
+    struts = [(at, 4, 1e6) for at in (1, 2, 3)]
+    robot = frame(points, beams=[(0, 1)], struts=struts, fixed=(0, 2, 3), tcp=1)
     structure = compile_structure(robot)
     load = nodal_loads(structure, 1, {"n4": np.array([0, 0, 0, 1.0, 0, 0])})
     with pytest.raises(BeamstiffError, match="a moment acts on node 'n4', which struts alone hold"):

@@ -71,14 +71,11 @@ def rigid_motions(points: np.ndarray) -> np.ndarray:
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_an_unsupported_frame_has_six_motions_without_energy_and_no_more(
-    seed: int, more: int, loops: int
-) -> None:
+def test_an_unsupported_frame_has_six_motions_without_energy(seed: int, more: int, loops: int) -> None:
     made = beam_frame(seed, more, loops)
     K = unsupported_stiffness(compile_structure(made.robot()))
     assert np.abs(K - K.T).max() <= 1e-14 * np.abs(K).max()
-    motions = rigid_motions(np.array(made.points))
-    assert np.abs(K @ motions).max() <= 1e-13 * np.abs(K).max()
+    assert np.abs(K @ rigid_motions(np.array(made.points))).max() <= 1e-13 * np.abs(K).max()
     scale = 1 / np.sqrt(np.diag(K))
     eigenvalues = np.linalg.eigvalsh(scale[:, None] * K * scale)
     assert np.abs(eigenvalues[:6]).max() < 1e-12
@@ -86,12 +83,9 @@ def test_an_unsupported_frame_has_six_motions_without_energy_and_no_more(
 
 
 @given(seed=seeds, more=sizes, loops=closing)
-def test_joints_struts_and_shear_beams_resist_no_rigid_motion_either(
-    seed: int, more: int, loops: int
-) -> None:
+def test_joints_struts_and_shear_beams_resist_no_rigid_motion(seed: int, more: int, loops: int) -> None:
     made = machine_frame(seed, more, loops)
-    structure = compile_structure(made.robot())
-    K = unsupported_stiffness(structure)
+    K = unsupported_stiffness(compile_structure(made.robot()))
     assert np.abs(K @ rigid_motions(np.array(made.points))).max() <= 1e-13 * max(np.abs(K).max(), 1e-300)
 
 

@@ -7,10 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from beamstiff import Material, Robot, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Material
 from beamstiff.robot.sections import Section, section_properties
 from tests.fem.builders import at_rest, frame
 
@@ -33,13 +31,8 @@ def material(E: float, nu: float) -> Material:
 def test_straight_beam(elements: int) -> None:
     """6 x 0.2 x 0.1, nu = 0.3: 3.0e-5 along, 0.1081 in plane (depth 0.2), 0.4321 out of plane."""
     points = [(6.0 * at / elements, 0, 0) for at in range(elements + 1)]
-    robot = frame(
-        points,
-        beams=[(at, at + 1) for at in range(elements)],
-        section=bar(0.2, 0.1),
-        material=material(1e7, 0.3),
-        up=(0, 1, 0),
-    )
+    beam = {"section": bar(0.2, 0.1), "material": material(1e7, 0.3), "up": (0, 1, 0)}
+    robot = frame(points, beams=[(at, at + 1) for at in range(elements)], **beam)
     C = compliance(robot)
     assert f"{C[0, 0]:.1e}" == "3.0e-05"
     assert f"{C[1, 1]:.4f}" == "0.1081"

@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Rigid, Robot, compile_structure, posture
 from beamstiff.fem.condensation import Port
 from beamstiff.fem.port_shares import independent_ports
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import posture
-from beamstiff.robot.parts import Rigid
 from beamstiff.robot.reader import load_robot
 from tests.fem.builders import RIGID, frame, stiffness
 

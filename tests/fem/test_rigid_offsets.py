@@ -19,19 +19,11 @@ def test_stiffness_of_a_beam_between_rigid_ends() -> None:
     points = [(0, 0, 0), *((x, 0, 0) for x in at), (at[-1], 0, 0)]
     hinge = (RIGID, RIGID, FREE, RIGID)
     z = (0, 0, 1)
-    robot = frame(
-        points,
-        beams=[(2, 3)],
-        rigids=[(1, 2), (4, 3)],
-        joints=[(0, 1, z, hinge), (5, 4, z, hinge)],
-        fixed=(0, 5),
-        tcp=1,
-        up=(0, 1, 0),
-    )
+    parts = {"beams": [(2, 3)], "rigids": [(1, 2), (4, 3)], "joints": [(0, 1, z, hinge), (5, 4, z, hinge)]}
+    robot = frame(points, fixed=(0, 5), tcp=1, up=(0, 1, 0), **parts)
     turns = []
     for node in ("n1", "n4"):
-        response = solve(robot, {node: [0, 0, 0, 0, 0, 1.0]})
-        turns.append(response.displacement[0, [1, 4], 5])
+        turns.append(solve(robot, {node: [0, 0, 0, 0, 0, 1.0]}).displacement[0, [1, 4], 5])
     near = 4 * EI / LENGTH * (1 + 3 * a / LENGTH + 3 * a**2 / LENGTH**2)
     other = 4 * EI / LENGTH * (1 + 3 * b / LENGTH + 3 * b**2 / LENGTH**2)
     far = 2 * EI / LENGTH * (1 + 3 * (a + b) / LENGTH + 6 * a * b / LENGTH**2)

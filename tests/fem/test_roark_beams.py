@@ -9,8 +9,7 @@ I, art. 39).
 import numpy as np
 import pytest
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.sections import Section
+from beamstiff import Robot, Section
 from tests.fem.builders import FREE, RIGID, SECTION, SHEAR_SECTION, STEEL, displacement, frame, solve
 
 LENGTH, FORCE = 2.4, 700.0
@@ -28,15 +27,8 @@ def supported(
     """Return a beam along x with its nodes 0 and 4 fixed, supports 0-1 and 4-3, and node 2 at `a`."""
     points = [(0, 0, 0), (0, 0, 0), (a, 0, 0), (LENGTH, 0, 0), (LENGTH, 0, 0)]
     along = (1, 0, 0)
-    return frame(
-        points,
-        beams=[(1, 2), (2, 3)],
-        joints=[(0, 1, along, left), (3, 4, along, right)],
-        fixed=(0, 4),
-        tcp=2,
-        section=section,
-        up=(0, 1, 0),
-    )
+    parts = {"beams": [(1, 2), (2, 3)], "joints": [(0, 1, along, left), (3, 4, along, right)]}
+    return frame(points, fixed=(0, 4), tcp=2, section=section, up=(0, 1, 0), **parts)
 
 
 SUPPORTS = {"simple": (HINGED, ROLLER), "propped": (FIXED, ROLLER), "fixed": (FIXED, FIXED)}
@@ -113,8 +105,7 @@ def test_own_weight_of_a_cantilever(section: Section, elements: int) -> None:
     """Case 2a: q L^4 / 8 E I + q L^2 / 2 G As at the tip, without force there; q L, q L^2 / 2 at the root."""
     points = [(LENGTH * at / elements, 0, 0) for at in range(elements + 1)]
     beams = [(at, at + 1) for at in range(elements)]
-    robot = frame(points, beams=beams, section=section, up=(0, 1, 0))
-    response = solve(robot, {}, gravity=True)
+    response = solve(frame(points, beams=beams, section=section, up=(0, 1, 0)), {}, gravity=True)
     w = 9.81 * STEEL.density * section.A
     GAs = STEEL.G * section.Az if section.Az else np.inf
     expected = -weight_deflection("cantilever", w, STEEL.E * section.Iy, GAs)

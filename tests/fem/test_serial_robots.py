@@ -11,13 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Joint, Node, Rigid, Robot, Variable
 from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
 from beamstiff.fem.response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture, twist_jacobian
-from beamstiff.robot.parts import Frame, Joint, Node, Rigid, Variable
 from tests.fem.builders import FREE, stiffness
 
 TOLERANCE = 1e-10
@@ -40,24 +38,14 @@ def serial_robot(
         name = f"q{at + 1}"
         variables.append(Variable(name=name, type="prismatic" if prismatic[at] else "revolute"))
         moving = {"theta": float(theta), "r": name} if prismatic[at] else {"theta": name, "r": float(r)}
-        frames.append(
-            Frame(
-                name=f"f{at + 1}", parent=f"f{at}" if at else "base", alpha=float(alpha), d=float(d), **moving
-            )
-        )
+        parent = f"f{at}" if at else "base"
+        frames.append(Frame(name=f"f{at + 1}", parent=parent, alpha=float(alpha), d=float(d), **moving))
         # both sides of the joint lie in its frame: of one that slides, too, which is where they meet
         nodes += [Node(name=f"a{at + 1}", frame=f"f{at + 1}"), Node(name=f"b{at + 1}", frame=f"f{at + 1}")]
         rigids.append((f"b{at}" if at else "ground", f"a{at + 1}"))
         ends = (f"b{at + 1}", f"a{at + 1}") if turned_round else (f"a{at + 1}", f"b{at + 1}")
-        joints.append(
-            Joint(
-                name=f"J{at + 1}",
-                nodes=ends,
-                frame=f"f{at + 1}",
-                variable=name,
-                stiffness=stiffness(*values[at]),
-            )
-        )
+        own = {"frame": f"f{at + 1}", "variable": name, "stiffness": stiffness(*values[at])}
+        joints.append(Joint(name=f"J{at + 1}", nodes=ends, **own))
     nodes.append(Node(name="tool", frame=f"f{count}", at=tuple(tool)))
     rigids.append((f"b{count}", "tool"))
     return Robot(
@@ -158,8 +146,7 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
     k = 10.0 ** rng.uniform(5, 7, 6)
     values = np.full((6, 4), np.inf)
     values[:, 2] = k
-    revolute = np.zeros(6, dtype=bool)
-    structure, C = compliance_of(serial_robot(parameters, revolute, values, tool), q)
+    structure, C = compliance_of(serial_robot(parameters, np.zeros(6, dtype=bool), values, tool), q)
     J = twist_jacobian(structure.kinematics, posture(structure.kinematics, q), "tool")
     regular = np.linalg.cond(J) < 30
     inverse = np.linalg.inv(J[regular])
@@ -170,9 +157,7 @@ def test_stiffness_is_the_congruence_of_the_drive_springs(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), turned_round=st.booleans(), heavy=st.booleans())
-def test_joint_torques_are_the_transposed_jacobian_of_the_wrench(
-    seed: int, turned_round: bool, heavy: bool
-) -> None:
+def test_torques_are_the_transposed_jacobian_of_a_wrench(seed: int, turned_round: bool, heavy: bool) -> None:
     """tau = J^T w, in all directions that give way."""
     parameters, prismatic, tool, q, rng = drawn(seed, joints=4, poses=2)
     values = 10.0 ** rng.uniform(4, 9, (4, 4))

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Frame, Loop, Node, Rigid, Variable
+from beamstiff import Frame, Loop, Node, Rigid, Robot, Variable
 from tests.robots.slider_cranks import arctangent, marie_theta
 
 Array = NDArray[np.float64]
@@ -58,14 +57,7 @@ D2, D3_KR, D4, RL4, RL6 = 0.350, 1.250, -0.055, 1.100, 0.230
 def kr240(limits: tuple[float, float] | None = None) -> Robot:
     """Return the KUKA KR240-2 of Dumas et al., table 3."""
     half = np.pi / 2
-    rows = [
-        (0.0, 0.0, 0.0),
-        (half, D2, 0.0),
-        (0.0, D3_KR, 0.0),
-        (-half, D4, RL4),
-        (half, 0.0, 0.0),
-        (-half, 0, RL6),
-    ]
+    rows = [(0, 0, 0), (half, D2, 0), (0, D3_KR, 0), (-half, D4, RL4), (half, 0, 0), (-half, 0, RL6)]
     return machine(
         [revolute(f"q{at}", limits=limits) for at in range(1, 7)],
         [

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.robot.reader import load_robot
+from beamstiff.robot.reader import load_robot, parse_robot
 
 SMALL = """beamstiff: 1
 name: small
@@ -102,8 +103,7 @@ WHOLE = {
 def test_a_file_that_is_no_robot_is_refused(case: str, message_for: Callable[[bytes], str]) -> None:
     text, expected = WHOLE[case]
     start = time.perf_counter()
-    message = message_for(text)
-    assert expected in message
+    assert expected in message_for(text)
     assert time.perf_counter() - start < 2.0
 
 
@@ -147,9 +147,7 @@ def test_yaml_that_tries_to_run_code_is_refused_and_runs_nothing(
 
 
 @pytest.mark.parametrize(("first", "part"), [("[x, x, x, x, x, x, x, x, x]", "[{}]"), ("{a: b}", "{{{}}}")])
-def test_a_bomb_of_aliases_is_refused_at_once(
-    first: str, part: str, message_for: Callable[[str], str]
-) -> None:
+def test_a_bomb_of_aliases_is_refused(first: str, part: str, message_for: Callable[[str], str]) -> None:
     rows = [f"a0: &a0 {first}"]
     for level in range(1, 40):
         items = [f"*a{level - 1}"] * 9
@@ -196,3 +194,29 @@ def test_a_file_that_is_far_too_large_is_not_read(tmp_path: Path) -> None:
     os.truncate(path, 300_000_000)  # takes no room on the disk
     with pytest.raises(BeamstiffError, match=r"robot\.yaml: larger than 200 MB"):
         load_robot(path)
+
+
+# Keys, values, names and structures that are wrong in a robot file: `spoiled.yaml` holds the cases
+
+
+SPOILED = yaml.safe_load((Path(__file__).parent / "spoiled.yaml").read_text(encoding="utf-8")) | {
+    "endless name": ("tcp: tip", f"tcp: {'x' * 5000}", "tcp: found 'xxx"),
+    "endless expression": ('"q2 - 90 deg"', f'"{"+".join(["q2"] * 500)}"', "expected at most 500"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILED)
+def test_the_message_names_line_key_and_what_would_be_right(
+    case: str, everything: str, message_for: Callable[[str], str]
+) -> None:
+    old, new, expected, *nearest = SPOILED[case]
+    assert everything.count(old) == 1, "the place to spoil"
+    text = everything.replace(old, new)
+    line = text[: text.index(nearest[0] if nearest else new)].count("\n") + 1
+    message = message_for(text)
+    assert message.startswith(f"{line}: "), message
+    assert expected in message
+
+
+def test_the_robot_that_is_spoiled_is_good(everything: str) -> None:
+    assert parse_robot(everything).name == "everything"

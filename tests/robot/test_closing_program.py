@@ -15,7 +15,6 @@ def near_the_assembly(name: str, poses: int, reach: float, seed: int = 0) -> tup
     """Return a robot's loops, and starts off by up to `reach` from a closed posture, few far, many near."""
     system = recorded(loop_system(compile_kinematics(load_robot(name))))
     assembly = system.kinematics.assembly
-    assert assembly is not None
     rng = np.random.default_rng(seed)
     shifts = rng.uniform(-1.0, 1.0, (poses, len(assembly.free))) * reach ** rng.uniform(1.0, 4.0, (poses, 1))
     return system, assembly.free + shifts * system.scale

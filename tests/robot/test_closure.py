@@ -8,13 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Loop, Node, Robot
 from beamstiff.robot.closure import GRID, assembly_doubts, close_loops, closure_rates
-from beamstiff.robot.description import Robot
 from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, posture, posture_at, twist_jacobian
 from beamstiff.robot.loops import loop_equations, loop_system, recorded
-from beamstiff.robot.parts import Frame, Loop, Node
 from beamstiff.robot.reader import load_robot
 from tests.robot.machines import (
     BENNETT,
@@ -120,9 +118,7 @@ def test_three_loops_at_once() -> None:
 
 
 @pytest.mark.parametrize(("phi", "psi", "branch"), [(3.0, -2.7, 1), (-0.6, 2.7, -1)])
-def test_loops_that_were_nearly_closed_before_close_in_their_branch(
-    phi: float, psi: float, branch: int
-) -> None:
+def test_loops_that_were_nearly_closed_close_in_their_branch(phi: float, psi: float, branch: int) -> None:
     screw = np.linspace(L32 - L12 + 0.02, L12 + L32 - 0.02, 50)
     kinematics = compile_kinematics(slider_crank(phi, psi))
     before = close_loops(kinematics, screw[:, None] - 2e-3).values
@@ -135,8 +131,7 @@ def test_a_loop_in_space_that_only_moves_by_its_proportions() -> None:
     _, alpha, beta = BENNETT
     expected = np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2)
     q = np.random.default_rng(0).uniform(-3.0, 3.0, (500, 1))
-    kinematics = compile_kinematics(bennett([-2.0, 0.0, -3.0]))
-    q1, t2, t3, t4 = posture(kinematics, q).values.T
+    q1, t2, t3, t4 = posture(compile_kinematics(bennett([-2.0, 0.0, -3.0])), q).values.T
     assert np.abs(np.tan(q1 / 2) * np.tan(t2 / 2) / expected - 1.0).max() < 1e-11
     assert apart(q1, -t3).max() < 1e-12
     assert apart(t2, -t4).max() < 1e-12
@@ -324,8 +319,7 @@ def test_a_passive_variable_that_no_loop_determines_is_refused() -> None:
 
 
 def test_a_loop_that_holds_an_actuated_joint_is_refused() -> None:
-    free = compile_kinematics(FOUR_BAR)
-    values = posture(free, [0.0, 0.1, 0.8]).values
+    values = posture(compile_kinematics(FOUR_BAR), [0.0, 0.1, 0.8]).values
     # the same posture of the same linkage, but with th9 called actuated
     variables = [
         variable.model_copy(update={"passive": False}) if variable.name == "th9" else variable
@@ -360,9 +354,7 @@ def test_a_guess_that_newton_does_not_close_from_still_finds_its_assembly() -> N
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_the_assembly_is_the_one_that_comes_nearest_to_the_guess_at_any_posture_of_the_drives(
-    side: int,
-) -> None:
+def test_the_assembly_is_the_one_that_comes_nearest_to_the_guess_at_any_posture(side: int) -> None:
     # circles that cut: the end of the coupler, left (1) or right (-1) of the way from crank to rocker's axis
     def closed(q: float) -> tuple[float, float]:
         crank = 0.5 * np.exp(1j * q)
@@ -399,8 +391,7 @@ def test_the_branch_is_found_where_the_drives_without_limits_do_not_close_at_the
 def test_a_rhombus_closes_beside_its_change_point() -> None:
     """Equal links, the crank nearly on the ground: both passive joints turn about nearly one point."""
     kinematics = compile_kinematics(four_bar(1.0, 1.0, (-1.0, 1.0)))
-    q = np.array([[1e-6], [1e-4], [1e-2], [0.3]])
-    places = posture(kinematics, q).node_positions[:, 1:]
+    places = posture(kinematics, np.array([[1e-6], [1e-4], [1e-2], [0.3]])).node_positions[:, 1:]
     assert np.linalg.norm(places[:, 0] - places[:, 1], axis=1).max() < 1e-11
 
 

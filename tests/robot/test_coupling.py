@@ -5,11 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Frame, Loop, Node, Rigid, Robot, Variable
 from beamstiff.robot import coupling as module
 from beamstiff.robot.coupling import coupling, frame_expressions, variable_kinds
-from beamstiff.robot.description import Robot
-from beamstiff.robot.parts import Frame, Loop, Node, Rigid, Variable
 
 
 def machine(variables: list[Variable], frames: list[Frame] | None = None) -> Robot:

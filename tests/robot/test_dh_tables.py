@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +16,15 @@ from beamstiff.robot.dh_output import robot_to_table
 from beamstiff.robot.dh_tables import CONVENTIONS, parse_csv_table, parse_yaml_table
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
-from beamstiff.se3 import Array
+from beamstiff.robot.placement import (
+    NEARLY_PARALLEL,
+    elementary,
+    frame_parameters,
+    from_roll_pitch_yaw,
+    roll_pitch_yaw,
+    turned_to,
+)
+from beamstiff.se3 import Array, rotation_about, transform
 
 # in the order in which they are multiplied
 MOTIONS = {
@@ -54,8 +62,7 @@ def tcp_pose(robot: Robot, q: dict[str, float]) -> Array:
     placed = forward(kinematics, values)[0, kinematics.frame_index[node.frame]]
     shift = np.eye(4)
     shift[:3, 3] = node.at
-    result: Array = placed @ shift
-    return result
+    return placed @ shift
 
 
 numbers = st.sampled_from([0.0, 90.0, -90.0, 180.0, 350.5]) | st.integers(-3000, 3000).map(lambda k: k / 8)
@@ -85,9 +92,7 @@ def tables(draw: st.DrawFn) -> tuple[str, str, list[dict[str, float]], dict[str,
 
 
 @given(tables())
-def test_a_table_means_the_product_of_its_motions(
-    drawn: tuple[str, str, list[dict[str, float]], dict[str, float]],
-) -> None:
+def test_a_table_means_its_motions(drawn: tuple[str, str, list[dict[str, float]], dict[str, float]]) -> None:
     convention, text, rows, q = drawn
     np.testing.assert_allclose(tcp_pose(parse_csv_table(text), q), product(convention, rows), atol=1e-11)
 
@@ -98,8 +103,7 @@ def test_every_table_can_be_written_in_every_convention_without_loss(
 ) -> None:
     _, text, _, q = drawn
     robot = parse_csv_table(text)
-    written = robot_to_table(robot, convention)
-    again = parse_csv_table(written.text)
+    again = parse_csv_table(robot_to_table(robot, convention).text)
     np.testing.assert_allclose(tcp_pose(again, q), tcp_pose(robot, q), atol=1e-11)
     assert [v.name for v in again.variables] == [v.name for v in robot.variables]
 
@@ -256,10 +260,8 @@ def test_the_table_in_the_documentation_is_one() -> None:
 
 @pytest.mark.parametrize("convention", ["classic", "modified"])
 def test_masses_stand_in_the_frame_that_a_row_ends_in(convention: str) -> None:
-    rows = [
-        {"theta": 0.0, "d": 450.0, "a": 150.0, "alpha": 90.0},
-        {"theta": 90.0, "d": 20.0, "a": 600.0, "alpha": 30.0},
-    ]
+    values = ((0.0, 450.0, 150.0, 90.0), (90.0, 20.0, 600.0, 30.0))
+    rows = [dict(zip(("theta", "d", "a", "alpha"), row, strict=True)) for row in values]
     lines = [
         f"f{k},{row['theta']} + q{k},{row['d']},{row['a']},{row['alpha']},{10 * k},30,-20,{50 * k}"
         for k, row in enumerate(rows, start=1)
@@ -284,3 +286,73 @@ def test_a_mass_that_is_none_is_refused(mass: str, found: str) -> None:
     text = f"# convention: modified\ntheta [deg],a [mm],mass [kg],cx [mm]\nq1,100,{mass},5\n"
     with pytest.raises(BeamstiffError, match=f"mass: .*{found}"):
         parse_csv_table(text)
+
+
+angles = st.floats(-7.0, 7.0) | st.sampled_from(
+    [0.0, 1e-9, 1e-6, np.pi / 2, -np.pi / 2, np.pi, 3.14159, 1.5708]
+)
+lengths = st.floats(-3.0, 3.0) | st.just(0.0)
+triples = st.tuples(angles, angles, angles)
+points = st.tuples(lengths, lengths, lengths)
+
+
+@given(triples, points)
+@example((np.pi, 0.0, 0.0), (0.3, 0.2, 0.1))
+@example((3.14159, 0.0, 0.0), (0.3, 0.2, 0.1))
+@example((1e-7, 0.0, 0.4), (0.3, 0.2, 0.1))
+@example((1e-7, 0.0, 0.4), (0.0, 0.0, 0.1))
+def test_frames_of_a_transform_multiply_to_it(rpy: tuple[float, ...], xyz: tuple[float, ...]) -> None:
+    # truth: scipy's rotation
+    placed = transform(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz))
+    parts = frame_parameters(placed)
+    product = np.linalg.multi_dot([np.eye(4), np.eye(4), *map(elementary, parts)])
+    assert np.abs(product - placed).max() < 1e-12
+    assert len(parts) <= 2
+
+
+@given(triples, points)
+def test_one_frame_is_enough_unless_axes_are_parallel(rpy: tuple[float, ...], xyz: tuple[float, ...]) -> None:
+    placed = transform(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz))
+    lean = np.hypot(*placed[:2, 2])
+    if len(frame_parameters(placed)) == 2:
+        assert 0 < lean <= NEARLY_PARALLEL
+    # and no parameter is far larger than the offset itself
+    for part in frame_parameters(placed):
+        assert all(abs(part.get(key, 0.0)) < 40 * max(np.linalg.norm(xyz), 1e-9) for key in ("b", "d", "r"))
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3), points)
+def test_six_parameters_come_back_where_unique(turns: tuple[float, ...], shifts: tuple[float, ...]) -> None:
+    given_ones = dict(zip(("gamma", "alpha", "theta", "b", "d", "r"), (*turns, *shifts), strict=True))
+    if abs(np.sin(given_ones["alpha"])) <= NEARLY_PARALLEL:
+        return
+    (found,) = frame_parameters(elementary(given_ones))
+    for key, value in given_ones.items():
+        assert found.get(key, 0.0) == pytest.approx(value, abs=1e-12)
+
+
+@given(triples)
+def test_roll_pitch_yaw_come_back_as_the_same_rotation(rpy: tuple[float, ...]) -> None:
+    rotation = Rotation.from_euler("xyz", rpy).as_matrix()
+    np.testing.assert_allclose(from_roll_pitch_yaw(np.array(rpy), np.zeros(3))[:3, :3], rotation, atol=1e-14)
+    again = from_roll_pitch_yaw(roll_pitch_yaw(rotation), np.zeros(3))[:3, :3]
+    np.testing.assert_allclose(again, rotation, atol=1e-14)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3))
+@example((0.0, 0.0, -1.0))
+@example((1e-9, 0.0, -1.0))
+def test_z_is_carried_onto_the_axis_by_a_rotation(axis: tuple[float, ...]) -> None:
+    if np.linalg.norm(axis) < 1e-3:
+        return
+    turn = turned_to(np.array(axis))
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(turn[:, 2], np.array(axis) / np.linalg.norm(axis), atol=1e-15)
+    assert np.linalg.det(turn) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_lengths_of_a_file_stay_the_decimals_that_they_are() -> None:
+    """As origin xyz="0.2 0 0.12" with an axis along -x, which b, d and r are sums and products for."""
+    turned = transform(rotation_about(1, np.asarray(np.pi / 2)), np.array([0.2, 0.0, 0.12]))
+    (found,) = frame_parameters(turned)
+    assert {repr(abs(value)) for name, value in found.items() if name in "bdr"} == {"0.12", "0.2"}

@@ -5,19 +5,13 @@ import pytest
 from beamstiff import BeamstiffError
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml
+from tests.robot.test_reader import POINT
 
-POINT = """\
-beamstiff: 1
-name: point
-nodes: [{name: n0}]
-fixed: [n0]
-tcp: n0
-effects:
-"""
+WITH = f"{POINT}effects:\n"
 
 
 def test_effects_are_read_and_written_back() -> None:
-    text = POINT + (
+    text = WITH + (
         "  - {effect: backlash, component: q2, shape: flank, parameters: {a: 0.2 mrad, b: 2e-3, c: 1},\n"
         "     scales: {torque: 812.5, angles: [0, 1e-5, '2e5']}}\n"
         "  - {effect: base-compliance, shape: tilt, parameters: {tilting: 2e-7 rad/(N*m)}}\n"
@@ -59,5 +53,5 @@ def test_effects_are_read_and_written_back() -> None:
 )
 def test_what_has_not_the_form_is_refused_with_its_line(effect: str, message: str) -> None:
     with pytest.raises(BeamstiffError) as caught:
-        parse_robot(f"{POINT}  - {effect}\n")
+        parse_robot(f"{WITH}  - {effect}\n")
     assert message in str(caught.value)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from beamstiff.robot.description import Robot
+from beamstiff import Joint, JointStiffness, Node, Rigid, Robot, Strut
 from beamstiff.robot.graph import (
     joined,
     parts_without_support,
@@ -13,7 +13,6 @@ from beamstiff.robot.graph import (
     structure_graph,
     support_tree,
 )
-from beamstiff.robot.parts import Joint, JointStiffness, Node, Rigid, Strut
 from beamstiff.robot.reader import load_robot, parse_robot
 
 

@@ -6,11 +6,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Frame, Robot
 from beamstiff.robot.inverse import InverseResult, inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.parts import Frame
 from beamstiff.se3 import vector_from_rotation
 from tests.robot.machines import (
     D2,
@@ -248,8 +246,7 @@ def test_no_targets_no_answers() -> None:
 
 
 def test_a_robot_that_cannot_move_reaches_where_it_is() -> None:
-    result = inverse_geometry(
-        compile_kinematics(machine([], [], tool=("base", (1, 2, 3)))), [[1, 2, 3], [1, 2, 4]]
-    )
+    robot = machine([], [], tool=("base", (1, 2, 3)))
+    result = inverse_geometry(compile_kinematics(robot), [[1, 2, 3], [1, 2, 4]])
     assert result.reached.tolist() == [True, False]
     assert result.position_error.tolist() == [0.0, 1.0]

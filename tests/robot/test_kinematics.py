@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Frame, Node, Robot, Variable
 from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import (
     actuated_values,
@@ -17,7 +16,6 @@ from beamstiff.robot.kinematics import (
     posture,
     twist_jacobian,
 )
-from beamstiff.robot.parts import Frame, Node, Variable
 from beamstiff.se3 import rotate_screw, vector_from_rotation
 from tests.robot.machines import (
     bennett,
@@ -74,9 +72,7 @@ def differences(robot: Robot, q: Array, node: str = "tool") -> Array:
     ],
     ids=["serial", "coupled", "four-bar", "slider-crank", "three loops", "spatial loop"],
 )
-def test_twist_jacobian_is_the_derivative_of_the_pose(
-    robot: Robot, low: list[float], high: list[float]
-) -> None:
+def test_twist_jacobian_is_the_poses_derivative(robot: Robot, low: list[float], high: list[float]) -> None:
     q = np.random.default_rng(1).uniform(low, high, (20, len(low)))
     kinematics = compile_kinematics(robot)
     jacobian = twist_jacobian(kinematics, posture(kinematics, q), "tool")

@@ -77,11 +77,8 @@ def test_rate_of_a_rotation_vector(vector: Array, spin: Array) -> None:
 
 def test_least_squares_is_that_of_numpy() -> None:
     random = np.random.default_rng(0)
-    matrix, right, damping = (
-        random.normal(size=(20, 7, 4)),
-        random.normal(size=(20, 7)),
-        random.uniform(0, 1, 20),
-    )
+    matrix, right = random.normal(size=(20, 7, 4)), random.normal(size=(20, 7))
+    damping = random.uniform(0, 1, 20)
     found, damped = least_squares(matrix, right), least_squares(matrix, right, damping)
     for pose in range(20):
         expected = np.linalg.lstsq(matrix[pose], right[pose], rcond=None)[0]
@@ -117,7 +114,6 @@ def on_its_branch(th3: Array, q: Array, lever: float = D10) -> bool:
 def test_continuation_keeps_the_branch_up_to_where_branches_nearly_meet() -> None:
     kinematics = compile_kinematics(ir663())
     assembly = kinematics.assembly
-    assert assembly is not None
     random = np.random.default_rng(0)
     q8 = random.uniform(0.4, 1.2, 2000)
     # the lever folded onto the coupler but for a little

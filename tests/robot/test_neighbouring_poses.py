@@ -6,10 +6,9 @@ from which the lengths of the legs follow; a way of poses leads from one to anot
 
 import numpy as np
 
+from beamstiff import Frame, Loop, Node, Robot
 from beamstiff.robot.closure import close_loops
-from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at
-from beamstiff.robot.parts import Frame, Loop, Node
 from tests.robot.machines import Array, machine, prismatic, revolute
 
 FEET = np.array([[0.0, 0.0], [1.591, 0.0], [0.0, 1.0]])
@@ -24,8 +23,7 @@ def legs(poses: Array) -> Array:
     """Return the ways along the legs (P, 3, 2) at poses (P, 3) of the platform."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-    result: Array = poses[:, None, :2] + np.einsum("pij,kj->pki", turn, HEADS) - FEET
-    return result
+    return poses[:, None, :2] + np.einsum("pij,kj->pki", turn, HEADS) - FEET
 
 
 def determinant(poses: Array) -> Array:

@@ -61,9 +61,7 @@ def test_every_key_reaches_the_robot_in_si(everything: str) -> None:
     assert robot.identify == ("J2.torsional", "J33.radial", "screw")
 
 
-def test_the_fragment_of_the_format_description_means_what_it_says(
-    shared_path: Callable[[str], Path],
-) -> None:
+def test_the_fragment_of_the_format_description_is_read_right(shared_path: Callable[[str], Path]) -> None:
     text = shared_path("FORMATS.md").read_text(encoding="utf-8")
     fragment = text.split("```yaml\n", 1)[1].split("```", 1)[0]
     # a fragment: it names nodes that it does not show, and all that comes before that is right

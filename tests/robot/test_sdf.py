@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import load_robot
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, load_robot
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.sdf import parse_sdf

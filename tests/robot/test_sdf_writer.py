@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from typer.testing import CliRunner
 
-from beamstiff import compile_structure, load_robot, posture, save_robot, tcp_compliance
+from beamstiff import Robot, compile_structure, load_robot, posture, save_robot, tcp_compliance
 from beamstiff.cli.main import app
-from beamstiff.robot.description import Robot
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.sdf import parse_sdf
@@ -108,8 +107,7 @@ def test_the_trailblazer_goes_through_sdf(shared_path: Callable[[str], Path]) ->
 
 def test_names_are_escaped() -> None:
     text = EVERYTHING.replace("sensor mount", "a &lt;b&gt; &amp; c").replace("base-yaw", "yaw &quot;1&quot;")
-    robot = parse_urdf(text, tcp="a <b> & c")
-    assert parse_sdf(robot_to_sdf(robot).text).tcp == "a <b> & c"
+    assert parse_sdf(robot_to_sdf(parse_urdf(text, tcp="a <b> & c")).text).tcp == "a <b> & c"
 
 
 def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

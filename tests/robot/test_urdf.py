@@ -10,9 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff import load_robot, robot_names, save_robot
-from beamstiff.errors import BeamstiffError
-from beamstiff.robot.description import Robot
+from beamstiff import BeamstiffError, Robot, load_robot, robot_names, save_robot
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.reader import parse_robot
@@ -85,8 +83,7 @@ def test_links_stand_where_urdf_puts_them(text: str, seed: int) -> None:
 @settings(max_examples=20)
 @given(trees())
 def test_what_was_read_is_written_byte_for_byte(text: str) -> None:
-    robot = parse_urdf(text, tcp="l0")
-    written = robot_to_urdf(robot)
+    written = robot_to_urdf(parse_urdf(text, tcp="l0"))
     added = '\n<beamstiff tcp="l0"/>'
     assert written.replace(added, "") == text
     assert robot_to_urdf(parse_urdf(written)) == written
@@ -127,8 +124,7 @@ def test_names_units_limits_and_masses_are_taken_over() -> None:
 
 
 def test_changed_geometry_limits_and_masses_are_put_where_they_stood() -> None:
-    robot = parse_urdf(EVERYTHING, tcp=TCP)
-    data = robot.model_dump()
+    data = parse_urdf(EVERYTHING, tcp=TCP).model_dump()
     frame = next(item for item in data["frames"] if item["name"] == "upper")
     frame["r"], frame["theta"] = 0.4125, "base_yaw + 0.01"
     data["masses"] = [{"node": "upper", "mass": 13.0, "at": (0.1, 0.02, 0.25)}]
@@ -154,8 +150,7 @@ def test_velocities_are_speeds_of_joints_and_come_back() -> None:
 
 
 def test_what_no_origin_can_say_as_it_is_stands_in_the_extension_too() -> None:
-    robot = parse_urdf(EVERYTHING, tcp=TCP)
-    data = robot.model_dump()
+    data = parse_urdf(EVERYTHING, tcp=TCP).model_dump()
     frame = next(item for item in data["frames"] if item["name"] == "upper")
     frame["alpha"] = 2e-3  # nearly parallel: read back from an origin this would be two frames
     changed = Robot(**data)
@@ -249,8 +244,7 @@ def test_the_study_of_public_files_counts_what_changed_and_what_is_refused(tmp_p
 
 def test_an_extension_and_a_tree_that_tell_of_two_machines_are_refused() -> None:
     text = robot_to_urdf(load_robot("kr240-2"))
-    joint = text.index('<joint name="q2"')
-    at = text.index('xyz="', joint) + 5
+    at = text.index('xyz="', text.index('<joint name="q2"')) + 5
     with pytest.raises(BeamstiffError, match=r"stands .* beside the link of this name"):
         parse_urdf(text[:at] + "9" + text[at:])
 

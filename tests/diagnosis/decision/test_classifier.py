@@ -63,9 +63,7 @@ def test_shares_are_probabilities(none: float, left: float, free: float, law: fl
         ("two", "ahead", (9.0, 20.0, 200.0)),
     ],
 )
-def test_what_speaks_for_an_answer_makes_it_likelier(
-    share: str, name: str, values: tuple[float, ...]
-) -> None:
+def test_what_speaks_for_an_answer_makes_it_likely(share: str, name: str, values: tuple[float, ...]) -> None:
     both = GOOD if share == "two" else None
     told = [getattr(shares_of(features(**{"both": both, name: value})), share) for value in values]
     assert told == sorted(told)
@@ -107,8 +105,7 @@ def test_the_fit_finds_the_model_that_drew_the_data() -> None:
     right = rng.uniform(size=len(x)) < expit(-1.0 + x @ [0.4, 1.5])
     found = logistic([{"a": a, "b": b} for a, b in x.tolist()], right)
     assert [found[name] for name in ("constant", "a", "b")] == pytest.approx([-1.0, 0.4, 1.5], abs=0.1)
-    against = logistic([{"a": -a, "b": b} for a, b in x.tolist()], right)
-    assert against["a"] == 0.0
+    assert logistic([{"a": -a, "b": b} for a, b in x.tolist()], right)["a"] == 0.0
 
 
 def test_the_fit_of_the_unknown_finds_its_law() -> None:

@@ -33,9 +33,8 @@ def search_of(
     """Return evidence: log weights of effects, none, the unknown and free laws; the effects leave a share."""
     weights = effects | {NONE: none, UNKNOWN: unknown}
     shares = dict.fromkeys(effects, left)
-    return Search(
-        weights, pairs, {}, shares, {"q3": free, "base": free - 50.0}, {("q3", CREEPING): unmodelled}
-    )
+    laws = {"q3": free, "base": free - 50.0}
+    return Search(weights, pairs, {}, shares, laws, {("q3", CREEPING): unmodelled})
 
 
 def pair_of(first: str, second: str, log_weight: float, left: float = 0.02) -> Pair:
@@ -87,8 +86,7 @@ def test_of_a_handful_of_values_nothing_is_sure() -> None:
     for freedom in (1, 3, 12):
         found = judged(search_of(near, none=-4.0, unknown=-3.0, free=-3.0), freedom=freedom)
         assert max(found.probabilities.values()) < 0.7
-    clear = search_of(NAMED, unmodelled=-190.0)
-    assert judged(clear, freedom=800).probabilities["backlash:q3"] > 0.7
+    assert judged(search_of(NAMED, unmodelled=-190.0), freedom=800).probabilities["backlash:q3"] > 0.7
 
 
 @pytest.mark.parametrize(("freedom", "most"), [(0, 0.65), (1, 0.65), (5, 0.75), (15, 0.85), (29, 0.96)])
@@ -196,9 +194,7 @@ def test_of_two_causes_the_one_that_closes_more_alone_is_the_main_one() -> None:
 
 def test_two_causes_of_which_none_is_clear_are_unknown_and_said() -> None:
     names = ("a:1", "b:2", "c:3", "d:4")
-    pairs = tuple(
-        pair_of(first, second, 60.0 - 0.1 * at) for at, (first, second) in enumerate(combinations(names, 2))
-    )
+    pairs = tuple(pair_of(*two, 60.0 - 0.1 * at) for at, two in enumerate(combinations(names, 2)))
     found = judged(search_of(dict.fromkeys(names, 0.0), left=0.4, pairs=pairs), single=HALF, both=GOOD)
     assert (found.verdict, found.also) == (UNKNOWN, None)
     assert set(found.unclear) == set(names)

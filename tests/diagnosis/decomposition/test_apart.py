@@ -2,25 +2,22 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from beamstiff import diagnose, load_robot
+from beamstiff import Robot, diagnose
 from beamstiff.diagnosis.decomposition.apart import places_apart, rows_apart
 from beamstiff.diagnosis.decomposition.decompose import OPEN, _opened
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
-from tests.diagnosis.decomposition.test_decompose import UR10, read
+from tests.diagnosis.decomposition.test_decompose import table
 from tests.diagnosis.planted import base_compliance, campaign, kr240, plan
 
 CAUSES = ("approach", "gear", "slip")
 
 
-def table(*causes: str, wrong: dict[int, float] | None = None) -> tuple[Robot, Measurements]:
+def with_wrong(*causes: str, wrong: dict[int, float] | None = None) -> tuple[Robot, Measurements]:
     """Return a robot and its positions, some of them wrong by so many m along x."""
-    robot, rng = load_robot(UR10).model_copy(update={"identify": ()}), np.random.default_rng(1)
-    rows = read(robot, rng.uniform(-2.5, 2.5, (60, 6)), causes, rng)
+    robot, rows = table(causes, 60)
     position = rows.position.copy()
     for row, by in (wrong or {}).items():
         position[row, 0] += by
@@ -33,27 +30,27 @@ def apart(robot: Robot, rows: Measurements) -> list[int]:
 
 @pytest.mark.parametrize("causes", [(), ("gear",), ("slip",), ("friction",), CAUSES])
 def test_no_cause_makes_a_row_stand_apart(causes: tuple[str, ...]) -> None:
-    assert apart(*table(*causes)) == []
+    assert apart(*with_wrong(*causes)) == []
 
 
 @pytest.mark.parametrize(
     "wrong", [{7: 0.05}, {7: 0.02}, {7: 0.05, 41: -0.03}, {7: 0.05, 41: -0.01}, {0: 0.5}]
 )
 def test_gross_errors_stand_apart_beside_causes(wrong: dict[int, float]) -> None:
-    assert apart(*table(*CAUSES, wrong=wrong)) == sorted(wrong)
+    assert apart(*with_wrong(*CAUSES, wrong=wrong)) == sorted(wrong)
 
 
 def test_what_many_rows_have_is_no_gross_error() -> None:
-    assert apart(*table(*CAUSES, wrong=dict.fromkeys(range(0, 60, 12), 0.05))) == []
+    assert apart(*with_wrong(*CAUSES, wrong=dict.fromkeys(range(0, 60, 12), 0.05))) == []
 
 
 def test_a_diagnosis_with_a_gross_error_is_the_one_without_the_row() -> None:
-    robot, rows = table(*CAUSES, wrong={7: 0.05})
+    robot, rows = with_wrong(*CAUSES, wrong={7: 0.05})
     found = diagnose(robot, rows)
     place = rows.place(7)
     assert found.outliers == (place,)
     assert any(note.startswith(f"left out: {place}.") for note in found.notes)
-    named = [cause.key for cause in diagnose(*table(*CAUSES)).decomposition.causes]
+    named = [cause.key for cause in diagnose(*with_wrong(*CAUSES)).decomposition.causes]
     assert [cause.key for cause in found.decomposition.causes] == named
     assert found.to_dict()["outliers"] == [place]
 

@@ -49,16 +49,11 @@ def test_parameters_of_two_forms_of_a_cause_are_all_told() -> None:
     both = replace(
         one, forms=(*one.forms, *one.forms), theta=(np.ones(1), np.zeros(1)), std=(np.ones(1),) * 2
     )
-    assert [(name, value) for name, _, value, _, _ in parameters_of(both)] == [
-        ("size_1", 1.0),
-        ("size_2", 0.0),
-    ]
+    assert {name: value for name, _, value, *_ in parameters_of(both)} == {"size_1": 1.0, "size_2": 0.0}
     assert [name for name, *_ in parameters_of(one)] == ["size"]
 
 
-def test_of_causes_that_leave_more_than_there_is_without_any_one_goes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_causes_that_leave_more_than_no_cause_does_one_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Together both close nine tenths; but the first alone triples what is left: it cancels the second."""
     left = {(): 1.0, (0,): 0.9, (1,): 0.5, (0, 1): 0.1}
     along = {2: ([(0,), (1,)], [1.0, 3.0, 0.1]), 1: ([(1,)], [1.0, 0.5])}

@@ -77,9 +77,7 @@ def test_what_it_is_not_distinguished_from_is_no_part_of_the_mixture() -> None:
     residual = 3.0 * some[0].columns[:, 0] + rng.standard_normal(VALUES)
     made: Choice = choice_of(residual, *some)
     step = fit_step(made, (0,))
-    with_twin, without = (
-        discrepancy_odds(made, step, [(0,)], [alike])[0] for alike in ((), ("backlash:q1",))
-    )
+    with_twin, without = (discrepancy_odds(made, step, [(0,)], [alike])[0] for alike in ([], ["backlash:q1"]))
     assert with_twin < without - 20.0
     assert without > 50.0
 

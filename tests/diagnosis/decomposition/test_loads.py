@@ -44,9 +44,8 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
     def potential(angles: Array) -> Array:
         where = posture(kinematics, angles)
         turns = where.transforms[:, kinematics.node_frame[nodes], :3, :3]
-        return np.asarray(
-            (where.node_positions[:, nodes] + (turns @ arms[..., None])[..., 0])[..., 2] @ weights
-        )
+        places = where.node_positions[:, nodes] + (turns @ arms[..., None])[..., 0]
+        return np.asarray(places[..., 2] @ weights)
 
     turned = np.zeros_like(q)
     for _ in range(4):  # the sag changes the arms of the weights
@@ -58,9 +57,7 @@ def sagged(q: Array, stiffness: float, mass: float = MASS) -> Array:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stiffness", [1e5, 5e4])  # N m/rad; the file says 2e5
-def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_fitted(
-    stiffness: float,
-) -> None:
+def test_payload_and_drives_are_both_found_and_the_robot_written_is_the_one_fitted(stiffness: float) -> None:
     robot = load_robot(UR10).with_parameters(dict.fromkeys(DRIVES, 2e5))
     robot = robot.model_copy(update={"identify": DRIVES})
     rng = np.random.default_rng(1)
@@ -72,7 +69,6 @@ def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_f
     diagnosis = diagnose(robot, measured)
     (cause,) = diagnosis.to_dict()["causes"]
     without = calibrate(robot.model_copy(update={"identify": ()}), measured, compliances=DRIVES).held_out
-    assert without is not None
     assert diagnosis.rms == pytest.approx(without.position_rms, rel=0.1)  # on drives under stated loads
     assert cause["effect"] == "payload-error"
     for axis, arm in zip("xyz", AT, strict=True):
@@ -87,8 +83,7 @@ def test_payload_and_drives_are_both_found_and_the_robot_as_written_is_the_one_f
 
 
 def heavy_rows(q: Array, rng: np.random.Generator) -> Measurements:
-    turned = sagged(q, 1.5e5, 3 * MASS)
-    return replace(read(load_robot(UR10), turned, ("approach", "gear"), rng), q=q)
+    return replace(read(load_robot(UR10), sagged(q, 1.5e5, 3 * MASS), ("approach", "gear"), rng), q=q)
 
 
 @cache
@@ -116,7 +111,6 @@ def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as
 def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
     """No row carries a load: what passes through a joint but its weights is the error of the payload."""
     found = heavy()[0].decomposition
-    assert found is not None
     assert found.model.under == {"payload-error:null"}
     assert np.abs(found.model.baseline.places.joints["J2"].load).max() > 3 * MASS * GRAVITY * 0.9
     others = tuple(cause for cause in found.causes if cause.forms[0].effect != "payload-error")
@@ -134,7 +128,6 @@ def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_to
     drawn = draw_crowded_case(CrowdedExam(seed=20261811), case)
     diagnosis = diagnose(drawn.robot, drawn.measured(np.random.default_rng([20261811, case, 4])))
     answer = diagnosis.decomposition
-    assert answer is not None
     promised = sum(one.closes for one in (*answer.causes, *answer.unclear))
     shifts = diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
     true = true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts)
@@ -143,7 +136,6 @@ def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_to
 
 def test_degrees_of_freedom_are_those_of_the_readings_and_not_of_what_is_known_beforehand() -> None:
     decomposition = found()[0].decomposition
-    assert decomposition is not None
     model: OpenModel = decomposition.model
     assert len(model.residual) > model.count
     noise = np.zeros((len(model.residual), 2000))

@@ -17,8 +17,7 @@ AWAY = 0.005  # of a cause, that its two look-alikes together do not reproduce
 
 def held_out(step: Step) -> Array:
     """Return squared errors, each value a posture; of so many values few fits change held out."""
-    squares: Array = step.left**2
-    return squares
+    return step.left**2
 
 
 @pytest.fixture
@@ -87,8 +86,7 @@ def test_the_more_a_cause_explains_the_less_a_difference_says(made: Choice) -> N
 def test_a_fit_that_no_machine_allows_without_the_cause_leaves_a_probability(made: Choice) -> None:
     """Beside the cause the other is small; without it, it would have to be larger than any machine's."""
     bounded = replace(made, largest=np.where(made.units > 0, 1e-9, np.inf))
-    step = fit_step(made, (0, 3))
-    rival = rival_of(bounded, step, (0,), held_out)
+    rival = rival_of(bounded, fit_step(made, (0, 3)), (0,), held_out)
     assert 0.0 <= rival.probability <= 1.0
     assert 0.0 <= rival.present <= 1.0
 

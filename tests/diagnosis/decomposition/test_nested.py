@@ -120,8 +120,7 @@ def test_of_causes_that_fit_by_chance_hardly_anything_is_promised(drawn: Folds) 
     every: list[Cause] = [*found.causes, *found.unclear]
     closes = sum(one.closes for one in every)
     assert closes > 1.0
-    again = nested(drawn, every, 0)
-    promise = promised(found, again)
+    promise = promised(found, nested(drawn, every, 0))
     # a fold that happens to gain counts, one that loses does not
     assert sum(one.closes for one in (*promise.causes, *promise.unclear)) < 0.1 * closes
 

@@ -62,9 +62,7 @@ NOT_LINEAR = ("stiffen", "soften")  # in the load
 
 
 @pytest.mark.parametrize(("effect", "joint"), [("base-compliance", "q1"), ("tool-compliance", "q6")])
-def test_forms_of_a_bearing_are_of_its_group_if_all_symmetric_compliances_there_hold_them(
-    effect: str, joint: str
-) -> None:
+def test_a_bearings_forms_are_of_its_group_if_symmetric_compliances_are_all(effect: str, joint: str) -> None:
     """In three loads of forty postures: what turns with q1 no ground does, what stays beside q6 no tool."""
     there = nominal(kr240(), at_random(kr240(), 120, seed=7))
     whole = shape_of(there, effect, None, "all").columns

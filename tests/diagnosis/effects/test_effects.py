@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.data_selected import best_of, left_by
 from beamstiff.diagnosis.inference.evidence import NoisePrior, evidence
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
+from beamstiff.se3 import Array
 from tests.diagnosis import planted
 from tests.diagnosis.hypotheses import of_any_sign
 from tests.diagnosis.machines import POSITION, ROTATION, arm_at, at_random, kr240, nominal, rows_of
@@ -38,11 +40,8 @@ def campaigns() -> dict[str, Baseline]:
     loop = load_robot("ir663")
     plane = at_random(loop, 6, seed=2, reach=0.4)
     plane = rows_of(loop, plane.q, plane.wrench * [1, 0, 1, 0, 1, 0])
-    return {
-        "serial": nominal(robot, some),
-        "absolute": nominal(robot, absolute),
-        "loop": nominal(loop, plane),
-    }
+    tables = {"serial": (robot, some), "absolute": (robot, absolute), "loop": (loop, plane)}
+    return {name: nominal(*both) for name, both in tables.items()}
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +75,7 @@ def test_an_effect_says_what_it_is_and_what_tells_it_from_its_look_alikes(effect
 
 @pytest.mark.parametrize("campaign", ["serial", "absolute", "loop"])
 @pytest.mark.parametrize("effect", NAMES)
-def test_shapes_are_finite_columns_with_named_sizes(
-    effect: str, campaign: str, rows: dict[str, Baseline]
-) -> None:
+def test_shapes_are_finite_columns_with_sizes(effect: str, campaign: str, rows: dict[str, Baseline]) -> None:
     there = rows[campaign]
     for component in EFFECTS[effect].components(there):
         shapes = EFFECTS[effect].shapes(there, component)
@@ -106,15 +103,12 @@ def test_linear_places_do_twice_as_much_under_twice_the_load(rows: dict[str, Bas
     twice = nominal(kr240(), rows_of(kr240(), once.rows.q, 2 * once.rows.wrench))
     for effect in ("link-bending", "bearing-tilt", "base-compliance", "tool-compliance", "joint-coupling"):
         for component in EFFECTS[effect].components(once):
-            pairs = zip(
-                EFFECTS[effect].shapes(once, component), EFFECTS[effect].shapes(twice, component), strict=True
-            )
+            pairs = zip(*(EFFECTS[effect].shapes(some, component) for some in (once, twice)), strict=True)
             for one, other in pairs:
                 # what stiffens has columns that are not linear, and scaled by the rows
                 linear = [not re.search("contact|usual|seam", item.name) for item in one.parameters]
-                np.testing.assert_allclose(
-                    other.columns[..., linear], 2 * one.columns[..., linear], rtol=1e-9, atol=1e-9
-                )
+                doubled, columns = 2 * one.columns[..., linear], other.columns[..., linear]
+                np.testing.assert_allclose(columns, doubled, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -187,3 +181,78 @@ def test_realistic_sizes_do_not_depend_on_the_start_values_of_drives(effect: str
     np.testing.assert_allclose(guessed, [guessed[0]] * 3, rtol=0.02)
     ratio = np.array(guessed[0]) / sizes(None)
     assert ((ratio > 0.1) & (ratio < 10.0)).all()  # without knowing that wrists are softer than shoulders
+
+
+# What is chosen where it explains most of the gap
+
+
+SHAPE = (20, 6)
+
+
+@pytest.fixture
+def there() -> Baseline:
+    return nominal(kr240(), at_random(kr240(), 20, seed=1))
+
+
+def seen(there: Baseline, gap: Array) -> Baseline:
+    return replace(there, measured=there.predicted + gap)
+
+
+def drawn(seed: int, count: int = 1) -> Array:
+    return 1e-4 * np.random.default_rng(seed).standard_normal((*SHAPE, count))
+
+
+def test_what_explains_most_beside_the_rest_is_chosen(there: Baseline) -> None:
+    rest, some = drawn(1), [drawn(seed) for seed in range(2, 7)]
+    left = left_by(seen(there, rest[..., 0] + 0.3 * some[3][..., 0]), rest)
+    assert best_of(range(5), left, some.__getitem__) == 3
+
+
+def test_it_explains_what_least_squares_explain(there: Baseline) -> None:
+    rest, some = drawn(1, 2), drawn(2, 3)
+    weight = np.repeat([1.0, 0.5], 3)  # rotations by a lever of half a metre
+    gap = 1e-4 * np.random.default_rng(3).uniform(-1, 1, SHAPE)  # nothing in it is far off
+
+    def square(columns: Array) -> float:
+        flat = (columns * weight[:, None]).reshape(120, -1)
+        flat, target = flat / np.linalg.norm(flat, axis=0), (gap * weight).ravel()
+        return float(((target - flat @ np.linalg.lstsq(flat, target)[0]) ** 2).sum())
+
+    model = np.concatenate([there.tangent, rest], -1)
+    left = left_by(seen(there, gap), rest)
+    expected = square(model) - square(np.concatenate([model, some], -1))
+    assert left.explained(some) == pytest.approx(expected, rel=1e-6)
+
+
+def test_of_equals_the_first_is_chosen_whatever_rounding_says(there: Baseline) -> None:
+    one, gap = drawn(1, 2), drawn(2)[..., 0]
+    turned = one @ np.linalg.qr(np.random.default_rng(3).standard_normal((2, 2)))[0]
+    left = left_by(seen(there, gap), np.zeros((*SHAPE, 0)))
+    for some in ([one, turned, 7.0 * one], [turned, one]):
+        assert best_of(range(len(some)), left, some.__getitem__) == 0
+
+
+def test_a_wrong_row_does_not_choose(there: Baseline) -> None:
+    right, other = drawn(1), drawn(2)
+    gap = right[..., 0].copy()
+    gap[3] += 100.0 * other[3, :, 0]
+    assert best_of([right, other], left_by(seen(there, gap), np.zeros((*SHAPE, 0))), lambda one: one) is right
+
+
+def test_where_nothing_is_left_nothing_is_chosen(there: Baseline) -> None:
+    rest = drawn(1)
+    left = left_by(seen(there, rest[..., 0]), rest)
+    assert best_of([drawn(2)], left, lambda one: one) is None
+    assert best_of([], left, lambda one: one) is None
+
+
+def test_columns_of_rounding_neither_explain_nor_take_anything(there: Baseline) -> None:
+    rest, gap = drawn(1, 2), drawn(2)[..., 0]
+    rounding = 1e-13 * drawn(3, 9)
+    assert left_by(seen(there, gap), np.concatenate([rest, rounding], -1)).gap == pytest.approx(
+        left_by(seen(there, gap), rest).gap
+    )
+    left = left_by(seen(there, gap), rest)
+    absorbed = rest @ np.random.default_rng(4).standard_normal((2, 5))
+    assert left.explained(absorbed) == 0.0
+    assert best_of([absorbed], left, lambda one: one) is None

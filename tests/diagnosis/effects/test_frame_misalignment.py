@@ -86,9 +86,8 @@ def test_a_displacement_is_the_difference_of_two_places_that_are_read_in_a_bent_
 
     step = 1e-4 / np.abs(moved).max()
     error = (read(place + step * moved) - read(place - step * moved)) / (2 * step) - moved
-    columns = shape_of(
-        there, "frame-misalignment", None, f"places read in a bent space, of degree {degree}"
-    ).columns
+    name = f"places read in a bent space, of degree {degree}"
+    columns = shape_of(there, "frame-misalignment", None, name).columns
     assert not columns[:, 3:, 3:].any()
     assert unexplained(error, columns[:, :3, 3:]) < 1e-6
 
@@ -141,24 +140,21 @@ def test_a_frame_that_was_moved_reads_otherwise_after_that(kind: str) -> None:
     again = replace(there, stated=scales)
     close(shape_of(again, "frame-misalignment", None, name).columns, shape.columns)
     # what is measured another day is measured in the frame of after it
-    half = subset(there.rows, np.arange(10))
-    today = replace(nominal(kr240(), half), stated=scales)
+    today = replace(nominal(kr240(), subset(there.rows, np.arange(10))), stated=scales)
     found = shape_of(today, "frame-misalignment", None, name).columns
     own = len(shape.parameters) // 2
     close(found[..., own:], found[..., :own])
     # no other shape counts against it
-    assert [one.name for one in EFFECTS["frame-misalignment"].shapes(moved, None) if one.against is None] == [
-        name
-    ]
+    shapes = EFFECTS["frame-misalignment"].shapes(moved, None)
+    assert [one.name for one in shapes if one.against is None] == [name]
 
 
 def test_of_rows_that_were_timed_the_time_says_what_was_before_and_after() -> None:
     scales = {"moved_at": 0.5, "start": 60.0, "duration": 100.0, "rows": 40.0}
     there = in_steps(2)
     timed = replace(there.rows, time=np.array([70.0, 80, 90, 100, 115, 120, 130, 900]))
-    shape = shape_of(
-        replace(there, rows=timed, stated=scales), "frame-misalignment", None, "turned, then moved"
-    )
+    again = replace(there, rows=timed, stated=scales)
+    shape = shape_of(again, "frame-misalignment", None, "turned, then moved")
     assert shape.columns[..., 3:].any(axis=(1, 2)).tolist() == 4 * [False] + 4 * [True]
 
 
@@ -172,9 +168,8 @@ def test_a_frame_that_is_moved_between_two_tables_is_found_though_each_starts_it
         run[:, None] == 0, there.predicted, np.concatenate([turn.apply(d), turn.apply(r)], axis=1)
     )
     noise = 1e-8 * np.random.default_rng(8).standard_normal(seen.shape)
-    shape = shape_of(
-        replace(there, rows=rows, measured=seen + noise), "frame-misalignment", None, "turned, then moved"
-    )
+    moved = replace(there, rows=rows, measured=seen + noise)
+    shape = shape_of(moved, "frame-misalignment", None, "turned, then moved")
     assert shape.columns[..., 3:].any(axis=(1, 2)).tolist() == 16 * [False] + 16 * [True]
 
 

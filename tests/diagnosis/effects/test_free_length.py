@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Robot, Strut, load_robot
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
@@ -13,7 +13,6 @@ from beamstiff.diagnosis.effects.free_length import NAME, screws
 from beamstiff.diagnosis.residual.baseline import Baseline, predict
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import twist_jacobian
-from beamstiff.robot.parts import Strut
 from tests.diagnosis.machines import POSITION, at_random, by_compliance_of, close, nominal, rows_of, shape_of
 from tests.robots.machine import at, inside, values
 from tests.robots.slider_cranks import lever_arm
@@ -46,8 +45,7 @@ def stretched(name: str, EA: float, share: float = 0.0) -> Robot:
 
 @pytest.mark.parametrize("variable", DRIVEN)
 def test_a_screw_is_the_derivative_of_a_strut_with_a_free_length(campaign: Baseline, variable: str) -> None:
-    at_screw = list(DRIVEN).index(variable)
-    length = campaign.rows.q[:, at_screw]
+    length = campaign.rows.q[:, list(DRIVEN).index(variable)]
     shape = shape_of(campaign, "actuator-lever", variable, NAME)
     here, first, second = (
         predict_displacements(robot, campaign.rows)
@@ -60,9 +58,7 @@ def test_a_screw_is_the_derivative_of_a_strut_with_a_free_length(campaign: Basel
     assert shape.parameters[0].unit == "1/N"
 
 
-def test_about_its_axis_a_screw_is_compliant_by_its_length_over_the_square_of_its_lever(
-    campaign: Baseline,
-) -> None:
+def test_about_its_axis_a_screw_is_compliant_by_its_length_over_its_lever_squared(campaign: Baseline) -> None:
     # force, and slip, of a lever about axis 2: theta2 as the constant springs have it
     rows = campaign.rows
     theta = np.stack([values(at(SCREWS, rows.q), name) for name in ("th2", "th8")], axis=1)
@@ -77,10 +73,8 @@ def test_about_its_axis_a_screw_is_compliant_by_its_length_over_the_square_of_it
 
 
 def test_every_variable_that_drives_a_strut_has_one_and_no_other(campaign: Baseline) -> None:
-    assert {name: one.struts for name, one in screws(campaign).items()} == {
-        "r2": ("screw2",),
-        "r8": ("screw8",),
-    }
+    driven = {name: one.struts for name, one in screws(campaign).items()}
+    assert driven == {"r2": ("screw2",), "r8": ("screw8",)}
     assert EFFECTS["actuator-lever"].components(campaign) == ["r2", "r8"]
     platform = load_robot("stewart")
     legs = screws(nominal(platform, at_random(platform, 4, 0)))

@@ -41,9 +41,8 @@ def test_a_drive_that_hardens_smoothly_has_a_stiffness_that_grows_towards_its_ow
 
 def test_several_knees_make_any_drive_of_five_straight_lines() -> None:
     columns = slips("several knees")
-    curve = np.interp(np.abs(SHARES), [0, 0.05, 0.1, 0.25, 0.5, 1], [0, 0.3, 0.5, 0.8, 1.0, 1.0]) * np.sign(
-        SHARES
-    )
+    knees, levels = [0, 0.05, 0.1, 0.25, 0.5, 1], [0, 0.3, 0.5, 0.8, 1.0, 1.0]
+    curve = np.interp(np.abs(SHARES), knees, levels) * np.sign(SHARES)
     left = curve - columns @ np.linalg.lstsq(columns, curve)[0]
     np.testing.assert_allclose(left, 0, atol=1e-12)
 

@@ -31,9 +31,7 @@ def test_friction_holds_all_until_it_slips_and_twice_as_much_on_the_way_back() -
 
 
 @given(st.lists(st.floats(-5, 5), min_size=1, max_size=12), st.floats(0.01, 3))
-def test_what_is_held_never_exceeds_the_friction_and_fine_steps_change_nothing(
-    torque: list[float], limit: float
-) -> None:
+def test_friction_holds_no_more_and_fine_steps_change_nothing(torque: list[float], limit: float) -> None:
     coarse = np.array(torque)
     found = stepped(coarse, limit)
     assert (np.abs(found) <= limit).all()
@@ -45,9 +43,8 @@ def test_what_is_held_never_exceeds_the_friction_and_fine_steps_change_nothing(
 def test_a_closed_cycle_loses_the_work_of_the_friction() -> None:
     # the loop of an elastic and frictional element: 2 r times the torque travelled beyond slipping, both ways
     r, top = 0.25, 1.0
-    way = np.concatenate(
-        [np.linspace(0, top, 2001), np.linspace(top, -top, 4001), np.linspace(-top, top, 4001)]
-    )
+    ends = ((0, top, 2001), (top, -top, 4001), (-top, top, 4001))
+    way = np.concatenate([np.linspace(*one) for one in ends])
     held = stepped(way, r)
     loop = slice(2001, None)
     work = np.abs(np.trapezoid(held[loop], way[loop]))
@@ -69,20 +66,14 @@ def test_friction_that_grows_with_the_torque_holds_a_share_of_it_one_way_and_the
 
 
 def test_what_the_move_has_left_is_friction_without_torque_where_the_weight_acts_after_it() -> None:
-    flat = np.full(3, 0.5)
-    found = stepped(flat, 0.1, start=0.5, grows=0.4, arrived=-1.0, wound=True, whole=True)
+    found = stepped(np.full(3, 0.5), 0.1, start=0.5, grows=0.4, arrived=-1.0, wound=True, whole=True)
     assert found == pytest.approx(np.full(3, 0.3))  # -0.1 and 0.5 more, held by 0.1 + 0.4 * 0.5 at most
 
 
 def test_the_elbow_lags_by_what_friction_holds() -> None:
     largest = 1000.0
-    rows = rows_of(
-        elbow(),
-        [0, 0],
-        CYCLE[:, None] * largest / FORE * np.eye(6)[1],
-        pose=np.zeros(11, int),
-        step=np.arange(11),
-    )
+    wrench = CYCLE[:, None] * largest / FORE * np.eye(6)[1]
+    rows = rows_of(elbow(), [0, 0], wrench, pose=np.zeros(11, int), step=np.arange(11))
     there = nominal(elbow(), rows)
     for limit in LIMITS:
         shape = shape_of(there, "hysteresis", "q2", f"friction {limit:g}")
@@ -105,18 +96,10 @@ def test_rows_are_taken_in_the_order_they_were_measured_in() -> None:
 def test_every_pose_begins_anew_unless_the_history_runs_on() -> None:
     wrench = np.tile(CYCLE[:4], 2)[:, None] * 1000 * np.eye(6)[1]
     pose, step = np.repeat([0, 1], 4), np.tile(np.arange(4), 2)
-    anew, running = (
-        shape_of(
-            nominal(
-                elbow(),
-                rows_of(elbow(), [0, 0], wrench, pose=pose, step=step, time=np.arange(8.0), continuous=on),
-            ),
-            "hysteresis",
-            "q2",
-            "friction 0.4",
-        ).columns[:, 5, 0]
-        for on in (False, True)
-    )
+    timed = {"pose": pose, "step": step, "time": np.arange(8.0)}
+    tables = (rows_of(elbow(), [0, 0], wrench, continuous=on, **timed) for on in (False, True))
+    shapes = (shape_of(nominal(elbow(), rows), "hysteresis", "q2", "friction 0.4") for rows in tables)
+    anew, running = (shape.columns[:, 5, 0] for shape in shapes)
     assert anew[4:] == pytest.approx(anew[:4])
     assert running == pytest.approx(-stepped(np.tile(CYCLE[:4], 2), 0.4))
     assert running[4:] != pytest.approx(anew[4:])
@@ -170,8 +153,7 @@ def test_what_friction_holds_is_let_go_with_the_time() -> None:
     # a load that stays: of what is held a share exp(-t / tau) is left; tau is as long as a pose takes
     time = np.array([0.0, 10, 30, 70, 90])
     load = np.array([1.0, 1, 1, 1, 1])[:, None] * np.eye(6)[1]
-    rows = rows_of(elbow(), [0, 0], load, time=time)
-    there = nominal(elbow(), rows)
+    there = nominal(elbow(), rows_of(elbow(), [0, 0], load, time=time))
     shape = shape_of(there, "hysteresis", "q1", "friction that grows with the torque, let go with the time")
     names = [item.name for item in shape.parameters]
     still = shape.columns[:, 5, names.index("held_windup_0_and_0.8")]
@@ -217,15 +199,9 @@ def test_the_friction_of_the_last_motion_lags_behind_it_until_a_load_has_turned_
     q = np.array([[0.3, 0.0], [0.3, 0.6], [0.3, 0.2], [0.3, 0.9], [0.3, 0.4]])
     came = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], 2)
     push = np.repeat([1.0, 1.0, 1.0, -1.0, -1.0], 2) * np.tile([0.0, 1000.0], 5)
-    rows = rows_of(
-        elbow(),
-        np.repeat(q, 2, axis=0),
-        push[:, None] * np.eye(6)[1],
-        pose=np.repeat(np.arange(5), 2),
-        step=np.tile([0, 1], 5),
-        position=np.zeros((10, 3)),
-        rotation=np.zeros((10, 3)),
-    )
+    order = {"pose": np.repeat(np.arange(5), 2), "step": np.tile([0, 1], 5)}
+    order |= {"position": np.zeros((10, 3)), "rotation": np.zeros((10, 3))}
+    rows = rows_of(elbow(), np.repeat(q, 2, axis=0), push[:, None] * np.eye(6)[1], **order)
     base = nominal(elbow(), rows)
     moved = shape_of(base, "hysteresis", "q2", "friction 0.1, left from the last motion").columns[:, :, 0]
     axis = axis_at(base, "q2")

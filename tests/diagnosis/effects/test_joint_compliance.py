@@ -7,8 +7,8 @@ from beamstiff import predict
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import at_rows
-from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
+from tests.added import added
 from tests.diagnosis.machines import (
     at_random,
     by_compliance_of,
@@ -84,10 +84,8 @@ def test_a_joint_may_be_worn_in_a_sector() -> None:
     shape = shape_of(there, "joint-compliance", "q2", "by sectors")
     assert [item.name for item in shape.parameters[:2]] == ["compliance", "compliance_near_-180_deg"]
     q = there.rows.q[:, 1]
-    bumps = [
-        np.exp(-2.0 * (np.sin((q - np.deg2rad(at)) / 2.0) / np.deg2rad(20.0)) ** 2)
-        for at in range(-180, 180, 30)
-    ]
+    wide, places = np.deg2rad(20.0), np.deg2rad(range(-180, 180, 30))
+    bumps = [np.exp(-2.0 * (np.sin((q - at) / 2.0) / wide) ** 2) for at in places]
     for at, bump in enumerate(bumps, 1):  # cos a - 1 = -2 sin(a / 2)^2
         close(shape.columns[..., at], bump[:, None] * even, least=1e-12)
     # any smooth course of the angle is nearly one of these
@@ -117,14 +115,9 @@ def test_what_was_found_to_follow_the_angle_holds_for_a_single_posture() -> None
     robot = elbow(torsional="rigid")
     fit = nominal(robot, at_random(robot, 8, seed=1))
     one = at_random(robot, 1, seed=2)
-    added = AddedEffect(
-        effect="joint-compliance",
-        component="q2",
-        shape="by its angle",
-        parameters={"compliance_by_cosine_q": 2e-6},
-        scales=EFFECTS["joint-compliance"].scales(fit, "q2"),
-    )
-    moved = effects_displacement(robot.model_copy(update={"effects": (added,)}), one)
+    scales = EFFECTS["joint-compliance"].scales(fit, "q2")
+    effect = added("joint-compliance:q2", "by its angle", scales, compliance_by_cosine_q=2e-6)
+    moved = effects_displacement(robot.model_copy(update={"effects": (effect,)}), one)
     linear = shape_of(nominal(robot, one), "joint-compliance", "q2", "linear").columns[..., 0]
     close(moved, 2e-6 * np.cos(one.q[0, 1]) * linear)
     assert shape_of(at_rows(fit, one), "joint-compliance", "q2", "by its angle")

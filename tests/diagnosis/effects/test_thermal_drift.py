@@ -23,8 +23,7 @@ def test_a_steady_drift_grows_with_the_time_whatever_the_load() -> None:
     for axis in range(3):
         drift = shape.columns[:, axis, axis]
         assert np.diff(drift) == pytest.approx(np.diff(TIME) / 400)  # the parameter is the drift of all of it
-        others = np.delete(shape.columns[..., axis], axis, axis=1)
-        assert not others.any()
+        assert not np.delete(shape.columns[..., axis], axis, axis=1).any()
 
 
 @pytest.mark.parametrize(("name", "decay"), [("warming up within 0.3", 0.3), ("warming up within 0.1", 0.1)])
@@ -52,15 +51,8 @@ def test_without_times_and_temperatures_nothing_is_said_to_drift() -> None:
 
 
 def test_a_shared_unloaded_reading_takes_the_drift_of_its_moment_out() -> None:
-    rows = at_random(elbow(), 2, seed=2)
-    rows = rows_of(
-        elbow(),
-        np.repeat(rows.q, 3, axis=0),
-        np.repeat(rows.wrench, 3, axis=0),
-        pose=np.repeat([0, 1], 3),
-        time=TIME,
-        shared_unloaded=True,
-    )
+    once, pose = at_random(elbow(), 2, seed=2), np.repeat([0, 1], 3)
+    rows = rows_of(elbow(), once.q[pose], once.wrench[pose], pose=pose, time=TIME, shared_unloaded=True)
     shapes = EFFECTS["thermal-drift"].shapes(nominal(elbow(), rows), None)
     found = next(one for one in shapes if one.name == "linear, since the unloaded reading").columns[:, 0, 0]
     assert found == pytest.approx((TIME - [0, 0, 0, 300, 300, 300]) / 400)
@@ -78,8 +70,7 @@ def test_a_thermometer_is_believed_where_there_is_one() -> None:
 
 def test_a_machine_follows_its_temperature_with_a_lag() -> None:
     time = np.linspace(0.0, 400.0, 401)
-    warmth = np.where(time < 100, 20.0, 25.0)
-    rows = at_random(elbow(), 401, seed=3, time=time, temperature=warmth)
+    rows = at_random(elbow(), 401, seed=3, time=time, temperature=np.where(time < 100, 20.0, 25.0))
     shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "temperature, lagging by 0.05")
     found = shape.columns[:, 0, 0]
     after = time >= 100
@@ -91,8 +82,7 @@ def test_a_machine_follows_its_temperature_with_a_lag() -> None:
 
 def test_a_turning_frame_moves_points_by_their_distance() -> None:
     rows = at_random(elbow(), 6, seed=1, time=TIME)
-    baseline = nominal(elbow(), rows)
-    shape = shape_of(baseline, "thermal-drift", None, "any course, turning")
+    shape = shape_of(nominal(elbow(), rows), "thermal-drift", None, "any course, turning")
     names = [item.name for item in shape.parameters]
     turn = shape.columns[..., [names.index(f"turn_mode_1_{axis}") for axis in "xyz"]]
     course = shape.columns[:, 0, names.index("drift_mode_1_x")]
@@ -271,8 +261,7 @@ def test_a_target_that_turns_on_its_holder_moves_no_point() -> None:
 
 def test_a_machine_without_anything_to_fit_may_drift_as_well() -> None:
     robot = elbow(torsional="rigid")
-    rows = at_random(robot, 60, seed=1, time=np.arange(60.0))
-    there = fit_baseline(robot, rows, keep=())
+    there = fit_baseline(robot, at_random(robot, 60, seed=1, time=np.arange(60.0)), keep=())
     assert cycle_of(there, False).count >= 2.0
     assert shape_of(there, "thermal-drift", None, "cycle").data_selected
 

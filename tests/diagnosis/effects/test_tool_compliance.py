@@ -47,10 +47,8 @@ def test_a_round_tool_gives_the_same_whichever_way_it_is_turned_about_its_axis()
     q[:, 5] += np.random.default_rng(1).uniform(-2, 2, 8)
     turned = rows_of(kr240(), q, still.wrench)
     for shape, alike in (("round", True), ("by axis", False)):
-        one, other = (
-            shape_of(nominal(kr240(), rows), "tool-compliance", None, shape).columns
-            for rows in (still, turned)
-        )
+        both = (nominal(kr240(), rows) for rows in (still, turned))
+        one, other = (shape_of(there, "tool-compliance", None, shape).columns for there in both)
         assert np.allclose(one, other, atol=1e-9 * np.abs(one).max()) == alike
     # a tilt about a centre on the axis is one of them
     there = nominal(kr240(), still)
@@ -69,9 +67,7 @@ def test_what_is_seen_before_the_flange_does_not_move() -> None:
 
 # the largest load that was fitted, N and N m: beyond it the law goes on along its tangent, 3 x - 2 for x^3
 @pytest.mark.parametrize(("largest", "times"), [(1e4, 8.0), (1e-4, 2.0)])
-def test_under_twice_the_load_a_seam_gives_eight_times_as_much_as_far_as_it_was_seen(
-    largest: float, times: float
-) -> None:
+def test_under_twice_the_load_a_seam_gives_eight_times_as_much(largest: float, times: float) -> None:
     rows = at_random(kr240(), 6, seed=4)
     stated = {"force": largest, "moment": largest}
     once, more = (

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot
+from beamstiff import Node, Rigid, Robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Node, Rigid
 from tests.diagnosis.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of, unexplained
 
 OFFSET = 0.05
@@ -31,9 +30,7 @@ def with_lug(axis: int) -> Robot:
     ("shape", "load_point", "point"),
     [("load", "lug", "n6b"), ("target", "n6b", "lug"), ("load and target together", "lug", "lug")],
 )
-def test_columns_are_what_a_node_elsewhere_does_more(
-    axis: int, shape: str, load_point: str, point: str
-) -> None:
+def test_columns_are_what_a_node_elsewhere_adds(axis: int, shape: str, load_point: str, point: str) -> None:
     rows = at_random(kr240(), 8, seed=axis)
     # what is read is what the target does, its rotation included; to first order in the offset
     lug = replace(rows, load_point=np.full(8, load_point), point=np.full(8, point))
@@ -87,8 +84,7 @@ def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
     q = at_random(kr240(), 6, seed=4).q
     arm = arm_at(q)
     there = nominal(kr240(), rows_of(kr240(), q, np.zeros((6, 6)), position=arm.tip, rotation=0 * arm.tip))
-    lug = replace(there.rows, point=np.full(6, "lug"))
-    expected = nominal_pose(with_lug(axis), lug)[0] - arm.tip
+    expected = nominal_pose(with_lug(axis), replace(there.rows, point=np.full(6, "lug")))[0] - arm.tip
     columns = shape_of(there, "tool-offset", None, "target").columns[..., axis]
     np.testing.assert_allclose(columns[:, :3] * OFFSET, expected, atol=1e-12)
     assert not columns[:, 3:].any()
@@ -99,8 +95,7 @@ def test_a_target_off_its_seat_is_off_in_absolute_positions(axis: int) -> None:
 @pytest.mark.parametrize("axis", range(3))
 def test_a_target_whose_unloaded_place_is_known_still_moves_with_what_the_load_turns(axis: int) -> None:
     loaded = at_random(kr240(), 6, seed=6)
-    arm = arm_at(loaded.q)
-    read = arm.tip + predict_displacements(kr240(), loaded)[:, :3]
+    read = arm_at(loaded.q).tip + predict_displacements(kr240(), loaded)[:, :3]
     there = nominal(kr240(), rows_of(kr240(), loaded.q, loaded.wrench, position=read))
     lug = replace(loaded, point=np.full(6, "lug"))
     expected = predict_displacements(with_lug(axis), lug) - predict_displacements(kr240(), loaded)
@@ -144,32 +139,27 @@ def test_a_load_that_hangs_on_something_acts_where_its_direction_takes_it(where:
 
 def test_a_load_that_keeps_its_side_acts_beside_the_tool_however_that_turns() -> None:
     rows = at_random(kr240(), 8, seed=5)
-    shape = shape_of(
-        nominal(kr240(), rows), "tool-offset", None, "load that keeps its side in the base frame"
-    )
+    name = "load that keeps its side in the base frame"
+    shape = shape_of(nominal(kr240(), rows), "tool-offset", None, name)
     for axis in range(3):
         beside = OFFSET * np.eye(3)[axis]
         moment = rows.wrench.copy()
         moment[:, 3:] += np.cross(beside, rows.wrench[:, :3])
-        more = predict_displacements(kr240(), replace(rows, wrench=moment)) - predict_displacements(
-            kr240(), rows
-        )
-        close(shape.columns[..., axis] * OFFSET, more)
+        moved, still = (predict_displacements(kr240(), some) for some in (replace(rows, wrench=moment), rows))
+        close(shape.columns[..., axis] * OFFSET, moved - still)
 
 
 def test_a_load_that_is_hooked_on_anew_sits_elsewhere_in_every_posture() -> None:
     q = np.repeat(at_random(kr240(), 5, seed=9).q, 4, axis=0)
     there = nominal(kr240(), rows_of(kr240(), q, at_random(kr240(), 20, seed=10).wrench))
     offset = np.repeat(np.random.default_rng(11).uniform(-OFFSET, OFFSET, (5, 3)), 4, axis=0)
-    at = np.einsum("nai,ni->na", arm_at(q).tool, offset)
-    moment = np.cross(at, there.rows.wrench[:, :3])
+    moment = np.cross(np.einsum("nai,ni->na", arm_at(q).tool, offset), there.rows.wrench[:, :3])
     moved = np.einsum("nab,nb->na", there.response[:, :, 3:], moment)
     shape = shape_of(there, "tool-offset", None, "load, per-posture offset")
     assert unexplained(moved, shape.columns) < 1e-9
     assert sum(not item.posture_specific for item in shape.parameters) == 3
     # of postures that were not measured it knows the common point alone
-    other = at_random(kr240(), 6, seed=12)
-    elsewhere = replace(nominal(kr240(), other), fit_rows=there)
+    elsewhere = replace(nominal(kr240(), at_random(kr240(), 6, seed=12)), fit_rows=there)
     found = shape_of(elsewhere, "tool-offset", None, "load, per-posture offset").columns
     assert found.shape[2] == shape.columns.shape[2]
     assert not found[:, :, 3:].any()

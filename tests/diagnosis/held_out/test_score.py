@@ -19,24 +19,13 @@ from beamstiff.diagnosis.held_out.score import (
 from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, nominal, rows_of
+from tests.diagnosis.machines import POSITION, ROTATION, cycles, elbow, nominal
 
 SIGMA = np.repeat([POSITION, ROTATION], 3)
 
 
 def campaign(poses: int = 40, loads: int = 3, shared: bool = False) -> Baseline:
-    robot = elbow()
-    some = at_random(robot, poses, seed=1)
-    rows = rows_of(
-        robot,
-        np.repeat(some.q, loads, axis=0),
-        np.repeat(some.wrench, loads, axis=0) * np.tile(np.linspace(0.5, 1, loads), poses)[:, None],
-        pose=np.repeat(np.arange(poses), loads),
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-        shared_unloaded=shared,
-    )
-    return nominal(robot, rows)
+    return nominal(elbow(), cycles(elbow(), poses, np.linspace(0.5, 1, loads), shared_unloaded=shared))
 
 
 def with_gap(there: Baseline, gap: Array) -> Baseline:
@@ -47,9 +36,8 @@ def weighted(columns: Array, magnitude: float = 1e3, effect: str = "a", weight: 
     """Return an effect of some columns (N, 6, c), realistic sizes 1."""
     names = tuple(Quantity(f"p{k}", "1", 1.0) for k in range(columns.shape[-1]))
     shape = Shape("only", columns, names)
-    return Weighted(
-        Hypothesis(effect, None, shape, 1.0, columns.reshape(-1, columns.shape[-1])), weight, magnitude
-    )
+    one = Hypothesis(effect, None, shape, 1.0, columns.reshape(-1, columns.shape[-1]))
+    return Weighted(one, weight, magnitude)
 
 
 def across(there: Baseline, columns: Array) -> Array:
@@ -71,9 +59,7 @@ def test_the_shrink_is_the_share_of_the_gap_that_the_effect_is(share: float) -> 
         rest[:, part] *= np.linalg.norm(own) / np.linalg.norm(rest[:, part])
     gap = 20 * (np.sqrt(share) * effect + np.sqrt(1 - share) * rest)
     noise = rng.standard_normal((120, 6)) * SIGMA
-    found = held_out(
-        with_gap(there, gap + noise), there.used, [[weighted(effect[..., None])]], scale=1.0, seed=0
-    )
+    found = held_out(with_gap(there, gap + noise), there.used, [[weighted(effect[..., None])]], 1.0, 0)
     assert found.shrink == pytest.approx(share, abs=0.05)
     low, high = found.interval
     assert low < share < high or found.shrink == pytest.approx(share, abs=0.02)
@@ -179,8 +165,7 @@ def test_a_fit_is_generalised_least_squares_with_a_prior_of_the_effects_size(sha
     covariance = together * np.outer(*[1.5 * np.tile(SIGMA, 18)] * 2)
     columns = np.concatenate([there.tangent, one.hypothesis.shape.columns], axis=-1).reshape(108, 4)
     weight = np.linalg.inv(covariance)
-    prior = np.diag([0, 0, 0.7**-2, 0.7**-2])
-    inverse = np.linalg.inv(columns.T @ weight @ columns + prior)
+    inverse = np.linalg.inv(columns.T @ weight @ columns + np.diag([0, 0, 0.7**-2, 0.7**-2]))
     theta = inverse @ columns.T @ weight @ gap.ravel()
     np.testing.assert_allclose(np.concatenate([found.compliance, found.theta]), theta, rtol=1e-7)
     np.testing.assert_allclose(found.covariance, inverse, rtol=1e-6, atol=1e-12 * np.abs(inverse).max())
@@ -198,11 +183,8 @@ def test_ridge_regression_of_columns_of_any_size_is_the_dense_solution() -> None
     gap, ridge = rng.standard_normal(20), np.array([0.0, 2.0, 1e-13])
     theta, covariance = solve(columns, ridge, gap)
     stacked = np.concatenate([columns, np.diag(np.sqrt(ridge))])
-    expected = np.linalg.lstsq(stacked / [1e6, 1, 1e-6], np.concatenate([gap, np.zeros(3)]))[0] / [
-        1e6,
-        1,
-        1e-6,
-    ]
+    size = np.array([1e6, 1, 1e-6])
+    expected = np.linalg.lstsq(stacked / size, np.concatenate([gap, np.zeros(3)]))[0] / size
     np.testing.assert_allclose(theta, expected, rtol=1e-9)
     assert np.diag(covariance) == pytest.approx(
         np.diag(np.linalg.inv((g := stacked / [1e6, 1, 1e-6]).T @ g)) / np.array([1e12, 1, 1e-12])

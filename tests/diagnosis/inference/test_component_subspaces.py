@@ -132,8 +132,7 @@ def test_a_drive_that_is_another_in_every_posture_has_no_name() -> None:
 
 @pytest.mark.parametrize("knee", [0.06, 0.3])
 def test_a_drive_that_softens_has_no_name_and_one_that_hardens_is_none(knee: float) -> None:
-    some = at_random(kr240(), 60, seed=8)
-    there = nominal(kr240(), some)
+    there = nominal(kr240(), at_random(kr240(), 60, seed=8))
     axis = axis_at(there, "q2")
     over = np.maximum(np.abs(axis.load) - knee * axis.typical, 0.0)
     law = 4e-7 * (axis.shift * (np.sign(axis.load) * over)[:, None])
@@ -181,9 +180,8 @@ def test_drives_that_carry_nothing_take_nothing_from_the_others() -> None:
 
 def test_a_link_may_be_called_what_a_place_is_called() -> None:
     arm = elbow()
-    renamed = tuple(
-        one.model_copy(update={"name": {"fore": "tool", "upper": "link.1"}[one.name]}) for one in arm.rigids
-    )
+    other = {"fore": "tool", "upper": "link.1"}
+    renamed = tuple(one.model_copy(update={"name": other[one.name]}) for one in arm.rigids)
     arm = arm.model_copy(update={"rigids": renamed})
     there = nominal(arm, at_random(arm, 12, seed=6))
     white = whiten(there)

@@ -87,9 +87,8 @@ def test_a_density_is_the_integral_over_the_effects_size_and_the_fitted_paramete
     theta, b = np.meshgrid(grid, grid, indexing="ij")
     explained = theta[..., None] * one.columns[:, 0] + b[..., None] * white.tangent[:, 0]
     likelihood = norm.pdf(white.gap - explained).prod(axis=-1)
-    exact = np.mean(
-        [(likelihood * norm.pdf(theta, scale=u)).sum() * (grid[1] - grid[0]) ** 2 for u in 3.0**MAGNITUDES]
-    )
+    sums = [(likelihood * norm.pdf(theta, scale=u)).sum() for u in 3.0**MAGNITUDES]
+    exact = np.mean(sums) * (grid[1] - grid[0]) ** 2
     found = evidence(white, [one], ONE).exact[0]
     assert found == pytest.approx(np.log(exact) + constant(white), abs=1e-8)
 
@@ -189,8 +188,7 @@ def test_evidence_does_not_depend_on_where_the_fitted_parameters_are(c: int) -> 
     rng = np.random.default_rng(2)
     moved = replace(white, gap=white.gap + white.tangent @ [30.0, -20.0])
     mixed = replace(one, columns=one.columns + white.tangent @ rng.standard_normal((2, c)))
-    turn = ortho_group.rvs(2, random_state=3)
-    other = replace(moved, tangent=moved.tangent @ turn)
+    other = replace(moved, tangent=moved.tangent @ ortho_group.rvs(2, random_state=3))
     before, after = evidence(white, [one], SEVERAL), evidence(other, [mixed], SEVERAL)
     assert after.hypotheses[0] == pytest.approx(before.hypotheses[0], abs=1e-8)
     assert after.none == pytest.approx(before.none, abs=1e-8)
@@ -244,9 +242,8 @@ def test_the_odds_average_exact_shapes_by_their_priors() -> None:
     one = replace(one, prior=0.8)
     found = evidence(white, [one, other], SEVERAL)
     expected = np.log(0.8 * np.exp(found.exact[0]) + 0.2 * np.exp(found.exact[1])) - found.none
-    assert odds_of_any(white, [one, other], SEVERAL, white.gap[:, None])[0] == pytest.approx(
-        expected, abs=1e-9
-    )
+    odds = odds_of_any(white, [one, other], SEVERAL, white.gap[:, None])[0]
+    assert odds == pytest.approx(expected, abs=1e-9)
 
 
 def planted(size: float, noise: float = 1.0, off: float = 0.0) -> tuple[Whitened, list[Hypothesis]]:

@@ -9,9 +9,19 @@ from hypothesis import strategies as st
 
 from beamstiff.diagnosis.effects.hysteresis import LIMITS, held_torque, history
 from beamstiff.diagnosis.inference.external_friction import held_back, lagging, slipping
-from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.inference.tool_ground_spring import (
+    STOPS,
+    _more,
+    _taken,
+    held_tool,
+    stopped,
+    suggested_spring,
+    tethered,
+)
+from beamstiff.diagnosis.residual.baseline import Baseline, predict, tool_response
+from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import kr240, nominal
+from tests.diagnosis.machines import at_random, elbow, kr240, nominal, rows_of
 from tests.diagnosis.planted import campaign, plan
 
 PLAN = plan(8)
@@ -38,9 +48,8 @@ def test_along_one_direction_what_is_held_is_the_scalar_stop(seed: int, limit: f
     vector = np.zeros((12, 1, 3))
     vector[:, 0, 1] = way
     held = held_back(vector, 0 * vector, np.arange(12), fresh, np.array([limit]))
-    np.testing.assert_allclose(
-        held[:, 0, 1], held_torque(way, np.zeros(12), fresh, np.arange(12), limit), atol=1e-12
-    )
+    scalar = held_torque(way, np.zeros(12), fresh, np.arange(12), limit)
+    np.testing.assert_allclose(held[:, 0, 1], scalar, atol=1e-12)
     assert not held[:, 0, [0, 2]].any()
 
 
@@ -83,9 +92,7 @@ def test_what_is_held_of_a_way(
     np.testing.assert_allclose(held[:, 0, 0], expected)
 
 
-def test_a_gauge_that_drags_lies_among_what_readings_can_do_and_not_in_the_linear_model(
-    there: Baseline,
-) -> None:
+def test_a_gauge_that_drags_lies_among_what_readings_do_and_not_in_the_linear_model(there: Baseline) -> None:
     moved = there.predicted[:, :3]
     width = LIMIT * np.linalg.norm(moved, axis=1).max()
     read = np.zeros_like(moved)
@@ -117,3 +124,95 @@ def test_a_seat_that_slips_about_one_axis_lies_among_what_friction_can_do(there:
     largest = np.linalg.norm(load[:, 3:], axis=1).max()
     held = held_torque(load[:, 4], dead[:, 4], history(there)[1], history(there)[0], LIMIT * largest)
     assert explained(slipping(there, place), place.shift[:, :, 4] * held[:, None]) > 1 - 1e-9
+
+
+# Springs and stops beside the tool against two springs side by side
+
+
+def spring_of(tied: Baseline, share: float) -> Array:
+    """Return a spring (3, 3) in N/m of a share of the robot's own stiffness."""
+    half = np.random.default_rng(1).standard_normal((3, 3))
+    return share / np.abs(tied.response).max() * half @ half.T
+
+
+def held_by(tied: Baseline, spring: Array) -> Array:
+    """Return what the spring takes from the displacements, (N, 6), both springs carrying the load."""
+    whole = np.zeros((6, 6))
+    whole[:3, :3] = spring
+    moved = np.linalg.solve(np.eye(6) + tied.response @ whole, tied.predicted[:, :, None])
+    return moved[:, :, 0] - tied.predicted
+
+
+def with_gap(tied: Baseline, gap: Array) -> tuple[Baseline, Whitened]:
+    held = replace(tied, measured=tied.predicted + gap)
+    return held, whiten(held)
+
+
+@pytest.fixture(scope="module")
+def tied() -> Baseline:
+    return nominal(kr240(), at_random(kr240(), 20, seed=4))
+
+
+@pytest.mark.parametrize("share", [1e-3, 0.3, 3.0])
+def test_a_spring_to_the_floor_carries_its_part(tied: Baseline, share: float) -> None:
+    spring = spring_of(tied, share)
+    np.testing.assert_allclose(_taken(held_tool(tied), spring), held_by(tied, spring), rtol=1e-7, atol=1e-15)
+
+
+def test_what_a_spring_takes_more_is_the_derivative(tied: Baseline) -> None:
+    spring, step = spring_of(tied, 0.3), 1e-4 / np.abs(tied.response).max()
+    for at, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
+        by = np.zeros((3, 3))
+        by[i, j] = by[j, i] = step
+        slope = (held_by(tied, spring + by) - held_by(tied, spring - by)) / (2 * step)
+        np.testing.assert_allclose(
+            _more(held_tool(tied), spring)[:, :, at], slope, rtol=1e-5, atol=1e-6 * np.abs(slope).max()
+        )
+
+
+@pytest.mark.parametrize(("share", "left"), [(1e-3, 0.01), (0.1, 0.15)])
+def test_springs_weak_and_strong_lie_within_the_law(tied: Baseline, share: float, left: float) -> None:
+    moved = held_by(tied, spring_of(tied, share))
+    found, white = with_gap(tied, moved)
+    columns = tethered(found, held_tool(found), white)[0].reshape(moved.size, 7)
+    columns = columns / np.linalg.norm(columns, axis=0)
+    rest = moved.ravel() - columns @ np.linalg.lstsq(columns, moved.ravel())[0]
+    assert np.linalg.norm(rest) < left * np.linalg.norm(moved)
+
+
+def test_the_gap_suggests_springs_that_pull_back_only(tied: Baseline) -> None:
+    moved = held_by(tied, spring_of(tied, 1e-3))
+    found, white = with_gap(tied, moved)
+    suggested = suggested_spring(held_tool(found), white)
+    assert np.linalg.eigvalsh(suggested).min() > -1e-12 * np.abs(suggested).max()
+    assert suggested.any()
+    found, white = with_gap(tied, -moved)
+    assert not suggested_spring(held_tool(found), white).any()
+
+
+def test_a_stop_beside_the_tool_has_no_name() -> None:
+    tied = nominal(kr240(), at_random(kr240(), 20, seed=4))
+    moved = tied.predicted[:, 1]
+    stop = 1e-3 / np.abs(tied.response).max()  # N/m, a thousandth of the robot's own; it takes what it holds
+    begins = 0.3 * moved.max()
+    force = -stop * np.maximum(moved - begins, 0.0)
+    taken = tied.response[:, :, 1] * force[:, None]
+    y, forward = 1, 0
+    found = stopped(held_tool(tied))[:, :, (2 * y + forward) * len(STOPS) + STOPS.index(0.3)]
+    np.testing.assert_allclose(stop * found, taken, rtol=1e-9, atol=1e-15)
+    assert 0 < np.count_nonzero(force) < len(force)  # some come up against it, some do not
+
+
+def test_a_spring_holds_the_tool_whatever_points_are_read_or_loaded() -> None:
+    machine = elbow()
+    wrench = np.random.default_rng(3).standard_normal((12, 6)) * [500, 500, 0, 0, 0, 0]
+    q = at_random(machine, 12, seed=1).q
+    tied = nominal(machine, rows_of(machine, q, wrench, point=["end"] * 12, load_point=["end"] * 12))
+    spring = np.diag([2e5, 1e5, 0.0])
+    tip = np.array(["tip"] * 12)
+    at_tip = tool_response(machine, replace(tied.rows, point=tip, load_point=tip))[:, :3, :3]
+    at_end = tool_response(machine, replace(tied.rows, load_point=tip))[:, :, :3]
+    free = predict(machine, replace(tied.rows, point=tip))[:, :3, None]
+    held = np.linalg.solve(np.eye(3) + at_tip @ spring, free)
+    np.testing.assert_allclose(_taken(held_tool(tied), spring), -(at_end @ spring @ held)[:, :, 0], rtol=1e-9)
+    assert np.abs(at_end - at_tip[:, :1]).max() > 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot
+from beamstiff import Node, Rigid, Robot
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.held_out.score import Weighted, fitted
 from beamstiff.diagnosis.inference.library import build_library
@@ -13,7 +13,6 @@ from beamstiff.diagnosis.residual.baseline import around, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Node, Rigid
 from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
 from tests.diagnosis.planted import REAL, bearing_tilt, campaign, plan
 
@@ -38,16 +37,9 @@ def measured(seed: int = 0) -> Measurements:
     rows = rows_of(kr240(), how.q, how.wrench)
     moved = predict_displacements(machine(), replace(rows, load_point=np.full(len(rows), "lug")))
     noise = np.random.default_rng(seed).standard_normal(moved.shape) * np.repeat([POSITION, ROTATION], 3)
-    return rows_of(
-        kr240(),
-        how.q,
-        how.wrench,
-        displacement=moved + noise,
-        pose=how.pose,
-        step=how.step,
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-    )
+    sigma = {"sigma_position": POSITION, "sigma_rotation": ROTATION}
+    order = {"pose": how.pose, "step": how.step}
+    return rows_of(kr240(), how.q, how.wrench, displacement=moved + noise, **order, **sigma)
 
 
 def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_one_bent_to_the_gap() -> None:
@@ -74,15 +66,11 @@ def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_on
 def test_a_fit_is_the_same_from_anywhere() -> None:
     fit = fit_baseline(kr240(), measured(1))
     other = around(fit, REAL * [kr240().parameter(name) for name in fit.fitted])
-    change = [
-        1 / b.robot.parameter(name) - 1 / a.robot.parameter(name)
-        for name in fit.fitted
-        for a, b in [(fit, other)]
-    ]
+    before, after = ([1 / at.robot.parameter(name) for name in fit.fitted] for at in (fit, other))
     np.testing.assert_array_equal(other.sigma, fit.sigma)
     np.testing.assert_array_equal(other.used, fit.used)
     # linear in the compliances but for the stiffness that the load itself makes
-    predicted = fit.predicted + fit.tangent @ np.array(change)
+    predicted = fit.predicted + fit.tangent @ np.subtract(after, before)
     moved = np.abs(other.predicted - fit.predicted).max()
     np.testing.assert_allclose(other.predicted, predicted, rtol=0, atol=0.01 * moved)
 

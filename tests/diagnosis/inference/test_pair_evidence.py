@@ -82,8 +82,7 @@ def test_each_shape_is_chosen_beside_the_other_cause() -> None:
     shapes = [hypothesis(right, shape="right"), hypothesis(wrong, shape="wrong")]
     assert alone(white, shapes[1:], ONE, ()) > alone(white, shapes[:1], ONE, ()) + 5
     found = together(white, shapes, [hypothesis(second)], shapes[1], ONE, ())
-    best = max(found.shapes[0], key=lambda one: one.weight)
-    assert best.hypothesis.shape.name == "right"
+    assert max(found.shapes[0], key=lambda one: one.weight).hypothesis.shape.name == "right"
     assert sum(one.weight for one in found.shapes[0]) == pytest.approx(1.0)
 
 

@@ -52,9 +52,7 @@ def hypothesis(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_cause_that_is_there_is_the_likeliest(
-    name: str, there: Baseline, columns: dict[str, Array]
-) -> None:
+def test_the_cause_that_is_there_is_likeliest(name: str, there: Baseline, columns: dict[str, Array]) -> None:
     result = found(there, columns, 5 * columns[name])
     assert result.named[0] == name
     assert result.single[name] > 0.99
@@ -62,9 +60,7 @@ def test_the_cause_that_is_there_is_the_likeliest(
     assert all(result.residual_fraction[other] > 0.5 for other in NAMES if other != name)
 
 
-def test_probabilities_sum_to_1_over_effects_none_and_unknown(
-    there: Baseline, columns: dict[str, Array]
-) -> None:
+def test_probabilities_sum_to_1_with_none_and_unknown(there: Baseline, columns: dict[str, Array]) -> None:
     result = found(there, columns, columns["a:q1"])
     assert set(result.single) == {*NAMES, NONE, UNKNOWN}
     assert sum(result.single.values()) == pytest.approx(1)
@@ -101,9 +97,7 @@ def test_one_cause_is_not_made_two(there: Baseline, columns: dict[str, Array]) -
     assert max(pair.log_weight for pair in result.pairs) < result.log_weight["a:q1"]
 
 
-def test_two_causes_at_one_place_are_rivals_and_never_a_pair(
-    there: Baseline, columns: dict[str, Array]
-) -> None:
+def test_two_causes_at_one_place_are_rivals_and_no_pair(there: Baseline, columns: dict[str, Array]) -> None:
     assert rivals("a:q1", "b:q1")
     assert rivals("a:q1", "a:q1")
     assert not rivals("a:q1", "a:q2")
@@ -112,9 +106,7 @@ def test_two_causes_at_one_place_are_rivals_and_never_a_pair(
     assert all(not rivals(pair.first, pair.second) for pair in result.pairs)
 
 
-def test_shapes_of_one_cause_add_up_and_the_right_one_weighs_most(
-    there: Baseline, columns: dict[str, Array]
-) -> None:
+def test_shapes_of_a_cause_add_up_and_the_right_one_leads(there: Baseline, columns: dict[str, Array]) -> None:
     rng = np.random.default_rng(5)
     other = hypothesis("a", "q1", rng.standard_normal((40, 6, 1)) * SIGMA[:, None], "another", prior=1 / 6)
     result = found(there, columns, 5 * columns["a:q1"], [other])

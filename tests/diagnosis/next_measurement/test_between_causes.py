@@ -42,8 +42,7 @@ def test_without_look_alikes_the_proposed_postures_bound_the_causes_better_than_
     others = np.random.default_rng(11).uniform(-2.5, 2.5, proposed.shape)
 
     def sizes(q: np.ndarray) -> float:
-        rng = np.random.default_rng(5)
-        measured = read(robot, np.concatenate([rows.q, q]), CAUSES, rng)
+        measured = read(robot, np.concatenate([rows.q, q]), CAUSES, np.random.default_rng(5))
         causes = diagnose(robot, measured).to_dict()["causes"]
         return sum(
             float(np.log(item["std"]))
@@ -61,7 +60,6 @@ def test_a_look_alike_is_told_apart_where_the_two_foretell_different_positions()
     like = next(form for form in forms_of(several.model) if form.key == "angle-curve:q2")
     doubtful = replace(first, probability=0.6, indistinguishable=(like.key,), rivals=(like,))
     proposed = propose_between(replace(several, causes=(doubtful, *several.causes[1:])), 0)
-    assert proposed is not None
     assert proposed.separates == (first.key, like.key)
     assert proposed.score.min() > 0
     assert proposed.score[0] == proposed.score.max()

@@ -15,18 +15,13 @@ from beamstiff.diagnosis.next_measurement.candidates import (
 )
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements, make_measurements
+from tests.diagnosis.machines import rows_of
 
 
 def loaded(*forces: tuple[float, float, float]) -> Measurements:
     wrench = np.hstack([np.array(forces), np.zeros((len(forces), 3))])
-    return make_measurements(
-        ["q1"],
-        np.zeros((len(forces), 1)),
-        tcp="tool",
-        wrench=wrench,
-        displacement=np.zeros((len(forces), 6)),
-        source="table",
-    )
+    rows = {"wrench": wrench, "displacement": 0.0 * wrench, "source": "table"}
+    return make_measurements(["q1"], 0.0 * wrench[:, :1], tcp="tool", **rows)
 
 
 def test_weights_that_hang_down_are_proposed_as_such() -> None:
@@ -46,9 +41,7 @@ def test_what_was_pulled_both_ways_is_reversed() -> None:
 
 
 @pytest.mark.parametrize("forces", [[(0.0, 0.0, 0.0)], np.random.default_rng(1).normal(size=(40, 3))])
-def test_without_forces_or_under_any_the_axes_of_the_base_are_taken(
-    forces: list[tuple[float, float, float]],
-) -> None:
+def test_without_forces_or_under_any_base_axes_are_taken(forces: list[tuple[float, float, float]]) -> None:
     ways = _ways(loaded(*forces), absolute=False)
     np.testing.assert_array_equal([along for along, _ in ways], np.eye(3))
     assert {shares for _, shares in ways} == {STEPS}
@@ -70,14 +63,8 @@ def test_joints_without_limits_stay_where_they_were_measured() -> None:
     robot = load_robot("kr240-2")
     free = tuple(one.model_copy(update={"limits": None}) for one in robot.variables)
     q = np.radians([[0.0, 70, -90, 0, 0, -60], [20.0, 80, -110, 40, 0, 60], [-20.0, 75, -100, 10, 0, 0]])
-    rows = make_measurements(
-        [one.name for one in robot.actuated],
-        q,
-        tcp=robot.tcp,
-        wrench=np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (3, 1)),
-        displacement=np.full((3, 6), 1e-4),
-        source="table",
-    )
+    down = np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (3, 1))
+    rows = rows_of(robot, q, down, displacement=np.full((3, 6), 1e-4), source="table")
     for machine, inside in ((robot, False), (robot.model_copy(update={"variables": free}), True)):
         proposed, _, _ = load_cycles(fit_baseline(machine, rows), seed=0)
         stays = (proposed.q >= q.min(axis=0) - 1e-9) & (proposed.q <= q.max(axis=0) + 1e-9)

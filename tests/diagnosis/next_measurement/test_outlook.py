@@ -55,8 +55,7 @@ def test_rows_are_chosen_where_causes_differ_in_kind() -> None:
 
 
 def test_parameters_of_which_only_the_sum_is_known_are_no_obstacle() -> None:
-    rng = np.random.default_rng(4)
-    matrix = 1e-4 * rng.standard_normal((40, 3, 1)) * np.ones((40, 3, 2))
+    matrix = 1e-4 * np.random.default_rng(4).standard_normal((40, 3, 1)) * np.ones((40, 3, 2))
     open_sum = 1e20 * np.array([[1.0, -1.0], [-1.0, 1.0]]) + np.eye(2)
     far = np.zeros((40, 3))
     far[:, 0] = 1e-3
@@ -67,9 +66,7 @@ def test_parameters_of_which_only_the_sum_is_known_are_no_obstacle() -> None:
 
 
 @pytest.mark.parametrize(("rows", "least", "most"), [(10, 0.1, 0.4), (100, 0.9, 1.0)])
-def test_that_nothing_shows_is_promised_the_less_the_fewer_rows_there_are(
-    rows: int, least: float, most: float
-) -> None:
+def test_of_fewer_rows_less_is_promised_that_nothing_shows(rows: int, least: float, most: float) -> None:
     none = SimpleNamespace(key="none:null", effect="none", probability=0.98)
     unknown = SimpleNamespace(key="unknown:null", effect="unknown", probability=0.01)
     found: Any = SimpleNamespace(

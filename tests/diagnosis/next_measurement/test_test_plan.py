@@ -51,15 +51,12 @@ def rivals_at(
 def split() -> tuple[Baseline, Programme]:
     """Return a baseline, and the tests that distinguish backlash from hardening at the second joint."""
     there = fit_baseline(kr240(), campaign(plan(8), hardening))
-    rivals = rivals_at(there)
-    result = propose_tests(there, there.used, rivals, 1.0, 0)
+    result = propose_tests(there, there.used, rivals_at(there), 1.0, 0)
     assert result is not None
     return there, result
 
 
-def test_load_cycles_at_some_postures_within_the_limits_are_proposed(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_load_cycles_at_postures_within_the_limits_are_proposed(split: tuple[Baseline, Programme]) -> None:
     rows = split[1].rows
     assert len(rows) == PROGRAMME * len(STEPS)
     assert len(np.unique(rows.q, axis=0)) == PROGRAMME
@@ -81,7 +78,6 @@ def test_a_batch_is_whole_cycles_where_only_they_tell(
     """What only the way back tells needs a cycle; what any load tells is asked at as many postures as fit."""
     there = replace(split[0], rows=replace(split[0].rows, batch=2 * len(STEPS)))
     found = propose_tests(there, there.used, rivals_at(there, keys), 1.0, 0)
-    assert found is not None
     steps = [*range(len(STEPS))] * 2 if whole else [0] * (2 * len(STEPS))
     assert found.rows.step.tolist() == steps
     assert len(np.unique(found.rows.q, axis=0)) == (2 if whole else 2 * len(STEPS))
@@ -92,9 +88,7 @@ def tool_at(q: Array) -> Array:
     return posture(kinematics, q).node_positions[:, kinematics.node_index[kr240().tcp]]
 
 
-def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_postures_are_proposed_where_the_tool_was_or_in_a_region(split: tuple[Baseline, Programme]) -> None:
     there, near = split
     seen, proposed = tool_at(there.rows.q), tool_at(near.rows.q)
     far = np.linalg.norm(proposed[:, None] - seen[None], axis=2).min(axis=1)
@@ -102,23 +96,17 @@ def test_postures_are_proposed_where_the_tool_was_measured_or_in_a_region(
     region = ((-np.inf, np.inf), (-np.inf, 0.0), (0.8, 1.8))
     stated = replace(there, rows=replace(there.rows, region=region))
     rivals = [(key, 0.5, ()) for key in near.separates]
-    found = propose_tests(stated, there.used, rivals, 1.0, 0)
-    assert found is not None
-    assert inside(region, tool_at(found.rows.q)).all()
+    assert inside(region, tool_at(propose_tests(stated, there.used, rivals, 1.0, 0).rows.q)).all()
     assert not inside(region, proposed).all()
+    far = replace(there, rows=replace(there.rows, region=((9, 10),) * 3))
     with pytest.raises(BeamstiffError, match="make it larger"):
-        propose_tests(
-            replace(there, rows=replace(there.rows, region=((9, 10),) * 3)), there.used, rivals, 1.0, 0
-        )
+        propose_tests(far, there.used, rivals, 1.0, 0)
 
 
-def test_postures_have_the_digits_of_a_pendant_in_the_units_of_the_table(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_postures_have_a_pendants_digits_in_the_units_of_the_table(split: tuple[Baseline, Programme]) -> None:
     in_degrees = replace(split[0].rows, units=dict.fromkeys(split[0].rows.variables, "deg"))
     there = replace(split[0], rows=in_degrees)
     rows = propose_tests(there, there.used, rivals_at(there), 1.0, 0)
-    assert rows is not None
     measured = set(map(tuple, np.unique(there.rows.q, axis=0).tolist()))
     new = [q for q in rows.rows.q.tolist() if tuple(q) not in measured]
     assert new
@@ -145,8 +133,7 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseli
                 )
             )
         )
-        rows = campaign(joined, hardening, seed=3)
-        there = fit_baseline(kr240(), rows)
+        there = fit_baseline(kr240(), campaign(joined, hardening, seed=3))
         white = whiten(there)
         others = tuple(name for name in EFFECTS if name not in ("hardening", "backlash"))
         library = build_library(there, white, Prior(without=others))
@@ -157,9 +144,7 @@ def test_the_proposed_states_tell_more_than_states_at_random(split: tuple[Baseli
 
     designed = []
     for seed in range(4):
-        proposed = propose_tests(there, there.used, rivals, 1.0, seed)
-        assert proposed is not None
-        rows = proposed.rows
+        rows = propose_tests(there, there.used, rivals, 1.0, seed).rows
         designed.append(odds(Plan(rows.q, rows.wrench, rows.pose, rows.step, rows.time)))
     at_random = [odds(plan(PROGRAMME, seed=seed, steps=np.array(STEPS))) for seed in (11, 12, 13, 14)]
     assert np.mean(designed) > np.mean(at_random)
@@ -232,9 +217,7 @@ def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: 
     assert sum(one.probability for one in told.candidates if one.key == other) < 0.01
 
 
-def test_a_second_reflector_is_not_asked_for_where_little_is_left_to_tell(
-    split: tuple[Baseline, Programme],
-) -> None:
+def test_no_second_reflector_is_asked_for_where_little_is_left(split: tuple[Baseline, Programme]) -> None:
     """Where a drive rattles, the tool shows it best; and what is settled needs no reflector anywhere."""
     assert set(split[1].rows.point.tolist()) == {kr240().tcp}
     there = diagnosed("base_compliance")
@@ -267,7 +250,6 @@ def test_positions_without_loads_are_proposed_where_none_was_measured() -> None:
     found = search(white, build_library(there, white).hypotheses, noise_prior_of(there), pairs=False)
     keys = list(found.shapes)[:2]
     proposed = propose_tests(there, there.used, [(key, 0.5, found.shapes[key]) for key in keys], 1.0, 0)
-    assert proposed is not None
     new = proposed.rows
     assert (new.kind, new.wrench.any(), new.measured_mask.any()) == ("absolute", False, False)
     assert not {tuple(one) for one in new.q} & {tuple(one) for one in q}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from beamstiff import load_robot
+from beamstiff import Mass, Node, Rigid, load_robot
 from beamstiff.diagnosis.residual.baseline import (
     POSITION_NOISE,
     ROTATION_NOISE,
@@ -14,7 +14,6 @@ from beamstiff.diagnosis.residual.baseline import (
     predict,
 )
 from beamstiff.model.linear import predict_displacements
-from beamstiff.robot.parts import Mass, Node, Rigid
 from tests.diagnosis.machines import arm_at, at_random, close, elbow, kr240, rows_of
 
 REAL = dict(zip(kr240().identify, [3e6, 8e6, 4.5e6, 5e5, 7.5e5, 4e5], strict=True))
@@ -122,8 +121,7 @@ def test_a_robot_without_springs_predicts_no_deflection() -> None:
 
 
 def test_where_a_table_states_no_noise_a_usual_one_is_begun_with() -> None:
-    rows = at_random(elbow(), 3, seed=7)
-    found = fit_baseline(elbow(), rows)
+    found = fit_baseline(elbow(), at_random(elbow(), 3, seed=7))
     assert not found.claimed
     np.testing.assert_allclose(found.sigma, np.tile(np.repeat([POSITION_NOISE, ROTATION_NOISE], 3), (3, 1)))
     stated = fit_baseline(elbow(), at_random(elbow(), 3, seed=7, sigma_position=1e-4))

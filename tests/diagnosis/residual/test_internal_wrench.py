@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Beam, Frame, Material, Node, Rigid, Robot, Strut, Variable, load_robot
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.residual.internal_wrench import across, find_places, has_loops
@@ -11,10 +11,10 @@ from beamstiff.diagnosis.residual.place import Place
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.kinematics import compile_kinematics, posture
-from beamstiff.robot.parts import Beam, Frame, Material, Node, Rigid, Strut, Variable
 from beamstiff.robot.sections import Section, section_properties
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import FORE, UPPER, at_random, bent, by_compliance_of, elbow, kr240, rows_of
+from tests.fem.reference_frame import flexibility
 
 Q = np.array([0.3, -0.8])
 
@@ -55,9 +55,7 @@ def test_the_wrench_at_a_joint_is_the_load_carried_there(joint: str, arm_rows: M
 
 
 @pytest.mark.parametrize(("link", "end"), [("upper", "J2"), ("fore", "tip")])
-def test_the_wrench_at_a_link_is_the_load_carried_to_its_second_end(
-    link: str, end: str, arm_rows: Measurements
-) -> None:
+def test_the_wrench_at_a_link_is_the_load_at_its_far_end(link: str, end: str, arm_rows: Measurements) -> None:
     place = find_places(elbow(), arm_rows).links[link]
     at, wrench = points(arm_rows), arm_rows.wrench
     expected = carried(wrench[:, :3], wrench[:, 3:], at["tip"] - at[end])
@@ -68,15 +66,13 @@ def test_the_wrench_at_a_link_is_the_load_carried_to_its_second_end(
 
 
 def test_the_weight_at_the_tip_passes_through_both_joints(arm_rows: Measurements) -> None:
-    robot = elbow(mass=40.0, gravity=(1.0, -2.0, -9.0))
-    places = find_places(robot, arm_rows)
+    places = find_places(elbow(mass=40.0, gravity=(1.0, -2.0, -9.0)), arm_rows)
     weight = np.tile(40.0 * np.array([1.0, -2.0, -9.0]), (8, 1))
     at = points(arm_rows)
     for joint in ("J1", "J2"):
         expected = carried(weight, 0 * weight, at["tip"] - at[joint])
-        np.testing.assert_allclose(
-            in_base(places.joints[joint], places.joints[joint].dead), expected, atol=1e-8
-        )
+        place = places.joints[joint]
+        np.testing.assert_allclose(in_base(place, place.dead), expected, atol=1e-8)
     np.testing.assert_allclose(places.base.dead, carried(weight, 0 * weight, at["tip"]), atol=1e-8)
     np.testing.assert_allclose(
         in_base(places.flange, places.flange.dead), carried(weight, 0 * weight, 0 * at["tip"]), atol=1e-8
@@ -142,14 +138,10 @@ def test_shift_times_load_is_the_derivative_by_the_flexibility_of_a_beam_in_a_lo
     own = next(item for item in machine.beams if item.name == beam)
     section, material = section_properties(machine.sections[own.section]), machine.materials[own.material]
     L, E = float(place.length[0]), material.E  # as long in every posture
-    # of a cantilever, per unit 1/E: Gere and Timoshenko, appendix of beam deflections
-    flexibility = np.diag(
-        [L / section.A, 0, 0, L * E / material.G / section.J, L / section.Iy, L / section.Iz]
-    )
-    flexibility[1, 1], flexibility[2, 2] = L**3 / 3 / section.Iz, L**3 / 3 / section.Iy
-    flexibility[1, 5] = flexibility[5, 1] = L**2 / 2 / section.Iz
-    flexibility[2, 4] = flexibility[4, 2] = -(L**2) / 2 / section.Iy
-    found = np.einsum("nab,bc,nc->na", place.shift, flexibility, place.load)
+    # of a cantilever, per unit 1/E
+    properties = {name: getattr(section, name) for name in ("A", "Iy", "Iz", "J")}
+    bends = E * flexibility(L, E=E, G=material.G, **properties)
+    found = np.einsum("nab,bc,nc->na", place.shift, bends, place.load)
     expected = by_compliance_of(machine, rows, f"{beam}.E")
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
@@ -157,11 +149,8 @@ def test_shift_times_load_is_the_derivative_by_the_flexibility_of_a_beam_in_a_lo
 def test_shift_times_load_is_the_derivative_by_the_flexibility_of_a_rigid_link() -> None:
     rows = at_random(kr240(), 6, seed=5)
     place = find_places(kr240(), rows).links["link2"]
-    L = float(place.length[0])
-    flexibility = np.diag([0, L**3 / 3, L**3 / 3, 1.3 * L, L, L])
-    flexibility[1, 5] = flexibility[5, 1] = L**2 / 2
-    flexibility[2, 4] = flexibility[4, 2] = -(L**2) / 2
-    found = np.einsum("nab,bc,nc->na", place.shift, flexibility, place.load)
+    bends = flexibility(float(place.length[0]), E=1.0, G=1 / 1.3, A=np.inf, Iy=1.0, Iz=1.0, J=1.0)
+    found = np.einsum("nab,bc,nc->na", place.shift, bends, place.load)
     # first order is exact: statics alone gives the forces; what the beam stretches is the same in both
     one, two = (predict_displacements(bent(kr240(), "link2", EI), rows) for EI in (1e7, 5e6))
     expected = (two - one) * 1e7
@@ -227,20 +216,16 @@ def test_what_hangs_at_the_tcp_passes_through_the_flange_and_a_beam_that_ends_th
 def test_a_reflector_beside_the_tcp_is_on_the_tool_where_nothing_is_read_at_the_tcp() -> None:
     """Turned about the TCP by r, a point of the same body, p off, moves by ``r x p``."""
     robot = kr240()
-    ball = Node(
-        name="ball", frame=next(n.frame for n in robot.nodes if n.name == robot.tcp), at=(0.1, 0.2, 0.3)
-    )
-    more = {
-        "nodes": (*robot.nodes, ball),
-        "rigids": (*robot.rigids, Rigid(name="arm", nodes=(robot.tcp, "ball"))),
-    }
+    frame = next(node.frame for node in robot.nodes if node.name == robot.tcp)
+    ball = Node(name="ball", frame=frame, at=(0.1, 0.2, 0.3))
+    arm = Rigid(name="arm", nodes=(robot.tcp, "ball"))
+    more = {"nodes": (*robot.nodes, ball), "rigids": (*robot.rigids, arm)}
     robot = robot.model_copy(update=more)
     rows = at_random(robot, 6, seed=1)
     kinematics = compile_kinematics(robot)
     at = posture(kinematics, rows.q).node_positions
     off = at[:, kinematics.node_index["ball"]] - at[:, kinematics.node_index[robot.tcp]]
-    alone = replace(rows, point=np.full(6, "ball"))
-    found = find_places(robot, alone).flange
+    found = find_places(robot, replace(rows, point=np.full(6, "ball"))).flange
     turned = found.turn @ [0.1, -0.2, 0.3]
     shown = (found.shift @ [0, 0, 0, 0.1, -0.2, 0.3])[:, :3]
     np.testing.assert_allclose(shown, np.cross(turned, off), atol=1e-12)
@@ -250,8 +235,7 @@ def test_a_reflector_beside_the_tcp_is_on_the_tool_where_nothing_is_read_at_the_
 
 @pytest.mark.parametrize("main", range(3))
 def test_axes_about_a_link_along_a_coordinate_axis_do_not_swap(main: int) -> None:
-    rng = np.random.default_rng(main)
-    along = np.eye(3)[main] + 1e-3 * rng.standard_normal((50, 3))
+    along = np.eye(3)[main] + 1e-3 * np.random.default_rng(main).standard_normal((50, 3))
     chosen = [across(one / np.linalg.norm(one)) for one in along]
     np.testing.assert_array_equal(chosen, np.tile(chosen[0], (50, 1)))
     assert chosen[0] @ np.eye(3)[main] == 0.0

@@ -56,8 +56,7 @@ def test_a_few_wrong_values_do_not_make_noise() -> None:
     white, library = campaign(3)
     gap = white.gap.copy()
     gap[::100] += 50.0
-    found = estimate(replace(white, gap=gap), library, width=2.0)
-    assert (found.noise < 1.5).all()
+    assert (estimate(replace(white, gap=gap), library, width=2.0).noise < 1.5).all()
 
 
 def test_a_firm_claim_holds_the_noise_where_the_values_say_little() -> None:
@@ -82,8 +81,7 @@ def test_precision_is_the_dense_inverse_with_the_fitted_parameters_taken_out(t: 
     component = np.array([0, 1, 2, 3, 4, 5, 0])
     white = gap_of(rng.standard_normal(7), rng.standard_normal((7, t)), rng.uniform(0, 2, 7), component)
     columns = rng.standard_normal((7, c))
-    variance = Variance(np.array([0.7, 1.6]), 0.4, 2.5)
-    inverse, log = precision(white, columns, variance)
+    inverse, log = precision(white, columns, Variance(np.array([0.7, 1.6]), 0.4, 2.5))
     own = np.array([0.7, 1.6])[(component >= 3).astype(int)] ** 2 + 0.4 * white.unknown
     dense = np.diag(own) + 2.5 * columns @ columns.T
     across = complement(white.tangent)

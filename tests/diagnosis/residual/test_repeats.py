@@ -10,17 +10,15 @@ from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, predic
 from beamstiff.diagnosis.residual.repeats import Repeats, independent, repeats
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, rows_of
+from tests.diagnosis.machines import POSITION, ROTATION, at_random, cycles, elbow
 
 POSES, TIMES = 40, 6
 
 
 def campaign(**more: Any) -> Measurements:
     """Return forty postures, each read six times under one load."""
-    once = at_random(elbow(), POSES, seed=3)
-    q, wrench = (np.repeat(values, TIMES, axis=0) for values in (once.q, once.wrench))
-    stated = {"sigma_position": POSITION, "sigma_rotation": ROTATION, "time": 60.0 * np.arange(len(q))}
-    return rows_of(elbow(), q, wrench, **(stated | more))
+    timed = {"time": 60.0 * np.arange(POSES * TIMES)} | more
+    return cycles(elbow(), POSES, np.ones(TIMES), seed=3, **timed)
 
 
 def read(rows: Measurements, noise: Array) -> Repeats:
@@ -61,8 +59,7 @@ def test_what_is_systematic_counts_once_however_often_it_is_read() -> None:
 def test_an_unloaded_reading_that_repeats_share_is_noise_as_well() -> None:
     reading = np.random.default_rng(5).standard_normal((POSES, 6)) * np.repeat([POSITION, ROTATION], 3)
     noise = (scatter() - np.repeat(reading, TIMES, axis=0)) / np.sqrt(2.0)
-    found = read(campaign(shared_unloaded=True), noise)
-    assert found.noise == pytest.approx([1.0, 1.0], rel=0.12)
+    assert read(campaign(shared_unloaded=True), noise).noise == pytest.approx([1.0, 1.0], rel=0.12)
 
 
 def test_a_steady_drift_is_found_with_its_slope() -> None:

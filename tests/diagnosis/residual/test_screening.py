@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.inference.library import Library, build_library
 from beamstiff.diagnosis.residual import screening
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.gross_errors import _chance_of_few, _chance_of_large, mishaps
 from beamstiff.diagnosis.residual.noise_variance import Variance
 from beamstiff.diagnosis.residual.screening import Screened, _left_out, screen
 from beamstiff.diagnosis.residual.whitened import whiten
@@ -18,7 +19,8 @@ from beamstiff.measure.rows import history_order, subset
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array
 from tests.diagnosis import planted
-from tests.diagnosis.machines import POSITION, ROTATION, kr240
+from tests.diagnosis.machines import POSITION, ROTATION, kr240, nominal
+from tests.diagnosis.planted import campaign, plan
 
 PLAN = planted.plan(14)
 ROWS = len(PLAN.q)
@@ -90,8 +92,7 @@ def test_sound_rows_are_left_alone() -> None:
 
 @pytest.mark.parametrize("effect", [planted.backlash, planted.hysteresis, planted.actuator_lever])
 def test_rows_of_an_effect_are_no_outliers(effect: planted.Effect) -> None:
-    found = screened(planted.campaign(PLAN, effect, seed=2))
-    assert found.outliers.size == 0
+    assert screened(planted.campaign(PLAN, effect, seed=2)).outliers.size == 0
 
 
 @pytest.mark.parametrize(("position", "rotation"), [(1.0, 1.0), (2.0, 2.0), (0.5, 2.0)])
@@ -107,18 +108,15 @@ def test_the_noise_is_what_the_rows_show_whatever_the_table_claims(position: flo
 def test_where_nothing_is_claimed_the_noise_is_found_from_the_rows_alone() -> None:
     rows = planted.campaign(PLAN, planted.backlash, seed=4, noise=3.0)
     silent = replace(rows, sigma=np.full((ROWS, 6), np.nan), sigma_position=None, sigma_rotation=None)
-    found = screened(silent)
-    sigma = np.median(found.baseline.sigma, axis=0)
+    sigma = np.median(screened(silent).baseline.sigma, axis=0)
     np.testing.assert_allclose(sigma[:3], 3 * POSITION, rtol=0.2)
     np.testing.assert_allclose(sigma[3:], 3 * ROTATION, rtol=0.2)
 
 
 def test_many_wrong_rows_are_no_outliers_but_something_else() -> None:
-    rng = np.random.default_rng(5)
-    which = rng.permutation(ROWS)[: ROWS // 3].tolist()
+    which = np.random.default_rng(5).permutation(ROWS)[: ROWS // 3].tolist()
     rows, library = sound(None, 1)
-    found = screened(wrong(rows, which, 1e-3), library)
-    assert found.outliers.size <= 0.15 * ROWS
+    assert screened(wrong(rows, which, 1e-3), library).outliers.size <= 0.15 * ROWS
 
 
 def test_one_posture_is_screened_without_a_breakdown_where_the_fit_absorbs_nearly_everything() -> None:
@@ -209,3 +207,77 @@ def test_rows_that_are_off_alike_do_not_speak_for_one_another() -> None:
     moved[struck, :3] += [3e-4, -2e-4, 4e-4]
     found = screened(replace(rows, displacement=moved), library)
     assert sorted(found.outliers.tolist()) == sorted(struck.tolist())
+
+
+# What tells mishaps from what a shape misses: counts of boxes and balls, ranks, and runs
+
+
+SIX = plan(6)
+RUN = [13, 14, 15]  # of the posture of rows 12 to 17
+SHIFT = np.array([12.0, -9.0, 4.0, 0.0, 0.0, 0.0])  # sigma
+
+
+def off_by(values: dict[int, Array]) -> Baseline:
+    """Return a baseline of which rows are off by vectors (6,) of so many sigma."""
+    there = nominal(kr240(), campaign(SIX, seed=1))
+    gap = np.zeros_like(there.gap)
+    for row, value in values.items():
+        gap[row] = value * there.sigma[row]
+    return replace(there, measured=there.predicted + gap)
+
+
+def under(there: Baseline, steps: list[float]) -> Baseline:
+    """Return the same with the loads of the run in one direction, times the steps."""
+    predicted = there.predicted.copy()
+    predicted[RUN] = np.outer(steps, np.full(6, 1e-3))
+    return replace(there, measured=there.gap + predicted, predicted=predicted)
+
+
+def test_rows_one_after_another_that_are_off_by_the_same_are_one_mishap() -> None:
+    rng = np.random.default_rng(2)
+    there = off_by({row: SHIFT + rng.standard_normal(6) for row in RUN})
+    for steps in ([0.5, 0.0, -0.5], [1.0, 0.5, 0.0]):
+        assert mishaps(under(there, steps), RUN) == [RUN]
+    assert mishaps(under(there, [0.5, 0.0, -0.5]), [RUN[0], RUN[2]]) == [[RUN[0]], [RUN[2]]]  # one is sound
+
+
+def test_a_knock_of_the_tracker_strikes_whichever_reflector_is_read() -> None:
+    there = under(off_by(dict.fromkeys(RUN, SHIFT)), [0.5, 0.0, -0.5])
+    points = np.where(np.arange(len(there.rows)) % 2 == 0, "left", "right")
+    of_two = replace(there, rows=replace(there.rows, point=points))
+    assert mishaps(of_two, RUN) == [RUN]
+    gap = there.gap.copy()
+    gap[RUN[1]] *= -1  # the other reflector is off by something else
+    apart = replace(of_two, measured=there.predicted + gap)
+    assert sorted(mishaps(apart, RUN)) == [[RUN[0], RUN[2]], [RUN[1]]]
+
+
+def test_what_gives_way_and_stays_so_is_no_mishap() -> None:
+    there = off_by(dict.fromkeys(RUN, SHIFT))
+    assert mishaps(under(there, [0.6, 1.0, 0.5]), RUN) == [[row] for row in RUN]
+    turned = off_by({row: sign * SHIFT for row, sign in zip(RUN, (1, 1, -1), strict=True)})
+    assert RUN not in mishaps(under(turned, [0.6, 1.0, -1.0]), RUN)
+
+
+def test_rows_that_are_off_by_something_else_are_another_mishap() -> None:
+    long = list(range(12, 30))
+    there = off_by(dict.fromkeys(long, SHIFT) | {30: np.roll(SHIFT, 1)})
+    predicted = there.predicted.copy()
+    predicted[long] = np.outer(np.cos(np.arange(18.0)), np.full(6, 1e-3))
+    there = replace(there, measured=there.gap + predicted, predicted=predicted)
+    assert mishaps(there, [*long, 30]) == [long, [30]]
+
+
+def test_the_chance_of_few_postures_is_that_of_boxes_and_balls() -> None:
+    # three balls in three boxes: all in one, in at most two, in any
+    assert _chance_of_few(3, [0, 0, 0]) == pytest.approx(1 / 9)
+    assert _chance_of_few(3, [0, 0, 1]) == pytest.approx(7 / 9)
+    assert _chance_of_few(3, [0, 1, 2]) == pytest.approx(1.0)
+
+
+def test_the_chance_of_large_moves_is_that_of_uniform_ranks() -> None:
+    rng = np.random.default_rng(3)
+    moved = rng.permutation(60).astype(np.float64)
+    drawn = [_chance_of_large(moved, rng.permutation(60)[:6].tolist()) for _ in range(2000)]
+    for share in (0.05, 0.25, 0.5, 0.9):
+        assert np.mean(np.array(drawn) < share) == pytest.approx(share, abs=0.04)

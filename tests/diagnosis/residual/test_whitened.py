@@ -6,24 +6,13 @@ import pytest
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.residual.whitened import LARGE, Whitened, whiten
 from beamstiff.se3 import Array
-from tests.diagnosis.machines import POSITION, ROTATION, at_random, elbow, nominal, rows_of
+from tests.diagnosis.machines import cycles, elbow, nominal
 
 
 def baseline(poses: int = 4, loads: int = 3, shared: bool = False, without: int = 2) -> Baseline:
     """Return a campaign with a few values missing."""
     robot = elbow(tilting=1e6)
-    some = at_random(robot, poses, seed=1)
-    wrench = np.repeat(some.wrench, loads, axis=0) * np.tile(np.linspace(0.4, 1, loads), poses)[:, None]
-    pose = np.repeat(np.arange(poses), loads)
-    rows = rows_of(
-        robot,
-        np.repeat(some.q, loads, axis=0),
-        wrench,
-        pose=pose,
-        sigma_position=POSITION,
-        sigma_rotation=ROTATION,
-        shared_unloaded=shared,
-    )
+    rows = cycles(robot, poses, np.linspace(0.4, 1, loads), shared_unloaded=shared)
     found = nominal(robot, rows)
     used = found.used.copy()
     used[np.arange(without), np.arange(without) + 1] = False

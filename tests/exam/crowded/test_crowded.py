@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Robot
 from beamstiff.exam.blind import Examiner
 from beamstiff.exam.campaign import Array, Truth
 from beamstiff.exam.cases import Exam
@@ -19,7 +19,6 @@ from beamstiff.exam.crowded.record import EXAMINED, CrowdedLabel, CrowdedRecord,
 from beamstiff.exam.run import CROWDED, read_results, run_cases, run_exam
 from beamstiff.exam.sizes import true_rows
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.description import Robot
 
 COUNT = 5
 EXAM = CrowdedExam(seed=5, shares={"crowded": 2, "outside": 1, "geometry": 1, "clean": 1})
@@ -78,8 +77,7 @@ class Knows:
         left = float(np.hypot(1e3 * case.left_by(seen), label.noise_mm))
 
         def predict() -> tuple[Array, Array]:
-            truth = case.fresh_positions()
-            return true_rows(case.machine, case.geometry, case.fresh)[:, :3], truth
+            return true_rows(case.machine, case.geometry, case.fresh)[:, :3], case.fresh_positions()
 
         share = 1.0 / max(len(seen), 1)
         verdict = "unknown" if label.kind == "outside" else seen[0].key
@@ -150,9 +148,7 @@ def test_effects_fall_in_size_from_the_largest_on(effects: list[CrowdedCase]) ->
         assert len(named) == len(set(named))
 
 
-def test_a_contribution_is_what_leaving_the_effect_out_changes_after_a_refit(
-    effects: list[CrowdedCase],
-) -> None:
+def test_a_contribution_is_what_leaving_the_effect_out_changes_on_refit(effects: list[CrowdedCase]) -> None:
     """Columns of the refit here: differences of the loaded machine's own answers, not of its skeleton's."""
     case = next(one for one in effects if one.label.data == "absolute")
     machine, campaign = case.machine, case.campaign

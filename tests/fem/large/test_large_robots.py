@@ -5,15 +5,11 @@ import pytest
 from hypothesis import event, example, given
 from hypothesis import strategies as st
 
-from beamstiff.errors import BeamstiffError
+from beamstiff import BeamstiffError, Rigid, Robot, compile_structure, posture
 from beamstiff.fem import condensation, response
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.response import nodal_loads, respond
-from beamstiff.fem.structure import compile_structure
-from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import posture
-from beamstiff.robot.parts import Rigid
 from beamstiff.robot.reader import load_robot
 from benchmarks.lattice import slender, tip
 from tests.fem.builders import FREE, at_rest, frame, relative_error, robot_of
