@@ -18,6 +18,7 @@ from beamstiff.compensation.path_correction import Correction, correct_path, err
 from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.uncertainty import correction_std, doubtful
 from beamstiff.errors import BeamstiffError
+from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
@@ -64,6 +65,11 @@ class Compensated(Shown):
         unknown = np.isnan(self.correction.before) | np.isnan(self.after)
         return np.logical_not(unknown.any(axis=1))
 
+    @property
+    def extrapolated(self) -> tuple[str, ...]:
+        """Which targets are beyond what the real robot's file was fitted at, in sentences."""
+        return extrapolation_notes(self.machine.real, self.correction.q[self.known], "targets")
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""
         found, known = self.correction, self.known
@@ -102,7 +108,7 @@ class Compensated(Shown):
                 for row, name in enumerate(found.path.names)
             ],
             **({} if self.learned is None else {"learned": self.learned.to_dict()}),
-            "notes": list(self.notes),
+            "notes": [*self.extrapolated, *self.notes],
         }
 
 

@@ -22,6 +22,7 @@ from beamstiff.diagnosis.effects.external import OF_LOADS, under_errors
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline, predict
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.identification.whitening import whitening
+from beamstiff.measure.rows import ranges_of
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
@@ -165,7 +166,9 @@ def extended(diagnosis: Diagnosis) -> Robot:
     found = _found(diagnosis)
     fitted = diagnosis.fitted_stiffness
     found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
-    found = found.with_unmeasured(fitted, diagnosis.kept).with_fitted_rows(diagnosis.fitted_rows)
+    found = found.with_unmeasured(fitted, diagnosis.kept)
+    ranges = ranges_of(diagnosis.baseline.rows)
+    found = found.with_fitted_rows(diagnosis.fitted_rows, ranges, diagnosis.left)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 

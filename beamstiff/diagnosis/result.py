@@ -163,6 +163,15 @@ class Diagnosis(Shown):
         """Share of the gap's square that is more than noise."""
         return max(0.0, 1.0 - (self.noise / self.rms) ** 2) if self.rms > 0 else 0.0
 
+    @property
+    def left(self) -> float:
+        """Position error that the fitted robot leaves on held-out postures, RMS, m."""
+        found = self.decomposition
+        if found is not None:
+            return found.every[-1].rms_after if found.every else self.rms
+        shrink = self.verdict.shrink
+        return self.rms if shrink is None else min(shrink.after, self.rms)
+
     @cached_property
     def recalibration(self) -> Recalibration | None:
         """What changed in the geometry beside the causes; None where it is as described."""

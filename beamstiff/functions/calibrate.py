@@ -20,7 +20,7 @@ from beamstiff.functions.checks import effects_text, names_of, whole, without_mo
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.position_doubts import stands_doubts
-from beamstiff.measure.rows import concatenate, require_tracker, row_digests
+from beamstiff.measure.rows import concatenate, ranges_of, require_tracker, row_digests
 from beamstiff.robot.reader import RobotLike
 from beamstiff.units import quantity
 
@@ -130,7 +130,9 @@ def calibrate(
                 if machine.effects:
                     table = positions_without_effects(machine, table, found.bases)
                 errors[name] = errors_on(found, table)
-    calibrated = found.robot.model_copy(update={"effects": machine.effects}).with_fitted_rows(digests)
+    calibrated = found.robot.model_copy(update={"effects": machine.effects}).with_fitted_rows(
+        digests, ranges_of(rows), (found.held_out or found.after).position_rms
+    )
     found = replace(found, robot=calibrated)
     return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
 

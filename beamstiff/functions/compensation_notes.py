@@ -6,12 +6,12 @@ import numpy as np
 
 from beamstiff.compensation.formats import Program
 from beamstiff.compensation.machine import VISIBLE, Machine
+from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.rewrite import Compensated
 from beamstiff.compensation.uncertainty import from_start_values
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
-from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.units import in_unit
@@ -38,13 +38,20 @@ def compensation_notes(
             f"real robot {what}; give it a stiffness, or the real robot as `actual`"
         )
     for what in ("base", "tool"):
-        stated = [one for place in program.places if (one := getattr(place, what)) is not None]
+        stated = _stated(program, what)
         if stated and given[what]:
             said.append(f"{what} is the given one, not {stated[0].name} of the program")
         elif used := dict.fromkeys(
             one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
         ):
             said.append(f"{what} is that of the program: {listed(used, 4)}")
+    if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
+        frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
+        taken = " and ".join(frames[what] for what in silent)
+        said.append(
+            f"the program names no {' and no '.join(silent)}: {taken} of the robot file count "
+            f"(--{', --'.join(silent)})"
+        )
     if postures := [one.text for one in found.path.stated_postures if one is not None]:
         if branch:
             said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
@@ -60,7 +67,10 @@ def compensation_notes(
         said.append(f"the path begins at {', '.join(posture)}; --q chooses another posture")
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
-        said.append(f"the joints must jump to another configuration before line {lines}")
+        said.append(
+            f"the joints must jump to another configuration before line {lines}. If the robot itself makes "
+            "no such jump, the program's base or tool is another (--base, --tool)"
+        )
     if (learned := result.learned) is not None:
         if effects := effects_text(learned.effects):
             said.append(f"the run shows {effects} besides the process; added to the robot")
@@ -93,10 +103,14 @@ def compensation_notes(
             f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
             f"{machine.real.model.source}"
         )
-        said += extrapolation_notes(machine.real, found.q[result.known], "targets")
     if machine.real.effects:
         said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
     return said
+
+
+def _stated(program: Program, what: str) -> list[StatedFrame]:
+    """Return the bases or tools that a program states for its targets."""
+    return [one for place in program.places if (one := getattr(place, what)) is not None]
 
 
 def _true_loads(machine: Machine) -> str:

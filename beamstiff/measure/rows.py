@@ -50,6 +50,12 @@ def row_digests(rows: Measurements) -> list[str]:
     return [sha256(row.tobytes()).hexdigest()[:6] for row in values]
 
 
+def ranges_of(rows: Measurements) -> dict[str, tuple[float, float]]:
+    """Return the least and largest value, rad or m, of each variable in rows that were read."""
+    q = rows.q[rows.measured_mask.any(axis=1)].round(6) + 0.0  # no -0
+    return {name: (min(own), max(own)) for name, own in zip(rows.variables, q.T.tolist(), strict=True) if own}
+
+
 def without_displacement(rows: Measurements, moved: Array) -> Measurements:
     """Return absolute rows without a displacement ``[d, r]`` (N, 6), in their measuring frame."""
     rotation = rows.rotation.copy()

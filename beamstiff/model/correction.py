@@ -4,9 +4,11 @@ The constant springs answer the rest: the geometric stiffness of the loaded mach
 compliance does not know: dead weight, and terms that were never measured.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.structure import Structure
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance
@@ -21,6 +23,7 @@ from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.se3 import Array
 
 NEAR = 1e-4  # m and rad by which joint readings may leave a range
+MARGIN = 0.1  # of a joint's fitted range, within which what was fitted goes on
 
 
 def model_correction(robot: Robot, rows: Measurements) -> Array:
@@ -67,7 +70,35 @@ def model_std(robot: Robot, rows: Measurements) -> Array | None:
 
 
 def extrapolation_notes(robot: Robot, q: Array, what: str = "rows") -> tuple[str, ...]:
-    """Return how far postures (N, A) leave those that the robot's model was fitted to; none within them."""
+    """Return how far postures (N, A) leave those that the robot or its model was fitted to; none within."""
+    return (*_beyond_fitted(robot, q, what), *_beyond_model(robot, q, what))
+
+
+def _beyond_fitted(robot: Robot, q: Array, what: str) -> Iterator[str]:
+    """Yield which postures have joints beyond those at which geometry, stiffness and effects were found."""
+    known = {one.variable: one for one in robot.fitted_ranges}
+    away, farthest = np.zeros(len(q), dtype=bool), dict[str, float]()
+    for variable, values in zip(robot.actuated, q.T, strict=True):
+        if (own := known.get(variable.name)) is None:
+            continue
+        # an angle is the same a turn farther on
+        turns = 2.0 * np.pi * np.arange(-2, 3) if variable.kind == "angle" else np.zeros(1)
+        every = values[:, None] + turns
+        past = np.maximum(np.maximum(own.low - every, every - own.high), 0.0).min(axis=1, initial=np.inf)
+        beyond = past > NEAR + MARGIN * (own.high - own.low)
+        away |= beyond
+        if beyond.any():
+            size = np.degrees(past.max()) if variable.kind == "angle" else 1e3 * past.max()
+            farthest[f"{variable.name} by {size:.3g} {'deg' if variable.kind == 'angle' else 'mm'}"] = size
+    if farthest:
+        names = sorted(farthest, key=farthest.__getitem__, reverse=True)
+        yield (
+            f"{int(away.sum())} of {len(q)} {what} are beyond the joint values that robot {robot.name!r} was "
+            f"fitted at ({listed(names, 3)}): its geometry, stiffness and effects are extrapolated there"
+        )
+
+
+def _beyond_model(robot: Robot, q: Array, what: str) -> tuple[str, ...]:
     data, model = robot.model, fitted_model(robot)
     if data is None or not len(q):
         return ()

@@ -116,12 +116,18 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = "Move these targets, or keep them as they are (--unreachable keep)."
         return Verdict(said, data=data, action=action)
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    assumed = (
-        ", plus what the file of the real robot leaves (beamstiff verify)" if before.rms_mm > NOTHING else ""
-    )
+    left = machine.real.fitted_error
+    what = "what the real robot's file leaves (beamstiff verify)"
+    if left is not None:
+        what = f"{rounded(1e3 * left)} mm that the real robot's file left on held-out postures"
+    assumed = f", plus {what}" if before.rms_mm > NOTHING else ""
     errors = f"{told(before.rms_mm)} mm, after correction {told(after.rms_mm)} mm"
     said = f"Predicted error along the path: {errors}{assumed}"
-    return Verdict(said, data=data, action="Run the corrected path and measure a few targets.")
+    doubt, action = "", "Run the corrected path and measure a few targets."
+    if result.extrapolated:
+        doubt = f"Doubtful: {'; '.join(result.extrapolated)}."
+        action = "Measure postures of this path and diagnose or calibrate with them before you use it."
+    return Verdict(said, data=data, action=action, doubt=doubt)
 
 
 def told(size: float) -> str:

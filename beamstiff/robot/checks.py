@@ -44,7 +44,7 @@ def find_problems(robot: Robot) -> Iterator[Problem]:
     for checks in (
         (_duplicates, _names),
         (_variables,),
-        (_assembly, _frames, _elements, _identify, _model, _calibrated),
+        (_assembly, _frames, _elements, _identify, _ranges, _model, _calibrated),
         (_support,),
     ):
         problems = list(islice(chain.from_iterable(check(robot) for check in checks), _MOST_PROBLEMS))
@@ -285,6 +285,18 @@ def _identify(robot: Robot) -> Iterator[Problem]:
             yield ("unmeasured", at), f"unknown stiffness parameter {name!r}{suggest(name, parameters)}"
 
 
+def _ranges(robot: Robot) -> Iterator[Problem]:
+    names = [variable.name for variable in robot.actuated]
+    of_model = () if robot.model is None else robot.model.ranges
+    for path, ranges in ((("fitted_ranges",), robot.fitted_ranges), (("model", "ranges"), of_model)):
+        for at, one in enumerate(ranges):
+            if one.variable not in names:
+                yield (
+                    (*path, at, "variable"),
+                    f"unknown actuated variable {one.variable!r}{suggest(one.variable, names)}",
+                )
+
+
 def _model(robot: Robot) -> Iterator[Problem]:
     if robot.model is None:
         return
@@ -295,12 +307,6 @@ def _model(robot: Robot) -> Iterator[Problem]:
         elif parameters[name] in (FREE, RIGID):
             yield ("model", "springs", at), f"{name!r} is rigid or free: give the robot's spring a number"
     names = [variable.name for variable in robot.actuated]
-    for at, one in enumerate(robot.model.ranges):
-        if one.variable not in names:
-            yield (
-                ("model", "ranges", at, "variable"),
-                f"unknown actuated variable {one.variable!r}{suggest(one.variable, names)}",
-            )
     process = robot.model.process
     if process is not None and len(process.lengths) != len(names):
         found = f"found {len(process.lengths)}, expected {len(names)}: one an actuated variable"

@@ -14,10 +14,11 @@ from beamstiff.robot.fields import (
     AssemblyName,
     Described,
     DescriptionError,
+    LeastLength,
     Name,
     stiffness_text,
 )
-from beamstiff.robot.fitted_model import FittedModel
+from beamstiff.robot.fitted_model import FittedModel, FittedRange
 from beamstiff.robot.parts import (
     STIFFNESS_KINDS,
     AddedEffect,
@@ -61,6 +62,11 @@ class Robot(Shown, Described):
     fitted_rows : str
         Six hexadecimal digits of each measured row that a fit has used; `calibrate` and `diagnose`
         write them, and `verify` says which of its rows are among them.
+    fitted_ranges : list
+        Least and largest value of each actuated variable in those rows; beyond them `compensate`, `verify`
+        and others say that they extrapolate.
+    fitted_error : length
+        Position error (RMS) that the fit left on held-out postures; `compensate` shows it.
     effects : list
         What the machine is known to have beyond beams and springs.
     obstacles : list
@@ -106,6 +112,8 @@ class Robot(Shown, Described):
     identify: tuple[Name, ...] = ()
     unmeasured: tuple[Name, ...] = ()  # stiffness that was to be fitted and that no measurement determined
     fitted_rows: Annotated[str, Field(pattern=r"^([0-9a-f]{6}( [0-9a-f]{6})*)?$")] = ""
+    fitted_ranges: tuple[FittedRange, ...] = ()
+    fitted_error: LeastLength | None = None
     effects: tuple[AddedEffect, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs
@@ -160,10 +168,25 @@ class Robot(Shown, Described):
         finite = {name for name, value in stiffness_parameters(self).items() if FREE < value < RIGID}
         return self.model_copy(update={"unmeasured": tuple(sorted(open_ones & finite))})
 
-    def with_fitted_rows(self, digests: Iterable[str]) -> Self:
-        """Return the robot with rows added to those that were fitted, by their digests."""
+    def with_fitted_rows(
+        self,
+        digests: Iterable[str],
+        ranges: Mapping[str, tuple[float, float]] = {},
+        error: float | None = None,
+    ) -> Self:
+        """Return the robot with rows added to those that were fitted: their digests, and ranges by variable.
+
+        `error`: what the fit leaves, m.
+        """
         every = sorted({*self.fitted_rows.split(), *digests})
-        return self.model_copy(update={"fitted_rows": " ".join(every)})
+        known = {one.variable: (one.low, one.high) for one in self.fitted_ranges}
+        wider = [
+            FittedRange(variable=name, low=min(low), high=max(high))
+            for name in dict.fromkeys([*known, *ranges])
+            for low, high in [zip(*(some[name] for some in (known, ranges) if name in some), strict=True)]
+        ]
+        update = {"fitted_rows": " ".join(every), "fitted_ranges": tuple(wider), "fitted_error": error}
+        return self.model_copy(update=update)
 
 
 def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:

@@ -54,6 +54,15 @@ def test_a_program_is_corrected_and_nothing_else_of_it_changes(cell: Path, succe
     assert "axis values are left as they are: line 3" in result.stderr
 
 
+def test_targets_beyond_what_the_real_robot_was_fitted_at_are_doubtful(cell: Path, succeed: Run) -> None:
+    fitted = load_robot("kr500").with_fitted_rows([], {"q1": (0.5, 0.9)}, 2e-4)
+    (cell / "real.yaml").write_text(robot_to_yaml(fitted), encoding="utf-8")
+    said = " ".join(succeed("compensate kr500 cell.src --actual real.yaml --wrench fz=-900N").stdout.split())
+    assert "plus 0.20 mm that the real robot's file left on held-out postures" in said
+    assert "Doubtful: 3 of 3 targets are beyond the joint values that robot 'kr500' was fitted at (q1" in said
+    assert "Next: Measure postures of this path" in said
+
+
 @pytest.mark.usefixtures("cell")
 def test_json_tells_every_target(told: Run) -> None:
     facts = told("compensate kr500 cell.src --wrench fz=-900N")

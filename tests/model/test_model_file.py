@@ -148,3 +148,22 @@ def test_a_model_beside_that_is_not_there_is_refused_by_the_robots_line(tmp_path
     file.write_text(robot_to_yaml(kr500()) + "model: nothing.yaml\n")
     with pytest.raises(BeamstiffError, match=r"robot.yaml:\d+: model: .*nothing.yaml"):
         load_robot(file)
+
+
+def test_postures_beyond_those_that_a_robot_was_fitted_at_are_said() -> None:
+    robot = load_robot("kr240-2").with_fitted_rows([], {"q2": (-2.0, -1.0), "q4": (-0.5, 0.5)})
+    q = np.zeros((4, 6))
+    q[:, 1] = [
+        -1.5,
+        -0.95,
+        -1.5 + 2 * np.pi,
+        -0.8,
+    ]  # a tenth of the range is near; a turn farther on is the same
+    assert extrapolation_notes(robot, q[:3]) == ()
+    q[0, 3] = 1.0
+    (said,) = extrapolation_notes(robot, q, "targets")
+    assert said.startswith("2 of 4 targets are beyond the joint values")
+    assert "(q4 by 28.6 deg, q2 by 11.5 deg)" in said
+    wider = robot.with_fitted_rows([], {"q2": (-1.2, -0.8), "q4": (0.9, 1.0)})
+    assert extrapolation_notes(wider, q) == ()
+    assert parse_robot(robot_to_yaml(wider)).fitted_ranges == wider.fitted_ranges
