@@ -12,6 +12,7 @@ from beamstiff.measure.doubts import copies_between, doubts
 from beamstiff.measure.load_doubts import require_loads
 from beamstiff.measure.position_doubts import require_joints, require_scale
 from beamstiff.measure.reader import read_measurements
+from beamstiff.measure.rotation_doubts import require_rotations
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
@@ -53,6 +54,7 @@ def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
     for table in tables:
         require_joints(table, robot)
         require_scale(table, robot)
+        require_rotations(table, robot)
         require_loads(table, robot)
     own = (note for table in tables for note in doubts(table, robot))
     return [*robot_doubts(robot), *own, *copies_between(tables)]

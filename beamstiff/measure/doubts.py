@@ -12,6 +12,7 @@ import numpy as np
 from beamstiff.errors import UnusableError, listed
 from beamstiff.measure.load_doubts import load_doubts
 from beamstiff.measure.position_doubts import BEYOND_NOISE, SEVERAL, position_doubts
+from beamstiff.measure.rotation_doubts import rotation_doubts
 from beamstiff.measure.rows import subset
 from beamstiff.measure.swapped_labels import label_doubts
 from beamstiff.measure.table import Measurements
@@ -35,6 +36,7 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
     loads = () if misread else tuple(load_doubts(measurements, robot))
     return (
         *(misread or loads or _of_the_load(measurements)),
+        *(() if misread else rotation_doubts(measurements, robot)),
         *_of_the_noise(measurements),
         *_of_the_joints(measurements, robot),
         *_of_sizes(measurements),
