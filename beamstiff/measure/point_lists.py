@@ -77,6 +77,8 @@ def parse_points(
             f"{name}: found no point that `points` names, expected {listed(profile.points or ())}"
         )
     at = np.flatnonzero(keep).tolist()
+    if profile.point is not None:
+        labels["point"] = [profile.point] * len(lines)
     columns = {key: [cells[row] for row in at] for key, cells in labels.items()}
     columns |= {_header(key, profile): [_text(cells[row]) for row in at] for key, cells in values.items()}
     if joints is not None:
@@ -107,7 +109,7 @@ def signals_of(text: str, profile: Profile, name: str = "<log>") -> list[Signal]
         values |= {key: np.zeros(len(time)) for key in WRENCH if key not in values}
         found.append(_signal("wrench", "wrench", WRENCH, time, values))
     if "x" in values:
-        points = np.array(labels.get("point", ["point"] * len(time)))
+        points = np.array(labels.get("point", [profile.point or "point"] * len(time)))
         for point in dict.fromkeys(points.tolist()):
             own = {key: cells[points == point] for key, cells in values.items()}
             placed = _signal((profile.points or {}).get(point, point), "point", POSITION, own["t"], own)
@@ -182,7 +184,7 @@ def _cells(
         except RowError as error:
             fail(name, lines[error.row], column, str(error))
         kind = _kind(column, profile)
-        unit = profile.units.get(column, profile.units.get(kind, ""))
+        unit = profile.unit_of(column) or ""
         values[column] = raw if column in QUATERNION else to_si(raw, Column(column, kind, unit))
     return labels, values
 
@@ -191,7 +193,7 @@ def _kind(column: str, profile: Profile) -> str:
     if column in QUANTITIES or column in QUATERNION:
         return QUANTITIES.get(column, "number")
     try:
-        unit_factor(profile.units.get(column, ""), "angle")
+        unit_factor(profile.unit_of(column) or "", "angle")
     except BeamstiffError:
         return "length"
     return "angle"

@@ -35,6 +35,7 @@ from beamstiff.robot.fields import Described, DescriptionError, Name, Point
 from beamstiff.robot.yaml_text import parse_yaml
 from beamstiff.units import UNITS, unit_factor
 
+JOINTS = "joints"  # of `units`: of all joint variables that have none of their own
 POSITION, ANGLES, QUATERNION = ("x", "y", "z"), ("a", "b", "c"), ("qw", "qx", "qy", "qz")
 
 
@@ -53,11 +54,11 @@ class Profile(Described):
     """What the columns of a list of points are.
 
     `columns`: our columns, and theirs: numbers from 1, or names of the header.
-    `units`: unit by column, or by kind of quantity (length, angle, time, ...).
+    `units`: unit by column, by kind of quantity (length, angle, time, ...), or of all `joints`.
     `separator`, `decimal`, `comment`, `skip`: form of the file; `skip` lines at its beginning hold neither
         names nor points.
     `orientation`: what a b c are.
-    `points`: their names of points to nodes of the robot.
+    `points`: their names of points to nodes of the robot. `point`: the node of all rows, without such names.
     `base`: points known in the base frame, m.
     `sigma_position`: standard deviation, such as ``0.03 mm``, written along.
     `samples`: whether the rows are samples of a running machine.
@@ -71,9 +72,14 @@ class Profile(Described):
     skip: int = 0
     orientation: str | None = None
     points: Mapping[str, Name] | None = None
+    point: Name | None = None
     base: Mapping[str, Point] | None = None
     sigma_position: str | None = None
     samples: bool = False
+
+    def unit_of(self, column: str) -> str | None:
+        """Return the unit of a column; None where none is stated."""
+        return self.units.get(column, self.units.get(QUANTITIES.get(column, JOINTS)))
 
 
 # Logs of controllers, whose columns are always called so.
@@ -128,22 +134,25 @@ def parse_profile(text: str, name: str = "<profile>") -> Profile:
 def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield what keys, each right by itself, are together: where the fault is, and what."""
     known = [*LABELS, *QUANTITIES, *QUATERNION]
-    for name in profile.columns:
-        if name in LABELS or name in QUATERNION:
-            continue
-        kind = QUANTITIES.get(name)
-        unit = profile.units.get(name, profile.units.get(kind or ""))
-        if unit is None:
-            what = f"expected `units: {{{kind or name}: ...}}`"
-            hint = "" if kind else f"; {name!r} is taken for a joint variable{suggest(name, known)}"
-            yield ("units",), f"the unit of {name} is missing, {what}{hint}"
-        else:
+    valued = [name for name in profile.columns if name not in LABELS and name not in QUATERNION]
+    if bare := [name for name in valued if profile.unit_of(name) is None]:
+        kinds = dict.fromkeys(f"{QUANTITIES.get(name, JOINTS)}: ..." for name in bare)
+        joints = [name for name in bare if name not in QUANTITIES]
+        hint = f"; {joints[0]!r} is taken for a joint variable{suggest(joints[0], known)}" if joints else ""
+        units = "unit of {} is" if len(bare) == 1 else "units of {} are"
+        yield (
+            ("units",),
+            f"the {units.format(listed(bare, 12))} missing, expected `units: {{{', '.join(kinds)}}}`{hint}",
+        )
+    for name in valued:
+        kind, unit = QUANTITIES.get(name), profile.unit_of(name)
+        if unit is not None:
             reasons = [_reason(unit, one) for one in ((kind,) if kind else ("angle", "length"))]
             if all(reasons):
                 yield ("units",), f"{name}: {reasons[-1]}"
     for name in profile.units:
-        if name not in profile.columns and name not in UNITS:
-            hint = suggest(name, [*UNITS, *profile.columns])
+        if name not in profile.columns and name not in UNITS and name != JOINTS:
+            hint = suggest(name, [*UNITS, JOINTS, *profile.columns])
             yield ("units", name), f"is no column and no kind of quantity{hint}"
     for group in (POSITION, ANGLES, QUATERNION):
         some = [name for name in group if name in profile.columns]
@@ -164,7 +173,10 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
             yield ("orientation",), str(error)
     for key in ("points", "base"):
         if getattr(profile, key) is not None and "point" not in profile.columns:
-            yield (key,), "needs a column of names: `columns: {point: ...}`"
+            hint = ", or `point: NODE` for all rows" if key == "points" else ""
+            yield (key,), f"needs a column of names: `columns: {{point: ...}}`{hint}"
+    if profile.point is not None and "point" in profile.columns:
+        yield ("point",), "found beside a column of names, expected one of the two"
 
 
 def _reason(unit: str, kind: str) -> str:

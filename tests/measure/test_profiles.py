@@ -148,10 +148,13 @@ GOOD = "columns: {point: 1, x: 2, y: 3, z: 4}\nunits: {length: mm}\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("columns: {point: 1, x: 2, y: 3, z: 4}\nunits: {}\n", ":2: units: the unit of x is missing"),
+        (
+            "columns: {point: 1, x: 2, y: 3, z: 4}\nunits: {}\n",
+            ":2: units: the units of x, y, z are missing, expected `units: {length: ...}`",
+        ),
         ("columns: {point: 1, x: 2, y: 3, z: 4}\n", "units: is missing"),
         (GOOD.replace("mm", "deg"), "found the unit 'deg'"),
-        (GOOD.replace("length", "lenght"), "the unit of x is missing"),
+        (GOOD.replace("length", "lenght"), "the units of x, y, z are missing"),
         (GOOD.replace("mm}", "mm, angel: deg}"), "did you mean 'angle'"),
         (GOOD.replace("x: 2, ", ""), "found only y, z, expected x, y, z"),
         (GOOD.replace("x: 2", "x: 0"), "expected the number of a column"),
@@ -163,7 +166,8 @@ GOOD = "columns: {point: 1, x: 2, y: 3, z: 4}\nunits: {length: mm}\n"
         (GOOD + "orientation: KUKA ABC\n", "`orientation` go together"),
         (GOOD + "separator: blanks\n", "separator: found 'blanks'"),
         (GOOD + "colums: {}\n", "unknown key"),
-        (GOOD.replace("point: 1, ", "") + "points: {A: b}\n", "needs a column of names"),
+        (GOOD.replace("point: 1, ", "") + "points: {A: b}\n", "needs a column of names.*, or `point: NODE`"),
+        (GOOD + "point: tip\n", "found beside a column of names"),
         ("- 1\n", "expected keys with values"),
     ],
 )
@@ -216,9 +220,18 @@ def documented() -> list[str]:
 
 
 def test_the_profiles_in_the_documentation_are_profiles() -> None:
-    assert len(documented()) == 4
+    assert len(documented()) == 5
     for text in documented():
         parse_profile(text)
+
+
+def test_one_point_and_one_unit_may_hold_for_all_rows_and_joints() -> None:
+    (profile,) = [parse_profile(text) for text in documented() if "point: reflector" in text]
+    text = "joint_1;joint_2;joint_3;X;Y;Z;T_room\n0,5;1;-1;100;200;300;21,5\n"
+    assert parse_points(text, profile).text.splitlines()[-2:] == [
+        "point,q1 [rad],q2 [rad],q3 [rad],x [m],y [m],z [m],temperature [degC]",
+        "reflector,0.5,1.0,-1.0,0.1,0.2,0.3,21.5",
+    ]
 
 
 def test_the_documented_profile_of_samples_makes_rows_of_plateaus(tmp_path: Path) -> None:
