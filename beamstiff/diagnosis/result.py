@@ -231,9 +231,21 @@ class Diagnosis(Shown):
 
     @cached_property
     def undetermined(self) -> set[str]:
-        """Fitted stiffness values whose compliance is known to no better than half of it."""
+        """Fitted stiffness values whose compliance is known to no better than half of it.
+
+        Beside the causes, or in the calibration that is written.
+        """
         fitted = self.fitted_stiffness
-        return {name for name, std in self.compliance_std.items() if std * fitted[name][1] > VAGUE}
+        vague = {name for name, std in self.compliance_std.items() if std * fitted[name][1] > VAGUE}
+        return vague | self._as_described
+
+    @cached_property
+    def _as_described(self) -> set[str]:
+        """Drives that the written calibration leaves as described."""
+        found = self.decomposition
+        if found is None or found.model.problem is None:
+            return set()
+        return as_given(found, self.calibrated) & {*self.compliance_std}
 
     @cached_property
     def untouched(self) -> tuple[str, ...]:
@@ -255,7 +267,7 @@ class Diagnosis(Shown):
         """
         found = self.decomposition
         if found is not None and found.model.problem is not None:
-            own = {*self.untouched, *as_given(found, self.calibrated)}
+            own = {*self.untouched, *self._as_described}
             return tuple(name for name in self.fitted_stiffness if name in own)
         columns, at = self.open_compliances
         vague = self.undetermined.difference(self.untouched)

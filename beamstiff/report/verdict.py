@@ -115,16 +115,17 @@ def rigid_text(robot: Robot, names: Sequence[str]) -> str:
 
 def undetermined_text(names: Sequence[str], unloaded: Collection[str] = ()) -> str:
     """Return what to do about stiffness of which rows say nothing, because of no load for `unloaded`."""
-    if not names:
-        return ""
     still = [name for name in names if name in unloaded]
-    other = (
-        f" No load here turns {listed(still, MOST_DRIVES)}: load it off or across its axis." if still else ""
-    )
-    return (
-        f"These rows do not determine {listed(names, MOST_DRIVES)}: beamstiff plan chooses postures and "
-        f"loads that do.{other}"
-    )
+    said = []
+    if others := [name for name in names if name not in still]:
+        said.append(
+            f"These rows do not determine {listed(others, MOST_DRIVES)}: beamstiff plan chooses postures and "
+            "loads that do."
+        )
+    if still:
+        it = "it off or across its axis" if len(still) == 1 else "them off or across their axes"
+        said.append(f"No load here turns {listed(still, MOST_DRIVES)}: load {it}.")
+    return " ".join(said)
 
 
 def rounded(value: float) -> str:

@@ -29,6 +29,7 @@ from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 
 VAGUE = 0.5  # of a compliance, standard deviation from which on it is not determined
+ROUNDING = 1e-9  # of a stiffness that is as described, by way of its compliance
 
 
 def calibrated_beside(found: Decomposition) -> Robot:
@@ -100,7 +101,8 @@ def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
 def as_given(found: Decomposition, robot: Robot) -> set[str]:
     """Return the drives of a calibrated robot that the readings do not determine: they are as described."""
     given = found.model.given
-    return {name for name in given.identify if robot.parameter(name) == given.parameter(name)}
+    both = ((name, robot.parameter(name), given.parameter(name)) for name in given.identify)
+    return {name for name, value, described in both if np.isclose(value, described, rtol=ROUNDING, atol=0.0)}
 
 
 def _compliances(found: Decomposition, robot: Robot) -> dict[str, float]:

@@ -176,8 +176,11 @@ def nowhere(effect: str, baseline: Baseline) -> str:
     if effect == "angle-curve":
         return "no joint was at enough different angles: measure more postures"
     if effect == "thermal-drift":
-        if np.isfinite(baseline.rows.time).any() or np.isfinite(baseline.rows.temperature).any():
+        timed, warm = (np.isfinite(one).any() for one in (baseline.rows.time, baseline.rows.temperature))
+        if timed:
             return "time and temperature are the same in all rows: measure for longer"
+        if warm:
+            return "the temperature is the same in all rows, and there is no column t [s]: add it"
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
         return (
