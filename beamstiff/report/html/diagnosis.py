@@ -14,6 +14,7 @@ from beamstiff.report.calibrated_text import changes_table, changes_text, drives
 from beamstiff.report.diagnosis_tables import drift_tables, hidden_text, smallest_table, steps, steps_table
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.html.charts import SHARE, bars
+from beamstiff.report.html.joint_curves import joint_curves
 from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
 from beamstiff.report.html.places import line_of
@@ -50,7 +51,7 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
         facts=list(_facts(result)),
         view=_view(result),
         sections=[
-            *(_which(result), _next(result), _where(result), _how_far(result)),
+            *(_which(result), _next(result), *_curves(result), _where(result), _how_far(result)),
             *rows,
             *_others(result),
         ],
@@ -127,6 +128,11 @@ def _which(result: Diagnosis) -> Section:
         )
     plural = "s" * (found is not None and len(found.causes) > 1)
     return Section("which", f"Which cause{plural}", figures=[figure], tables=tables, footnote=legend)
+
+
+def _curves(result: Diagnosis) -> Iterator[Section]:
+    if figures := list(joint_curves(result)):
+        yield Section("curves", "Errors that follow a joint's angle", figures=figures)
 
 
 def _where(result: Diagnosis) -> Section:
