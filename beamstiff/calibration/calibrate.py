@@ -42,6 +42,7 @@ def calibrate(
     stations: bool = False,
     encoders: bool = False,
     shrink: bool = True,
+    balance: bool = True,
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -51,7 +52,8 @@ def calibrate(
 
     Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
     `encoders`: those behind the gears count for the compliances. `shrink`: what is known beforehand counts
-    beside what the readings scatter, where that is more than is stated.
+    beside what the readings scatter, where that is more than is stated. `balance`: rotations count for no
+    more than positions by what both scatter, see `_balanced`.
     """
     statement = build_calibration(
         robot,
@@ -69,7 +71,7 @@ def calibrate(
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
-    if _beyond_noise(problem, found, statement):
+    if balance and _beyond_noise(problem, found, statement):
         statement, problem, found = _balanced(statement, problem, found, method)
     spread = None
     if shrink and _beyond_noise(problem, found, statement):

@@ -211,7 +211,17 @@ def open_geometry(
     bare = robot.with_parameters(drives or {}).model_copy(update={"identify": ()})
     sound = rows if moved is None else without_motion(rows, moved)
     free = () if drives else robot.identify
-    found = calibrate(bare, sound, parameters, compliances=free, folds=0, stations=stations, shrink=settled)
+    found = calibrate(
+        bare,
+        sound,
+        parameters,
+        compliances=free,
+        folds=0,
+        stations=stations,
+        shrink=settled,
+        balance=moved
+        is not None,  # else what of causes shows in rotations alone would count as their scatter
+    )
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
     given = {

@@ -295,10 +295,13 @@ def usual_stiffness(baseline: Baseline, name: str) -> float:
 
 
 def change_of_drives(baseline: Baseline) -> float:
-    """Return the median of fitted over given stiffness of the turning drives; 1 where there is none."""
+    """Return the median of fitted over given stiffness of the turning drives; 1 of fewer than three.
+
+    A cause may bend the fit of a drive or two.
+    """
     given, fitted = turning_drives(baseline.given or baseline.nominal), turning_drives(baseline.robot)
     changes = [fitted[name] / value for name, value in given.items() if name in fitted]
-    return float(np.median(changes)) if changes else 1.0
+    return float(np.median(changes)) if len(changes) > 2 else 1.0
 
 
 def softness(baseline: Baseline) -> float:
