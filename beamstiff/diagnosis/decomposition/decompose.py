@@ -26,7 +26,12 @@ from beamstiff.diagnosis.decomposition.loads import (
     without_errors,
 )
 from beamstiff.diagnosis.decomposition.nested import nested, promised
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
+from beamstiff.diagnosis.decomposition.open_model import (
+    OpenModel,
+    open_as_determined,
+    open_geometry,
+    open_stiffness,
+)
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
@@ -43,7 +48,6 @@ from beamstiff.stages import stage
 
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
-VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
 SETTLED = MINOR  # share by which drives may change what a cause moves
@@ -96,17 +100,9 @@ def decompose(
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
     stage("calibrating")
-    model, parameters = _opened(robot, rows, stations, opened)
-    wrong = [] if "outliers" in prior.without else rows_apart(model).tolist()
-    apart = [rows.place(row) for row in wrong]
-    if apart:
-        model, parameters = _opened(robot, without_rows(rows, apart), stations, opened)
-    check_names(model.baseline, prior)
-    forms = _forms(model, prior)
-    behind = behind_gears(model, forms, prior)
-    settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
-    forms = _forms(model, settings.prior) if behind else forms
-    found = replace(_searched(settings, model, forms), behind=tuple(behind), apart=tuple(apart))
+    found, settings = _beside_geometry(robot, rows, prior, seed, stations, opened, balance=False)
+    if not found.every and found.gap_shows and np.isfinite(rows.rotation).any():
+        found, settings = _beside_geometry(robot, rows, prior, seed, stations, opened, balance=True)
     short = _short(found)
     if not short:
         return found
@@ -119,6 +115,33 @@ def decompose(
     except BeamstiffError:
         return found
     return replace(again, first=tuple(map(rows.place, lost.tolist()))) if _short(again) else found
+
+
+def _beside_geometry(
+    robot: Robot,
+    rows: Measurements,
+    prior: Prior,
+    seed: int,
+    stations: bool,
+    opened: Sequence[tuple[str, ...] | None],
+    balance: bool,
+) -> tuple[Decomposition, _Settings]:
+    """Return the causes of absolute positions, sought about a calibration without any, and what held for it.
+
+    `balance`: of that calibration, see `open_geometry`.
+    """
+    model, parameters = open_as_determined(robot, rows, stations, opened, balance)
+    wrong = [] if "outliers" in prior.without else rows_apart(model).tolist()
+    apart = [rows.place(row) for row in wrong]
+    if apart:
+        model, parameters = open_as_determined(robot, without_rows(rows, apart), stations, opened, balance)
+    check_names(model.baseline, prior)
+    forms = _forms(model, prior)
+    behind = behind_gears(model, forms, prior)
+    settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
+    forms = _forms(model, settings.prior) if behind else forms
+    found = _searched(settings, model, forms)
+    return replace(found, behind=tuple(behind), apart=tuple(apart)), settings
 
 
 def _short(found: Decomposition) -> set[str | None]:
@@ -383,21 +406,6 @@ def _name(form: Form) -> tuple[str, str]:
 def _forms(model: OpenModel, prior: Prior, known: Shapes | None = None) -> list[Form]:
     laws = (form for form in unmodelled_forms(model) if form.key not in prior.without)
     return [*forms_of(model, prior, known=known), *laws]
-
-
-def _opened(
-    robot: Robot, rows: Measurements, stations: bool, opened: Sequence[tuple[str, ...] | None]
-) -> tuple[OpenModel, tuple[str, ...] | None]:
-    """Return the open model with as much of the geometry free as the readings determine, and what that is."""
-    for parameters in opened:
-        model = open_geometry(robot, rows, parameters=parameters, stations=stations)
-        if model.count >= VALUES_A_PARAMETER * model.determined:
-            return model, parameters
-    raise BeamstiffError(
-        f"{rows.source}: found {model.count} measured values, expected at least "
-        f"{np.ceil(VALUES_A_PARAMETER * model.determined):.0f} to fit the measuring frame, the reflectors "
-        "and the drives: measure more postures"
-    )
 
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:

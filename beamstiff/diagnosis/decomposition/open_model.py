@@ -21,6 +21,7 @@ from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
 from beamstiff.diagnosis.residual.repeats import independent, repeated
+from beamstiff.errors import BeamstiffError
 from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.camera import without_motion
@@ -28,6 +29,7 @@ from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+VALUES_A_PARAMETER = 2  # measured values that a geometry needs at least, to leave anything to causes
 INDEPENDENT = 1e-7  # singular value of unit columns, of the largest, below which a direction is rounding
 
 
@@ -181,6 +183,7 @@ def open_geometry(
     stations: bool = False,
     settled: bool = False,
     drives: Mapping[str, float] | None = None,
+    balance: bool = True,
 ) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
@@ -202,6 +205,9 @@ def open_geometry(
         what is known beforehand.
     drives : mapping of str to float, optional
         Stiffness that the model is linear about, default what a calibration beside `moved` finds.
+    balance : bool
+        Whether rotations count for no more than positions by what both scatter; before causes are beside
+        them, what of these shows in rotations alone counts as scatter.
 
     Raises
     ------
@@ -219,8 +225,7 @@ def open_geometry(
         folds=0,
         stations=stations,
         shrink=settled,
-        balance=moved
-        is not None,  # else what of causes shows in rotations alone would count as their scatter
+        balance=balance,
     )
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
@@ -257,6 +262,25 @@ def open_geometry(
         problem,
         frozenset(one.name for one in found.parameters if not one.identified),
         parameters=None if parameters is None else tuple(parameters),
+    )
+
+
+def open_as_determined(
+    robot: Robot,
+    rows: Measurements,
+    stations: bool,
+    opened: Sequence[tuple[str, ...] | None],
+    balance: bool,
+) -> tuple[OpenModel, tuple[str, ...] | None]:
+    """Return the open model with as much of the geometry free as the readings determine, and what that is."""
+    for parameters in opened:
+        model = open_geometry(robot, rows, parameters=parameters, stations=stations, balance=balance)
+        if model.count >= VALUES_A_PARAMETER * model.determined:
+            return model, parameters
+    raise BeamstiffError(
+        f"{rows.source}: found {model.count} measured values, expected at least "
+        f"{np.ceil(VALUES_A_PARAMETER * model.determined):.0f} to fit the measuring frame, the reflectors "
+        "and the drives: measure more postures"
     )
 
 

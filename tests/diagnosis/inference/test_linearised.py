@@ -12,8 +12,6 @@ from beamstiff.diagnosis.held_out.score import Weighted, fitted
 from beamstiff.diagnosis.inference.library import build_library
 from beamstiff.diagnosis.residual.baseline import around, fit_baseline
 from beamstiff.diagnosis.residual.whitened import whiten
-from beamstiff.exam.cases import Exam, draw_case
-from beamstiff.exam.simulate import simulate
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from tests.diagnosis.machines import POSITION, ROTATION, kr240, rows_of
@@ -92,10 +90,3 @@ def test_a_fit_that_a_cause_bent_is_no_guess_of_two_drives() -> None:
     assert 0.5 < change_of_drives(bent) < 2.0
     two = fit.nominal.with_parameters(dict.fromkeys(fit.fitted[2:], float("inf")))
     assert change_of_drives(replace(bent, given=two)) == 1.0
-
-
-def test_what_shows_in_rotations_alone_is_no_scatter_of_these() -> None:
-    """A wrist's last drive gives way under moments: positions on its axis hardly move."""
-    case = draw_case(Exam(seed=20270211), 270)
-    rows = simulate(case.machine, case.truths, case.campaign, np.random.default_rng([20270211, 270, 1]))
-    assert diagnose(case.robot, rows).verdict.key == case.label.truths[0] == "joint-compliance:q6"
