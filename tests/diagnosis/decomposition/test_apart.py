@@ -6,7 +6,8 @@ import pytest
 
 from beamstiff import Robot, diagnose
 from beamstiff.diagnosis.decomposition.apart import places_apart, rows_apart
-from beamstiff.diagnosis.decomposition.decompose import OPEN, _opened
+from beamstiff.diagnosis.decomposition.decompose import OPEN
+from beamstiff.diagnosis.decomposition.open_model import open_as_determined
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
 from tests.diagnosis.decomposition.test_decompose import table
@@ -25,7 +26,7 @@ def with_wrong(*causes: str, wrong: dict[int, float] | None = None) -> tuple[Rob
 
 
 def apart(robot: Robot, rows: Measurements) -> list[int]:
-    return rows_apart(_opened(robot, rows, False, OPEN)[0]).tolist()
+    return rows_apart(open_as_determined(robot, rows, False, OPEN, False)[0]).tolist()
 
 
 @pytest.mark.parametrize("causes", [(), ("gear",), ("slip",), ("friction",), CAUSES])
