@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from beamstiff.cli.options import argument, flag, option
 from beamstiff.cli.output import Outputs, write
 from beamstiff.cli.parse import named, parse_variables, robot_file
 from beamstiff.errors import BeamstiffError, listed
-
-if TYPE_CHECKING:
-    pass
 
 WRITTEN = {
     ".yaml": "robot file",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ class Compensated(Shown):
         unknown = np.isnan(self.correction.before) | np.isnan(self.after)
         return np.logical_not(unknown.any(axis=1))
 
-    @property
+    @cached_property
     def extrapolated(self) -> tuple[str, ...]:
         """Which targets are beyond what the real robot's file was fitted at, in sentences."""
         return extrapolation_notes(self.machine.real, self.correction.q[self.known], "targets")

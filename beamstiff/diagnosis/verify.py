@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
+from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.registration import check_spread, fit_rigid_motion
@@ -88,7 +89,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     """
     used = measurements.measured_mask[:, :3]
     absolute = measurements.kind == "absolute"
-    short = {one.component for one in robot.effects if one.effect == "approach-direction"}
+    short = {one.component for one in robot.effects if one.effect == REVERSED}
     notes: tuple[str, ...] = ()
     if absolute and short:
         read, unknown = without_unknown(measurements, short)

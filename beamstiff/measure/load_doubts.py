@@ -27,6 +27,7 @@ from beamstiff.measure.position_doubts import (
     laid_over,
     read_rows,
 )
+from beamstiff.measure.rows import evenly
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
@@ -69,7 +70,7 @@ def work_between(table: Measurements, robot: Robot) -> Array:
 def load_doubts(table: Measurements, robot: Robot) -> Iterator[str]:
     """Yield that the forces may stand in other columns, signs or units; mostly nothing."""
     rows, more, moved = _moved_by_loads(table, robot)
-    some = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST)).astype(np.intp))
+    some = evenly(len(rows), MOST)
     rows, more, moved = rows[some], more[some], moved[some]
     if len(np.unique(table.q[rows], axis=0)) < POSTURES or not robot.actuated:
         return

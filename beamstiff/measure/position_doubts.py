@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, UnusableError, listed
 from beamstiff.measure.registration import RigidMotion, check_spread, lay_over
-from beamstiff.measure.rows import concatenate
+from beamstiff.measure.rows import concatenate, evenly
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot
@@ -121,7 +121,7 @@ def read_rows(table: Measurements) -> Index:
 def _some_rows(table: Measurements) -> Index:
     """Return rows with a position, few enough to look at, from the whole table."""
     rows = read_rows(table)
-    return rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))] if len(rows) else rows
+    return rows[evenly(len(rows), ROWS)]
 
 
 def _of_the_assembly(table: Measurements, robot: Robot, rows: Index) -> Iterator[str]:

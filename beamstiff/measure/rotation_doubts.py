@@ -12,6 +12,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, UnusableError
 from beamstiff.measure.orientation import named_orientation
+from beamstiff.measure.rows import evenly
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -75,7 +76,7 @@ def _turned(table: Measurements, robot: Robot) -> tuple[Array, Array]:
     rows = np.flatnonzero(~np.isnan(table.rotation).any(axis=1) & table.by_tracker)
     if table.kind != "absolute" or table.camera or len(rows) < SEVERAL:
         return none
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, ROWS).astype(np.intp))]
+    rows = rows[evenly(len(rows), ROWS)]
     kinematics = compile_kinematics(robot)
     try:
         pose = pose_of(kinematics, posture(kinematics, table.q[rows]), robot.tcp)

@@ -37,6 +37,11 @@ def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     )
 
 
+def evenly(count: int, most: int) -> Integers:
+    """Return numbers of at most so many of some things, evenly chosen, the first and the last among them."""
+    return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
+
+
 def without_rows(rows: Measurements, places: Sequence[str]) -> Measurements:
     """Return a table without some rows, ``file:line`` each."""
     if not places:

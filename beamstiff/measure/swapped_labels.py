@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.position_doubts import comparable, laid_over
-from beamstiff.measure.rows import subset
+from beamstiff.measure.rows import evenly, subset
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -204,7 +204,7 @@ def _bodies(table: Measurements, robot: Robot) -> Iterator[Body]:
         sizes = np.sort(apart[:, *np.triu_indices(len(names), 1)], axis=1)  # whatever the names
         scatter = SCALE * np.median(np.abs(sizes - np.median(sizes, axis=0)), axis=0).max()
         fine = min(tolerance, SCATTERS * max(scatter, 1e-7))
-        tried = apart[np.linspace(0, len(rows) - 1, min(len(rows), TRIED)).astype(np.intp)]
+        tried = apart[evenly(len(rows), TRIED)]
         most = max((_near(apart, one, fine) for one in tried), key=np.count_nonzero)
         if most.sum() < max(2, len(rows) // 3):
             continue  # on several bodies, or they move

@@ -20,6 +20,7 @@ from beamstiff.model.ports import reduce_to_ports
 from beamstiff.model.varying import displaced
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
+from beamstiff.robot.parts import Variable
 from beamstiff.se3 import Array
 
 NEAR = 1e-4  # m and rad by which joint readings may leave a range
@@ -83,13 +84,12 @@ def _beyond_fitted(robot: Robot, q: Array, what: str) -> Iterator[str]:
             continue
         # an angle is the same a turn farther on
         turns = 2.0 * np.pi * np.arange(-2, 3) if variable.kind == "angle" else np.zeros(1)
-        every = values[:, None] + turns
-        past = np.maximum(np.maximum(own.low - every, every - own.high), 0.0).min(axis=1, initial=np.inf)
+        past = _past(values[:, None] + turns, own.low, own.high).min(axis=1, initial=np.inf)
         beyond = past > NEAR + MARGIN * (own.high - own.low)
         away |= beyond
         if beyond.any():
-            size = np.degrees(past.max()) if variable.kind == "angle" else 1e3 * past.max()
-            farthest[f"{variable.name} by {size:.3g} {'deg' if variable.kind == 'angle' else 'mm'}"] = size
+            size, unit = _for_people(variable, float(past.max()))
+            farthest[f"{variable.name} by {size:.3g} {unit}"] = size
     if farthest:
         names = sorted(farthest, key=farthest.__getitem__, reverse=True)
         yield (
@@ -98,13 +98,23 @@ def _beyond_fitted(robot: Robot, q: Array, what: str) -> Iterator[str]:
         )
 
 
+def _past(values: Array, low: Array | float, high: Array | float) -> Array:
+    """Return by how much values leave a range; 0 within it."""
+    return np.asarray(np.maximum(np.maximum(low - values, values - high), 0.0))
+
+
+def _for_people(variable: Variable, size: float) -> tuple[float, str]:
+    """Return a change of a variable in deg or mm, with the unit."""
+    return (float(np.degrees(size)), "deg") if variable.kind == "angle" else (1e3 * size, "mm")
+
+
 def _beyond_model(robot: Robot, q: Array, what: str) -> tuple[str, ...]:
     data, model = robot.model, fitted_model(robot)
     if data is None or not len(q):
         return ()
     low, high = (np.array(corner) for corner in data.workspace)
     at = tcp_positions(robot, q)
-    beyond = np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0), axis=1)
+    beyond = np.linalg.norm(_past(at, low, high), axis=1)
     parts, away = [], beyond > NEAR
     if away.any():
         parts.append(f"the TCP {1e3 * beyond.max():.3g} mm beyond the fitted workspace")
@@ -112,11 +122,11 @@ def _beyond_model(robot: Robot, q: Array, what: str) -> tuple[str, ...]:
     farthest: dict[str, float] = {}
     for variable, values in zip(robot.actuated, q.T, strict=True):
         if (own := known.get(variable.name)) is not None:
-            past = np.maximum(np.maximum(own.low - values, values - own.high), 0.0)
+            past = _past(values, own.low, own.high)
             away = away | (past > NEAR)
             if past.max() > NEAR:
-                size = np.degrees(past.max()) if variable.kind == "angle" else 1e3 * past.max()
-                farthest[f"{variable.name} {size:.3g} {'deg' if variable.kind == 'angle' else 'mm'}"] = size
+                size, unit = _for_people(variable, float(past.max()))
+                farthest[f"{variable.name} {size:.3g} {unit}"] = size
     if farthest:
         parts.append(f"{max(farthest, key=farthest.__getitem__)} beyond its fitted range")
     if isinstance(model, GriddedStiffness) and (empty := model.outside(q) & (beyond <= NEAR)).any():

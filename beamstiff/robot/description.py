@@ -179,14 +179,17 @@ class Robot(Shown, Described):
         `error`: what the fit leaves, m.
         """
         every = sorted({*self.fitted_rows.split(), *digests})
-        known = {one.variable: (one.low, one.high) for one in self.fitted_ranges}
-        wider = [
-            FittedRange(variable=name, low=min(low), high=max(high))
-            for name in dict.fromkeys([*known, *ranges])
-            for low, high in [zip(*(some[name] for some in (known, ranges) if name in some), strict=True)]
-        ]
-        update = {"fitted_rows": " ".join(every), "fitted_ranges": tuple(wider), "fitted_error": error}
-        return self.model_copy(update=update)
+        wider = {one.variable: (one.low, one.high) for one in self.fitted_ranges}
+        for name, (low, high) in ranges.items():
+            before = wider.get(name, (low, high))
+            wider[name] = (min(low, before[0]), max(high, before[1]))
+        return self.model_copy(
+            update={
+                "fitted_rows": " ".join(every),
+                "fitted_ranges": tuple(FittedRange(variable=k, low=a, high=b) for k, (a, b) in wider.items()),
+                "fitted_error": error,
+            }
+        )
 
 
 def _stiffness_with(joint: Joint, values: Mapping[str, float]) -> JointStiffness:

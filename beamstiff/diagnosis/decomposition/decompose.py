@@ -36,7 +36,7 @@ from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
-from beamstiff.diagnosis.inference.library import check_names
+from beamstiff.diagnosis.inference.library import REVERSED, check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
@@ -52,7 +52,6 @@ CHANCE = 0.01  # of so large a residual under the stated noise, below which caus
 ROUNDS = 3  # of calibrating beside the causes that were found
 SETTLED = MINOR  # share by which drives may change what a cause moves
 SHOWS = 0.3  # of what the readings scatter: a change up to it does not show, it adds a twentieth
-APPROACH = "approach-direction"
 SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
@@ -147,7 +146,7 @@ def _beside_geometry(
 def _short(found: Decomposition) -> set[str | None]:
     """Return the joints that a decomposition names as stopping short; None: all."""
     forms = (form for cause in found.causes for form in cause.forms)
-    return {form.component for form in forms if form.effect == APPROACH}
+    return {form.component for form in forms if form.effect == REVERSED}
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,14 @@ The error of an encoder or gear that turns once with the joint is a Fourier seri
 order is a shape of its own: which ones a joint has is for the data to say.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
 from beamstiff.diagnosis.effects.geometry_error import pose_change
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.se3 import Array
 
 SIZE = 2e-4  # rad: runout of an eccentric wheel or disc of 0.02 mm at 100 mm
 HIGHEST = 30  # order: finer waves need more angles than campaigns visit
@@ -48,6 +51,15 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         )
         for k in range(1, most + 1)
     ]
+
+
+def joint_error(sizes: Mapping[str, float], angle: Array) -> Array:
+    """Return the error (n,) of a joint at some angles (n,), rad, by sizes of the shapes' parameters, rad."""
+    result = np.zeros(angle.size)
+    for name, size in sizes.items():
+        way, _, order = name.partition("_")
+        result += size * (np.sin if way == "sine" else np.cos)(int(order) * angle)
+    return result
 
 
 EFFECT = Effect(

@@ -5,13 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.causes import Cause
+from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.effects.angle_curve import EFFECT, joint_error
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.html.parts import Figure, axis, chart_layout, css, label, numbers, scatter
 from beamstiff.report.html.places import BUTTONS
 from beamstiff.se3 import Array
 
-EFFECT = "angle-curve"
 POINTS = 400  # of a curve
 
 
@@ -20,7 +21,7 @@ def joint_curves(result: Diagnosis) -> Iterator[Figure]:
     found = result.decomposition
     rows = result.baseline.rows
     for cause in () if found is None else found.causes:
-        if cause.forms[0].effect != EFFECT:
+        if cause.forms[0].effect != EFFECT.name:
             continue
         joint = str(cause.forms[0].component)
         read = np.unique(rows.q[:, rows.variables.index(joint)])
@@ -39,14 +40,5 @@ def joint_curves(result: Diagnosis) -> Iterator[Figure]:
 
 def _drawn(cause: Cause, q: Array) -> tuple[list[float | None], list[float | None]]:
     """Return angles (n,), deg, and the errors there, mrad."""
-    return numbers(np.degrees(q), 4), numbers(1e3 * _error(cause, q), 3)
-
-
-def _error(cause: Cause, q: Array) -> Array:
-    """Return the fitted error (n,) of the joint of a cause at some angles (n,), rad."""
-    result = np.zeros(q.size)
-    for form, theta in zip(cause.forms, cause.theta, strict=True):
-        for item, value in zip(form.shape.parameters, theta * form.sizes, strict=True):
-            way, _, order = item.name.partition("_")
-            result += value * (np.sin if way == "sine" else np.cos)(int(order) * q)
-    return result
+    sizes = {name: value for name, _, value, *_ in parameters_of(cause)}
+    return numbers(np.degrees(q), 4), numbers(1e3 * joint_error(sizes, q), 3)
