@@ -2,10 +2,15 @@
 
 Speeds tell the lag to a few hundredths of a second, by their correlation. Then every motion tells it by
 itself: where the point is must be a smooth function of where the joints are, which fails by the speed times
-the lag. A straight line through these gives lag and drift of the clock.
+the lag. A straight line through these gives lag and drift of the clock. Where motions follow each other in
+one rhythm, each of them fits at several lags; then the places between them, which must follow the joints as
+well, tell the lag.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import correlate, correlation_lags
@@ -17,11 +22,14 @@ from beamstiff.se3 import Array
 STEP = 0.02  # s: grid of speeds
 APART = 0.25  # s, by which candidates differ, and within which each is refined
 CANDIDATES = 5
+RHYTHMIC = 60  # candidates where motions do not tell which: all of one rhythm within the largest lag
 STANDING = 0.01  # rad/s (m/s), below which a joint stands
 STANDS_FOR = 0.15  # s; shorter rests do not end a motion
 DEGREE = 5  # of the curve that a point follows in one motion
 EXPLAINED = 0.99  # share of a point's motion that the joints must explain
+AS_MANY = 0.9  # of the motions that tell the best lag: what so many others tell as well is a doubt too
 ALIKE = 2.0  # a second lag that fits nearly as well (residuals within this factor) leaves a doubt
+FREE = 0.2  # of each place's own value that the other places leave: fewer places tell nothing
 MODEL = 2e-3  # s: error of one motion's lag beside noise, of curves that are no polynomial
 MOST_FREE = 30  # readings that count in one motion: what a polynomial leaves is no white noise
 USUAL_DRIFT = 1e-4  # s/s: quartz clocks drift by less
@@ -71,33 +79,56 @@ def clock_lag(joints: Signal, point: Signal, most: float = 30.0) -> ClockLag:
             if not motions
             else f"{point.name}: found {len(point)} readings, expected more"
         )
-    candidates = _coarse(joints, point.time, position, most)
-    tried = []
-    for lag in candidates:
-        told = [
-            one
-            for span in motions
-            if (one := _one_motion(joints, point.time, position, span, lag)) is not None
-        ]
-        if told:
-            left = np.array([residual for *_, residual in told])
-            tried.append((float(np.median(left)) + 1e-4 * (len(motions) - len(told)), lag, told))
+
+    def tried_at(lag: float) -> Tried:
+        each = (_one_motion(joints, point.time, position, span, lag) for span in motions)
+        told = [one for one in each if one is not None]
+        return Tried(lag, np.array(told).reshape(-1, 4), len(motions) - len(told))
+
+    candidates = _coarse(joints, point.time, position, most, CANDIDATES)
+    tried = sorted((one for one in map(tried_at, candidates) if one.told.size), key=lambda one: one.misfit)
     if not tried:
         raise LagError(f"{joints.name} and {point.name} have no motion in common")
-    tried.sort(key=lambda one: one[0])
-    best, lag, told = tried[0]
-    if best > 1.0 - EXPLAINED:
+    best = tried[0]
+    if best.misfit > 1.0 - EXPLAINED:
         raise LagError(
             f"{point.name} does not move as {joints.name} do at any lag within {most:g} s "
-            f"({100 * (1 - best):.0f} % of its motion is explained)"
+            f"({100 * (1 - best.misfit):.0f} % of its motion is explained)"
         )
-    rivals = [one for one in tried[1:] if abs(one[1] - lag) > 2 * APART and one[0] < ALIKE**2 * best]
+    rivals = [one for one in tried[1:] if abs(one.lag - best.lag) > 2 * APART and one.like(best)]
     if rivals:
-        raise LagError(
-            f"{point.name} fits {joints.name} at a lag of {lag:.2f} s and of {rivals[0][1]:.2f} s alike: "
-            "the motion repeats itself"
-        )
-    return _straight(np.array([one[:3] for one in told]))
+        among = _coarse(joints, point.time, position, most, RHYTHMIC)
+        resting = _by_rests(joints, point.time, position, motions, among)
+        if resting is None or (best := tried_at(resting)).misfit > 1.0 - EXPLAINED:
+            raise LagError(
+                f"{point.name} fits {joints.name} at a lag of {best.lag:.2f} s and of {rivals[0].lag:.2f} s "
+                "alike: the motion repeats itself"
+            )
+    return _straight(best.told[:, :3])
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A lag, s; of each motion that tells it time, lag and its std, s, and the share left unexplained."""
+
+    lag: float
+    told: Array
+    silent: int  # motions that say nothing
+
+    @property
+    def left(self) -> float:
+        """Share of a point's motion that is not explained."""
+        return float(np.median(self.told[:, 3])) if self.told.size else np.inf
+
+    @property
+    def misfit(self) -> float:
+        """The same, and more where few motions tell it."""
+        return self.left + 1e-4 * self.silent
+
+    def like(self, best: Tried) -> bool:
+        """Return whether the lag fits nearly as well as the best."""
+        as_many = len(self.told) >= AS_MANY * len(best.told)
+        return self.misfit < ALIKE**2 * best.misfit or (as_many and self.left < ALIKE**2 * best.left)
 
 
 def _motions(joints: Signal) -> list[tuple[float, float]]:
@@ -122,7 +153,44 @@ def _speed(time: Array, values: Array, least: float = 0.1) -> tuple[Array, Array
     return grid, np.asarray(np.sqrt(np.sum(np.square(moved), axis=0)) / (2 * half))
 
 
-def _coarse(joints: Signal, time: Array, position: Array, most: float) -> list[float]:
+def _by_rests(
+    joints: Signal, time: Array, position: Array, motions: list[tuple[float, float]], lags: list[float]
+) -> float | None:
+    """Return the lag at which the places between motions follow the joints; None where none stands out.
+
+    Each place is predicted by the others, from sine and cosine of every joint: the largest part of what
+    links do, which a place of another time does not follow.
+    """
+    gaps = [(end, begin) for (_, end), (begin, _) in pairwise(motions) if begin - end > 2 * STANDS_FOR]
+    errors = []
+    for lag in lags:
+        kept = [(time - lag > low + STEP) & (time - lag < high - STEP) for low, high in gaps]
+        own = [(joints.time > low) & (joints.time < high) for low, high in gaps]
+        both = [(q, x) for q, x in zip(own, kept, strict=True) if q.any() and x.any()]
+        if not both:
+            continue
+        q = np.stack([joints.values[rows].mean(axis=0) for rows, _ in both])
+        x = np.stack([position[rows].mean(axis=0) for _, rows in both])
+        columns = np.hstack([np.ones((len(q), 1)), np.cos(q), np.sin(q)])
+        projected = columns @ np.linalg.pinv(columns)
+        free = 1.0 - np.diag(projected)
+        if free.min() < FREE:
+            continue
+        left = (x - projected @ x) / free[:, None]
+        errors.append((float((left**2).sum() / ((x - x.mean(axis=0)) ** 2).sum()), lag))
+    if not errors:
+        return None
+    best, lag = min(errors)
+    rhythm = float(
+        np.median(np.diff([begin for begin, _ in motions]))
+    )  # s; a lag nearby meets the same rests
+    rivals = [error for error, other in errors if abs(other - lag) > 0.5 * rhythm]
+    if ALIKE**2 * best >= min([1.0, *rivals]):
+        return None
+    return next(other for other in lags if abs(other - lag) <= 0.5 * rhythm)  # where speeds are most alike
+
+
+def _coarse(joints: Signal, time: Array, position: Array, most: float, count: int) -> list[float]:
     """Return lags at which the speeds are most alike."""
     grid_a, a = _speed(joints.time, joints.values)
     grid_b, b = _speed(time, position)
@@ -139,7 +207,7 @@ def _coarse(joints: Signal, time: Array, position: Array, most: float) -> list[f
     enough = common > 0.3 * min(len(a), len(b))
     likeness = np.where((np.abs(lags) <= most) & enough, likeness, -np.inf)
     found: list[float] = []
-    while len(found) < CANDIDATES and np.isfinite(likeness.max()):
+    while len(found) < count and np.isfinite(likeness.max()):
         lag = float(lags[int(np.argmax(likeness))])
         found.append(lag)
         likeness = np.where(np.abs(lags - lag) < 2 * APART, -np.inf, likeness)

@@ -46,3 +46,26 @@ def test_what_never_moves_tells_no_lag() -> None:
         clock_lag(still, point)
     with pytest.raises(LagError, match="p: found 5 readings, expected more"):
         clock_lag(joints, Signal("p", "point", ("x", "y", "z"), point.time[:5], point.values[:5]))
+
+
+def in_rhythm(lag: float, repeated: int = 1) -> tuple[Signal, Signal]:
+    """Return two joints that every five seconds move to other angles, and a point of the second link."""
+    rng = np.random.default_rng(3)
+    angles = np.tile(rng.uniform(-2.0, 2.0, (60 // repeated, 2)), (repeated, 1))
+    t = np.arange(0.0, 5.0 * len(angles), 0.02)
+    begin = np.minimum((t // 5.0).astype(int), len(angles) - 2)
+    share = np.clip((t - 5.0 * begin - 1.0) / 3.0, 0.0, 1.0)[:, None]
+    q = angles[begin] + (3 * share**2 - 2 * share**3) * (angles[begin + 1] - angles[begin])
+    turned = q[:, 0] + q[:, 1]
+    x = np.stack([np.cos(q[:, 0]) + 0.6 * np.cos(turned), np.sin(q[:, 0]) + 0.6 * np.sin(turned), 0 * t], 1)
+    return Signal("j", "joints", ("q1", "q2"), t, q), Signal("p", "point", ("x", "y", "z"), t + lag, x)
+
+
+@pytest.mark.parametrize("lag", [-14.0, 0.3, 6.0])
+def test_in_a_rhythm_of_motions_the_places_between_them_tell_the_lag(lag: float) -> None:
+    assert clock_lag(*in_rhythm(lag)).lag == pytest.approx(lag, abs=3e-3)
+
+
+def test_a_motion_that_repeats_itself_tells_no_lag() -> None:
+    with pytest.raises(LagError, match="repeats itself"):
+        clock_lag(*in_rhythm(0.3, repeated=20))
