@@ -24,6 +24,7 @@ from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.frame_misalignment import PLACED_SHIFT, PLACED_TURN
 from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
+from beamstiff.diagnosis.misread_loads import misread_loads
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
 from beamstiff.diagnosis.notes import chosen_for, in_words, unloaded
@@ -59,7 +60,7 @@ def beside_calibration(
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
     rows = without_rows(rows, found.apart)
-    if stations or robot.calibrated or found.behind:
+    if stations or robot.calibrated or found.behind or misread_loads(found.model):
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
         return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
@@ -121,7 +122,7 @@ def _simplest(
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
     """Return the diagnosis that a decomposition says; of another robot's readings, none."""
     found = _told_alone(found)
-    if doubt := unlike(found):
+    if doubt := unlike(found) or misread_loads(found.model):
         found, notes = _undecided(found), (doubt, *notes)
     verdict = found.verdict
     baseline = found.model.baseline  # its geometry was fitted beside the causes; nobody has such a model
