@@ -1,7 +1,7 @@
 """Whether the loads of absolute readings can be those that acted, by what is left with the geometry fitted.
 
 Loads of one posture are held against one another before (`measure.load_doubts`). Where every posture has one
-load, only the machine's own weight is left to hold them against: a drive gives way by its compliance times
+load, only the machine's own weight is left to hold them against: a drive turns by its compliance times
 ``W + F``, the torque of the weight and that of the load. A load read with the wrong sign, or in kg for N,
 asks for other compliances than the weight does, and leaves what no drive can make up for. The right reading
 leaves a thirtieth of that on a simulated robot; of right ones, on 22 machines with several effects, no other
@@ -37,15 +37,15 @@ def misread_loads(model: OpenModel) -> str:
     residual = residual - basis @ (basis.T @ residual)
     turn = problem.geometry.turn(problem.split(problem.expected)[0])
 
-    def given_way(forces: Array) -> Array:
-        """Return what drives of unit compliance give way under the weight and forces, (N, 6, d)."""
+    def turned_by(forces: Array) -> Array:
+        """Return what drives of unit compliance move under the weight and forces, (N, 6, d)."""
         loads = replace(rows, wrench=np.hstack([forces, rows.wrench[:, 3:]]))
         moved = build_elastic(model.baseline.robot, loads, problem.elastic.names).columns(model.present)
         return np.concatenate([turn @ moved[:, :3], turn @ moved[:, 3:]], axis=1)
 
     size = float(np.abs(forces).max())
-    by_weight = given_way(np.zeros_like(forces))
-    by_force = [given_way(np.tile(one, (len(rows), 1))) - by_weight for one in size * np.eye(3)]
+    by_weight = turned_by(np.zeros_like(forces))
+    by_force = [turned_by(np.tile(one, (len(rows), 1))) - by_weight for one in size * np.eye(3)]
 
     def left(forces: Array) -> float:
         """Return what the best drives leave under these forces (N, 3), RMS, times the noise."""
