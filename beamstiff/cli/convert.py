@@ -63,11 +63,11 @@ def convert(
     ),
     joints: str | None = option(
         "FILE",
-        "With a list of points: CSV of joint values and loads, to be joined with them. With a log of points: "
-        "the log of the robot.",
+        "With a list of points: joint values and loads, to be joined with them; a CSV table, or any with "
+        "--joints-profile. With a log of points: the log of the robot.",
     ),
     joints_profile: str | None = option(
-        "FILE", "Columns of the robot's log: a YAML file, ur-rtde or kuka-rsi."
+        "FILE", "Columns of --joints: a YAML file; of the robot's log also ur-rtde or kuka-rsi."
     ),
     hold: list[str] | None = option(
         "NAME=VALUE", "For a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
@@ -105,16 +105,19 @@ def convert(
       beamstiff convert table.csv --convention modified --out arm.yaml
       beamstiff convert kr500 --convention classic --out kr500.csv
       beamstiff convert points.txt --profile leica.yaml --out measurements.csv
+      beamstiff convert points.txt --profile sa.yaml --joints krc.log --joints-profile krc.yaml --out data.csv
       beamstiff convert run.mcap --like arm.yaml --out measurements.csv --figure cut.png
       beamstiff convert poses.csv --like arm.yaml --mend-labels --out mended.csv
     """
-    others = (path for path in (like, profile, joints) if path is not None)
+    others = (path for path in (like, profile, joints, joints_profile) if path is not None)
     outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
     from beamstiff.errors import counted
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
     from beamstiff.units import in_unit
 
+    if joints_profile is not None and joints is None:
+        raise BeamstiffError("--joints-profile: goes with --joints")
     if mend_labels:
         from beamstiff.functions.convert import mended_table
 
@@ -124,6 +127,7 @@ def convert(
         outputs.result(done, [line], {"written": out, "notes": done})
         return
     columns = None if profile is None else named_profile(profile)
+    of_joints = None if joints_profile is None else named_profile(joints_profile)
     if is_bag(source) or (columns is not None and columns.samples):
         from beamstiff.functions.convert import convert_log
         from beamstiff.functions.robots import load_robot
@@ -133,7 +137,7 @@ def convert(
             source,
             columns,
             joints,
-            None if joints_profile is None else named_profile(joints_profile),
+            of_joints,
             points={topic: node for node, topic in named("--point", point, TOPIC, once=False)},
             skip=skip or (),
             lag=None if lag is None else in_unit(lag, "s"),
@@ -151,7 +155,7 @@ def convert(
     if columns is not None:
         from beamstiff.measure.point_lists import convert_points
 
-        points = convert_points(source, columns, joints)
+        points = convert_points(source, columns, joints, of_joints)
         write(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
         outputs.result(points.notes, [f"{Path(source).name}: {counted(points.count, 'point')}."], facts)

@@ -13,6 +13,7 @@ from beamstiff.measure.bags import is_bag, read_bag
 from beamstiff.measure.logs import LogTable, table_of_log
 from beamstiff.measure.plateaus import SHORTEST
 from beamstiff.measure.point_lists import signals_of
+from beamstiff.measure.profile_cells import mass_notes
 from beamstiff.measure.profiles import Profile
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.signals import Signal
@@ -205,7 +206,7 @@ def _read(
             f"{path}: is no bag; a log in columns needs a profile with `samples: true` "
             "(or --joints-profile ur-rtde, kuka-rsi)"
         )
-    return signals_of(read_text(Path(path), LARGEST), profile, str(path)), []
+    return signals_of(read_text(Path(path), LARGEST), profile, str(path)), mass_notes(profile)
 
 
 def robot_text(

@@ -86,10 +86,8 @@ def read_header(
     given = [cell.partition("[")[0].strip() for cell in cells]
     missing = [name for name in actuated if name not in given]
     for at, cell in enumerate(cells, start=1):
-        match = _CELL.fullmatch(cell)
-        if match is None or not match["name"]:
-            wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
-        column = _read_cell(match["name"], match["unit"], declared, robot, turns_declared, missing, wrong)
+        name, unit = name_and_unit(cell, at, wrong)
+        column = _read_cell(name, unit, declared, robot, turns_declared, missing, wrong)
         for place, other in enumerate(columns, start=1):
             if other.name == column.name:
                 wrong(column.name, f"found twice, in columns {place} and {at}, expected once")
@@ -98,6 +96,27 @@ def read_header(
         every = listed(actuated, 12)
         wrong(missing[0], f"this column is missing, expected one for each actuated variable ({every})")
     return columns
+
+
+def name_and_unit(cell: str, at: int, wrong: Wrong) -> tuple[str, str | None]:
+    """Return the two parts of a header cell, `at` counted from 1; None where no unit is stated."""
+    match = _CELL.fullmatch(cell)
+    if match is None or not match["name"]:
+        wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
+    return match["name"], match["unit"]
+
+
+def unit_fault(unit: str, kinds: Sequence[str]) -> str:
+    """Return why a unit is of none of these kinds of quantity; empty where it is of one."""
+    fault = ""
+    for kind in kinds:
+        try:
+            unit_factor(unit, kind)
+        except BeamstiffError as error:
+            fault = str(error)
+        else:
+            return ""
+    return fault
 
 
 def _read_cell(

@@ -6,8 +6,8 @@ profile does, in YAML, with the unit of everything that has one.
 .. code-block:: yaml
 
     comment: "//"                       # lines that begin so are passed over
-    separator: whitespace               # or comma (default), semicolon, tab
-    columns: {pose: 2, point: 3, x: 4, y: 5, z: 6}    # numbers from 1, or names of the header
+    separator: ["::", comma]            # text between cells; comma (default), semicolon, tab, whitespace
+    columns: {point: 2, pose: 3, x: 4, y: 5, z: 6}    # numbers from 1, or names of the header
     units: {length: mm}                 # of lengths, angles, ... or of one column: {x: mm, t: s}
     points: {SMR1: tool, SMR2: wrist}   # their points, our nodes; others are left out
     base: {B1: [0, 0, 0], B2: ["1 m", 0, 0], B3: [0, "1 m", 0]}   # points known in the robot's base frame
@@ -18,9 +18,12 @@ points; the profiles `ur-rtde` and `kuka-rsi` come with the package.
 With `base` the list is carried to the base frame (`measure.registration`); without it, it is taken to be in
 it. Orientations: columns a b c with `orientation` (KUKA ABC, Euler ZYX, fixed XYZ, rotation vector), or a
 quaternion as columns qw qx qy qz.
+
+``units: {fz: kg}`` says that `fz` holds masses that hang from the tool: they pull along -z of the base.
 """
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,18 +32,35 @@ from pydantic import BeforeValidator
 
 from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.files import read_text
-from beamstiff.measure.columns import LABELS, QUANTITIES
+from beamstiff.measure.columns import LABELS, QUANTITIES, unit_fault
 from beamstiff.measure.orientation import named_orientation
 from beamstiff.robot.fields import Described, DescriptionError, Name, Point
 from beamstiff.robot.yaml_text import parse_yaml
-from beamstiff.units import UNITS, unit_factor
+from beamstiff.units import UNITS
 
 JOINTS = "joints"  # of `units`: of all joint variables that have none of their own
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": " "}
 POSITION, ANGLES, QUATERNION = ("x", "y", "z"), ("a", "b", "c"), ("qw", "qx", "qy", "qz")
 
 
 def _texts(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
+
+
+def _separators(value: Any) -> tuple[str, ...]:
+    """Return separators by their names, or else as the text between cells that each is."""
+    names = {text: name for name, text in SEPARATORS.items()}
+    found = list[str]()
+    for one in value if isinstance(value, list | tuple) and value else [value]:
+        known = names.get(one, one) if isinstance(one, str) else ""
+        # neither letters and digits nor the signs of a number, which it would cut
+        if known not in SEPARATORS and (not known.strip() or re.search(r'[\w.+"-]', known)):
+            raise BeamstiffError(
+                f"found {shown(one)}, expected {listed(SEPARATORS)}, or the text between cells such as '::'"
+                f"{suggest(one, SEPARATORS)}"
+            )
+        found.append(known)
+    return tuple(dict.fromkeys(found))
 
 
 def _column(value: Any) -> Any:
@@ -55,8 +75,9 @@ class Profile(Described):
 
     `columns`: our columns, and theirs: numbers from 1, or names of the header.
     `units`: unit by column, by kind of quantity (length, angle, time, ...), or of all `joints`.
-    `separator`, `decimal`, `comment`, `skip`: form of the file; `skip` lines at its beginning hold neither
-        names nor points.
+    `separator`: what stands between cells, by name or as text, such as ``::``; or several of these.
+    `decimal`, `comment`, `skip`: form of the file; `skip` lines at its beginning hold neither names nor
+        points.
     `orientation`: what a b c are.
     `points`: their names of points to nodes of the robot. `point`: the node of all rows, without such names.
     `base`: points known in the base frame, m.
@@ -66,7 +87,7 @@ class Profile(Described):
 
     columns: Mapping[str, Annotated[int | str, BeforeValidator(_column)]]
     units: Mapping[str, str]
-    separator: Literal["comma", "semicolon", "tab", "whitespace"] = "comma"
+    separator: Annotated[tuple[str, ...], BeforeValidator(_separators)] = ("comma",)
     decimal: Literal["point", "comma"] = "point"
     comment: Annotated[tuple[str, ...], BeforeValidator(_texts)] = ("#",)
     skip: int = 0
@@ -80,6 +101,11 @@ class Profile(Described):
     def unit_of(self, column: str) -> str | None:
         """Return the unit of a column; None where none is stated."""
         return self.units.get(column, self.units.get(QUANTITIES.get(column, JOINTS)))
+
+    @property
+    def hung_mass(self) -> bool:
+        """Whether `fz` holds masses that hang from the tool, and not forces."""
+        return "fz" in self.columns and not unit_fault(self.unit_of("fz") or "", ("mass",))
 
 
 # Logs of controllers, whose columns are always called so.
@@ -146,10 +172,14 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
         )
     for name in valued:
         kind, unit = QUANTITIES.get(name), profile.unit_of(name)
-        if unit is not None:
-            reasons = [_reason(unit, one) for one in ((kind,) if kind else ("angle", "length"))]
-            if all(reasons):
-                yield ("units",), f"{name}: {reasons[-1]}"
+        if unit is None or (name == "fz" and profile.hung_mass):
+            continue
+        if fault := unit_fault(unit, (kind,) if kind else ("angle", "length")):
+            hangs = kind == "force" and not unit_fault(unit, ("mass",))
+            why = (
+                ": a mass that hangs pulls along -z of the base, so that only fz may be one" if hangs else ""
+            )
+            yield ("units",), f"{name}: {fault}{why}"
     for name in profile.units:
         if name not in profile.columns and name not in UNITS and name != JOINTS:
             hint = suggest(name, [*UNITS, JOINTS, *profile.columns])
@@ -177,12 +207,3 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
             yield (key,), f"needs a column of names: `columns: {{point: ...}}`{hint}"
     if profile.point is not None and "point" in profile.columns:
         yield ("point",), "found beside a column of names, expected one of the two"
-
-
-def _reason(unit: str, kind: str) -> str:
-    """Return why a unit is none of a kind of quantity, empty where it is one."""
-    try:
-        unit_factor(unit, kind)
-    except BeamstiffError as error:
-        return str(error)
-    return ""

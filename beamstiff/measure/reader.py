@@ -39,7 +39,7 @@ from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import EulerAngles, Orientation, named_orientation, with_rotation_vectors
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
-from beamstiff.measure.text import CHOICES, RawTable, RowError, numbers, split_table
+from beamstiff.measure.text import CHOICES, RawTable, RowError, choice, decimal_comma, numbers, split_table
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor
@@ -100,7 +100,7 @@ def parse_measurements(
     (-0.0015, 3.0e-05)
     """
     raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
-    choices = {key: _choice(key, raw) for key in CHOICES}
+    choices = {key: choice(key, raw) for key in CHOICES}
     turns = _declared_orientation(raw)
     columns = read_header(raw.header, robot, turns is not None, name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
@@ -183,7 +183,7 @@ def _values(
     actuated: Sequence[str],
     cells: Mapping[str, Sequence[str]],
     raw: RawTable,
-    decimal_comma: bool,
+    comma: bool,
 ) -> dict[str, Array]:
     """Return the numeric columns in SI; of several bad cells the uppermost is told."""
     values: dict[str, Array] = {}
@@ -193,7 +193,7 @@ def _values(
             continue
         may_be_empty = column.name not in actuated and column.name not in WRENCH
         try:
-            read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=decimal_comma)
+            read = numbers(cells[column.name], may_be_empty=may_be_empty, decimal_comma=comma)
             values[column.name] = to_si(read, column)
             _check_range(column, values[column.name], cells[column.name])
         except RowError as error:
@@ -242,23 +242,9 @@ def _check_range(column: Column, values: Array, cells: Sequence[str]) -> None:
         raise RowError(row, f"found {shown(cells[row].strip())}, expected {expected}")
 
 
-def _choice(key: str, raw: RawTable) -> str | None:
-    if key not in raw.metadata:
-        return None
-    value = raw.metadata[key][0]
-    for choice in CHOICES[key]:
-        if value.lower() == choice.lower():
-            return choice
-    options = " or ".join(CHOICES[key])
-    raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, CHOICES[key])}")
-
-
 def _check_choices(choices: Mapping[str, str | None], kind: Kind, raw: RawTable) -> None:
     """Refuse declarations that contradict the table."""
-    if choices["decimal"] == "comma" and raw.separator == ",":
-        raw.fail_in_metadata(
-            "decimal", "found comma in a table separated by commas, expected semicolons between cells"
-        )
+    decimal_comma(raw)
     if choices["camera"] and kind != "absolute":
         raw.fail_in_metadata("camera", "found in a table of displacements, expected the poses of a tag")
     if choices["unloaded_reading"] == "shared" and kind == "absolute":

@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, shown
+from beamstiff.errors import BeamstiffError, shown, suggest
 from beamstiff.measure.columns import fail
 from beamstiff.se3 import Array
 
@@ -110,6 +110,28 @@ def split_table(text: str, source: str) -> RawTable:
     return RawTable(source, metadata, separator, header, header_line, cells, numbers)
 
 
+def choice(key: str, raw: RawTable) -> str | None:
+    """Return what a table declares of a key of `CHOICES`; None where it declares nothing."""
+    if key not in raw.metadata:
+        return None
+    value = raw.metadata[key][0]
+    for one in CHOICES[key]:
+        if value.lower() == one.lower():
+            return one
+    options = " or ".join(CHOICES[key])
+    raw.fail_in_metadata(key, f"found {shown(value)}, expected {options}{suggest(value, CHOICES[key])}")
+
+
+def decimal_comma(raw: RawTable) -> bool:
+    """Return whether a table declares decimal commas; refused where commas separate its cells."""
+    comma = choice("decimal", raw) == "comma"
+    if comma and raw.separator == ",":
+        raw.fail_in_metadata(
+            "decimal", "found comma in a table separated by commas, expected semicolons between cells"
+        )
+    return comma
+
+
 def _read_comment(line: str, metadata: dict[str, tuple[str, int]], source: str, number: int) -> None:
     """Read `# key: value`; a spreadsheet may have put quotes around it and separators after it."""
     match = _KEY_VALUE.fullmatch(line.lstrip("#").strip(',;\t "'))
@@ -189,24 +211,29 @@ class RowError(BeamstiffError):
         super().__init__(message)
 
 
-def numbers(cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = False) -> Array:
-    """Return the numbers of a column, NaN exactly where a cell is empty; 1,5 is one if `decimal_comma`."""
+def numbers(
+    cells: Sequence[str], *, may_be_empty: bool, decimal_comma: bool = False, by_profile: bool = False
+) -> Array:
+    """Return the numbers of a column, NaN exactly where a cell is empty; 1,5 is one if `decimal_comma`.
+
+    `by_profile`: whether a profile states decimal and unit, and not the file itself.
+    """
     if decimal_comma:
         if any("." in cell for cell in cells):
-            return _one_by_one(cells, may_be_empty, decimal_comma)
+            return _one_by_one(cells, may_be_empty, decimal_comma, by_profile)
         cells = [cell.replace(",", ".") for cell in cells]
     if "".join(cells).encode("utf-8", "replace").translate(None, _PLAIN):
-        return _one_by_one(cells, may_be_empty, decimal_comma)
+        return _one_by_one(cells, may_be_empty, decimal_comma, by_profile)
     try:
         values = np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
     except ValueError:
-        return _one_by_one(cells, may_be_empty, decimal_comma)
+        return _one_by_one(cells, may_be_empty, decimal_comma, by_profile)
     if not np.isfinite(values).all():
-        return _one_by_one(cells, may_be_empty, decimal_comma)
+        return _one_by_one(cells, may_be_empty, decimal_comma, by_profile)
     return values
 
 
-def _one_by_one(cells: Sequence[str], may_be_empty: bool, decimal_comma: bool) -> Array:
+def _one_by_one(cells: Sequence[str], may_be_empty: bool, decimal_comma: bool, by_profile: bool) -> Array:
     values = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         text = cell.strip()
@@ -221,20 +248,23 @@ def _one_by_one(cells: Sequence[str], may_be_empty: bool, decimal_comma: bool) -
                 raise RowError(row, f"found {shown(text)}, expected a decimal comma as declared")
             text = text.replace(",", ".")
         if not _NUMBER.fullmatch(text):
-            raise RowError(row, f"found {shown(cell.strip())}, expected {_expected(text, may_be_empty)}")
+            expected = _expected(text, may_be_empty, by_profile)
+            raise RowError(row, f"found {shown(cell.strip())}, expected {expected}")
         values[row] = float(text)
         if not np.isfinite(values[row]):
             raise RowError(row, f"found {shown(text)}, expected a finite number")
     return values
 
 
-def _expected(text: str, may_be_empty: bool) -> str:
+def _expected(text: str, may_be_empty: bool, by_profile: bool) -> str:
     if re.fullmatch(r"[+-]?\d+,\d+", text):
-        return "a number with a decimal point (or declare '# decimal: comma' before the header)"
+        declare = "`decimal: comma` in the profile" if by_profile else "'# decimal: comma' before the header"
+        return f"a number with a decimal point (or declare {declare})"
     if text.lower() in _MISSING:
         if may_be_empty:
             return "a number, or an empty cell where there is none"
         return "a finite number: correct the row, or delete it"
     if re.fullmatch(r"[+-]?[\d.]+\s*[A-Za-zµ°*/]+", text):
-        return "a number; its unit stands in the header, like dx [mm]"
+        where = "under `units` of the profile" if by_profile else "in the header, like dx [mm]"
+        return f"a number; its unit stands {where}"
     return "a number"

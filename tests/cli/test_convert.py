@@ -98,6 +98,31 @@ def test_points_and_joint_values_become_measurements(succeed: Run, folder: Path)
     np.testing.assert_allclose(table.position, [[1, 1e-3, 0], [0, 1.001, 0]])
 
 
+def test_a_trackers_list_and_a_controllers_trace_need_a_profile_each(
+    succeed: Run, refused: Refused, folder: Path
+) -> None:
+    (folder / "points.txt").write_text("// X Y Z\nA::tip::p001, 1000, 1, 0\nA::tip::p002, 0, 1001, 0\n")
+    (folder / "trace.log").write_text("; trace\nNo;A1;load_kg\n1;0;-0.00\n2;90;10\n")
+    (folder / "p.yaml").write_text(
+        'comment: "//"\nseparator: ["::", comma]\ncolumns: {point: 2, pose: 3, x: 4, y: 5, z: 6}\n'
+        "units: {length: mm}\n"
+    )
+    (folder / "j.yaml").write_text(
+        'comment: ";"\nseparator: semicolon\ncolumns: {pose: No, q1: A1, fz: load_kg}\n'
+        "units: {joints: deg, fz: kg}\n"
+    )
+    arguments = ("convert", "points.txt", "--profile", "p.yaml", "--joints-profile", "j.yaml")
+    both = (*arguments, "--joints", "trace.log")
+    result = succeed(*both, "--out", "measured.csv")
+    assert "note: load_kg: masses, taken as weight along -z of the base" in result.stderr
+    assert "p001 is 1, p002 is 2" in result.stderr
+    table = read_measurements(folder / "measured.csv", load_robot(folder / "crane.yaml"))
+    np.testing.assert_allclose(np.degrees(table.q[:, 0]), [0, 90])
+    np.testing.assert_allclose(table.wrench[:, 2], [0, -98.0665])
+    refused([*arguments, "--out", "x.csv"], "--joints-profile: goes with --joints")
+    refused([*both, "--out", "j.yaml"], "would overwrite the input")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

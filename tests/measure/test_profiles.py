@@ -52,7 +52,7 @@ def test_spatialanalyzer_ascii_joined_with_joint_values_is_a_table_of_measuremen
     np.testing.assert_allclose(table.wrench[:, 2], [0, -500])
     assert table.sigma_position == pytest.approx(3e-5, rel=1e-15)
     assert table.point.tolist() == ["tip", "tip"]
-    assert made.notes == ("skipped, as `points` does not name them: SMR9",)
+    assert made.notes == ("1 of 3 rows skipped, as `points` does not name them: SMR9",)
 
 
 def test_an_axyz_like_list_has_semicolons_decimal_commas_and_deviations() -> None:
@@ -220,9 +220,27 @@ def documented() -> list[str]:
 
 
 def test_the_profiles_in_the_documentation_are_profiles() -> None:
-    assert len(documented()) == 5
+    assert len(documented()) == 6
     for text in documented():
         parse_profile(text)
+
+
+def test_the_documented_export_and_trace_become_one_table(tmp_path: Path) -> None:
+    export, trace = documented()[:2]
+    (shown,) = re.findall("# SpatialAnalyzer ASCII: (.*)", export)
+    (header,) = re.findall("from a controller: (.*)", trace)
+    base = "A::B1::p0, 0, 0, 0\nA::B2::p0, 1000, 0, 0\nA::B3::p0, 0, 1000, 0\n"
+    (tmp_path / "sa.txt").write_text(f"{base}{shown}\n", encoding="utf-8")
+    (tmp_path / "trace.log").write_text(f"; trace\n{header}\n1;10;-20;30;100\n", encoding="utf-8")
+    profiles = parse_profile(export), parse_profile(trace)
+    made = convert_points(tmp_path / "sa.txt", profiles[0], tmp_path / "trace.log", profiles[1])
+    head, row = made.text.splitlines()[1:]
+    values = dict(zip(head.split(","), row.split(","), strict=True))
+    assert [values[f"q{at} [deg]"] for at in (1, 2, 3)] == ["10", "-20", "30"]
+    assert (values["pose"], values["point"], values["fz [N]"]) == ("p001", "tool", "-980.665")
+    np.testing.assert_allclose(
+        [float(values[f"{axis} [m]"]) for axis in "xyz"], [6.0514411, 0.1598802, 1.6342532], atol=1e-12
+    )
 
 
 def test_one_point_and_one_unit_may_hold_for_all_rows_and_joints() -> None:

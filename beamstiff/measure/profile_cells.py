@@ -1,0 +1,207 @@
+"""The cells of a text that a profile names: its lines cut into cells, these read as numbers in SI."""
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si, unit_fault
+from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
+from beamstiff.measure.profiles import ANGLES, QUATERNION, SEPARATORS, Profile
+from beamstiff.measure.text import RowError, numbers
+from beamstiff.measure.wrench import STANDARD_GRAVITY
+from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.units import UNITS
+
+LEAST_MASS = 0.01  # kg: an unloaded scale may read as much below zero
+JOINED = "\x1f"  # ASCII's unit separator, in the place of several separators
+DECIMAL_COMMAS = (
+    "decimal commas need another separator: export with one, and state it and `decimal: comma` in the profile"
+)
+_WHOLE, _DIGITS = re.compile(r"[+-]?[0-9]+"), re.compile(r"[0-9]+")
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells that a profile names, by our columns, and the lines that they stand in."""
+
+    columns: Mapping[str, Sequence[str]]
+    lines: Sequence[int]
+
+
+def profile_cells(text: str, profile: Profile, name: str) -> Cells:
+    """Return the cells of a text that the profile names, in its order."""
+    cut = _cutter(profile.separator)
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        plain = line.strip()
+        if number <= profile.skip or not plain or plain.startswith(profile.comment):
+            continue
+        lines.append(number)
+        rows.append([cell.strip() for cell in cut(plain)])
+    if not rows:
+        raise BeamstiffError(f"{name}: found no points, expected rows with {listed(profile.columns)}")
+    wanted: list[int] = []
+    if any(isinstance(column, str) for column in profile.columns.values()):
+        line_of_header, header = lines.pop(0), rows.pop(0)
+        for ours, column in profile.columns.items():
+            if isinstance(column, str) and column not in header:
+                missing = f"there is no column {column!r} in the header{suggest(column, header)}"
+                fail(name, line_of_header, ours, missing)
+            wanted.append(header.index(column) if isinstance(column, str) else column - 1)
+        _check_surplus(rows, lines, header, profile, name)
+    else:
+        wanted = [int(column) - 1 for column in profile.columns.values()]
+        numeric = [at for at, ours in zip(wanted, profile.columns, strict=True) if ours not in LABELS]
+        if "comma" in profile.separator and _numbers_in_two(rows, numeric, max(wanted)):
+            fail(name, lines[0], "", f"found only digits behind every comma: {DECIMAL_COMMAS}")
+    for number, cells in zip(lines, rows, strict=True):
+        if len(cells) <= max(wanted):
+            fail(
+                name,
+                number,
+                "",
+                f"found {len(cells)} cells separated by {_called(profile.separator)}, expected at least "
+                f"{max(wanted) + 1}",
+            )
+    if not rows:
+        raise BeamstiffError(f"{name}: found a header without points")
+    columns = {ours: [cells[at] for cells in rows] for ours, at in zip(profile.columns, wanted, strict=True)}
+    return Cells(columns, lines)
+
+
+def _cutter(separators: Sequence[str]) -> Callable[[str], list[str]]:
+    """Return what cuts a line into cells; in quotes nothing separates."""
+    if separators == ("whitespace",):
+        return str.split
+    marks = [SEPARATORS.get(one, one) for one in separators if one != "whitespace"]
+    if len(separators) == 1 and len(marks[0]) == 1:
+        return lambda line: next(csv.reader([line], delimiter=marks[0]))
+    either = "|".join(map(re.escape, sorted(marks, key=len, reverse=True)))  # :: before :
+    if "whitespace" in separators:
+        either = rf"\s*(?:{either})\s*|\s+"  # blanks beside another separator are part of it
+    between = re.compile(rf'("[^"]*")|{either}')
+
+    def cut(line: str) -> list[str]:
+        joined = between.sub(lambda found: found[1] or JOINED, line)
+        return next(csv.reader([joined], delimiter=JOINED, skipinitialspace=True))
+
+    return cut
+
+
+def _called(separators: Sequence[str]) -> str:
+    return " or ".join(one if one in SEPARATORS else shown(one) for one in separators)
+
+
+def _check_surplus(
+    rows: Sequence[list[str]], lines: Sequence[int], header: Sequence[str], profile: Profile, name: str
+) -> None:
+    """Refuse a row with more cells than the header names, but for empty ones at its end."""
+    for number, cells in zip(lines, rows, strict=True):
+        if len(cells) > len(header) and any(cells[len(header) :]):
+            hint = f"; {DECIMAL_COMMAS}" if "comma" in profile.separator else ""
+            ends = f"({shown(header[0])} to {shown(header[-1])})"
+            found = f"found {len(cells)} cells, expected {len(header)} as in the header {ends}"
+            fail(name, number, "", f"{found}{hint}")
+
+
+def _numbers_in_two(rows: Sequence[Sequence[str]], numeric: Sequence[int], highest: int) -> bool:
+    """Return whether commas cut every number in two, as they do with decimal commas.
+
+    Then, from the first number on, whole numbers and bare digits take turns: twice as many cells as numbers.
+    Further columns of a list are not so many, or not such.
+    """
+    if not numeric:
+        return False
+    start = min(numeric)
+    stop = next(at for at in range(start, start + len(numeric) + 1) if at not in numeric)
+    for cells in rows:
+        halves = cells[start : 2 * stop - start]
+        if len(halves) < 2 * (stop - start) or len(cells) <= highest + 1:
+            return False
+        if not all(_WHOLE.fullmatch(cell) for cell in (*halves[::2], *(cells[at] for at in numeric))):
+            return False
+        if not all(_DIGITS.fullmatch(cell) for cell in halves[1::2]):
+            return False
+    return True
+
+
+def profile_values(cells: Cells, profile: Profile, name: str) -> dict[str, Array]:
+    """Return the numbers of the columns that are no labels, in SI, orientations as rotation vectors a b c."""
+    values: dict[str, Array] = {}
+    for column, texts in cells.columns.items():
+        if column in LABELS:
+            continue
+        comma = profile.decimal == "comma"
+        try:
+            raw = numbers(texts, may_be_empty=column in QUANTITIES, decimal_comma=comma, by_profile=True)
+        except RowError as error:
+            fail(name, cells.lines[error.row], column, str(error))
+        unit = profile.unit_of(column) or ""
+        if column == "fz" and profile.hung_mass:
+            mass = to_si(raw, Column(column, "mass", unit))
+            if (mass < -LEAST_MASS).any():
+                row = int(np.argmax(mass < -LEAST_MASS))
+                fail(
+                    name,
+                    cells.lines[row],
+                    column,
+                    f"found {shown(texts[row])} {unit}, expected no negative mass",
+                )
+            values[column] = 0.0 - STANDARD_GRAVITY * np.where(mass < 0, 0.0, mass)  # no -0.0
+        else:
+            values[column] = (
+                raw if column in QUATERNION else to_si(raw, Column(column, _kind(column, profile), unit))
+            )
+    return _turned(values, profile, name, cells.lines)
+
+
+def mass_notes(profile: Profile) -> list[str]:
+    """Return what to know of a profile's column of masses, if it has one."""
+    if not profile.hung_mass:
+        return []
+    column = profile.columns["fz"]
+    called = f"column {column}" if isinstance(column, int) else column
+    return [f"{called}: masses, taken as weight along -z of the base"]
+
+
+def in_si(column: str, profile: Profile) -> str:
+    """Return the header cell of a column, with the SI unit of its values."""
+    kind = _kind(column, profile) if column not in ANGLES else "angle"
+    return f"{column} [{UNITS[kind].replace('**', '^')}]"
+
+
+def number_text(value: float) -> str:
+    """Return a number as a cell holds it, every digit of it; NaN is an empty cell."""
+    return "" if value != value else repr(float(value))
+
+
+def _kind(column: str, profile: Profile) -> str:
+    if column in QUANTITIES or column in QUATERNION:
+        return QUANTITIES.get(column, "number")
+    return "length" if unit_fault(profile.unit_of(column) or "", ("angle",)) else "angle"
+
+
+def _turned(values: dict[str, Array], profile: Profile, name: str, lines: Sequence[int]) -> dict[str, Array]:
+    """Return the values with every orientation as a rotation vector a b c."""
+    group: tuple[str, ...]
+    convention: Orientation
+    if profile.orientation is not None:
+        group, convention = ANGLES, named_orientation(profile.orientation)
+    elif "qw" in values:
+        group, convention = QUATERNION, Quaternion()
+    else:
+        return values
+    table = np.stack([values[key] for key in group], axis=1)
+    vectors = np.full((len(table), 3), np.nan)
+    known = ~np.isnan(table).any(axis=1)
+    try:
+        vectors[known] = vector_from_rotation(convention.rotations(table[known]))
+    except RowError as error:
+        fail(name, lines[int(np.flatnonzero(known)[error.row])], group[0], str(error))
+    kept = {key: value for key, value in values.items() if key not in group}
+    return kept | dict(zip(ANGLES, vectors.T, strict=True))
