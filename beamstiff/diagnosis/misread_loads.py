@@ -17,10 +17,10 @@ from itertools import permutations, product
 import numpy as np
 from scipy.optimize import nnls
 
-from beamstiff.calibration.elastic import build_elastic
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.measure.load_doubts import FORCES, KILO, NEARER, SAME
 from beamstiff.measure.position_doubts import axes_in_words
+from beamstiff.model.ports import reduce_to_ports
 from beamstiff.se3 import Array
 
 GRAVITY = 9.80665  # N on a kg
@@ -35,12 +35,14 @@ def misread_loads(model: OpenModel) -> str:
     basis, forces = model.open_basis, rows.wrench[:, :3]
     residual = model.residual + model.drives @ model.present
     residual = residual - basis @ (basis.T @ residual)
+    stiffness = problem.elastic.stiffness(model.present)
     turn = problem.geometry.turn(problem.split(problem.expected)[0])
 
     def turned_by(forces: Array) -> Array:
         """Return what drives of unit compliance move under the weight and forces, (N, 6, d)."""
         loads = replace(rows, wrench=np.hstack([forces, rows.wrench[:, 3:]]))
-        moved = build_elastic(model.baseline.robot, loads, problem.elastic.names).columns(model.present)
+        ports = reduce_to_ports(model.baseline.robot, loads, problem.elastic.names, gravity=True)
+        moved = ports.derivatives(stiffness, by="compliance")[1]
         return np.concatenate([turn @ moved[:, :3], turn @ moved[:, 3:]], axis=1)
 
     size = float(np.abs(forces).max())

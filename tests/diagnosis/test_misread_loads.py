@@ -20,16 +20,17 @@ DRIVES = [f"J{number}.torsional" for number in range(1, 7)]
 
 
 def campaign(read: float) -> Measurements:
-    """Return 60 postures, every third under 1.2 kN, whose loads the table gives `read` times as large."""
+    """Return 60 postures, every third loaded, whose loads the table gives `read` times as large."""
     rng = np.random.default_rng(5)
     q = postures(rng, 60)
-    down = np.where(np.arange(60) % 3 == 2, 1200.0, 0.0)
+    loaded = np.arange(60) % 3 == 2
+    down, aside = np.where(loaded, 1200.0, 0.0), np.where(loaded, 300.0, 0.0)
     compliance = SOFTER / np.array([ROBOT.parameter(name) for name in DRIVES])
     weight = weights()
-    torque = held(lambda at: weight(at) + down * arm_at(at).tip[:, 2], q)
+    torque = held(lambda at: weight(at) + down * arm_at(at).tip[:, 2] - aside * arm_at(at).tip[:, 0], q)
     position = arm_at(q - compliance * torque).tip + NOISE * rng.standard_normal((60, 3))
     wrench = np.zeros((60, 6))
-    wrench[:, 2] = -read * down
+    wrench[:, 0], wrench[:, 2] = read * aside, -read * down
     return make_measurements(
         VARIABLES, q, wrench=wrench, position=position, sigma_position=NOISE, tcp=ROBOT.tcp
     )
@@ -39,21 +40,21 @@ def campaign(read: float) -> Measurements:
     ("read", "meant"),
     [
         (1.0, ""),
-        (-1.0, "loads with fz reversed"),
+        (-1.0, "loads with fx and fz reversed"),
         (1 / 9.81, "fx fy fz in kg, and read in N"),
         (-1 / 9.81, "fx fy fz in kg and reversed, and read in N"),
         (1e-3, "fx fy fz in kN, and read in N"),
     ],
 )
 def test_loads_that_were_read_otherwise_are_told(read: float, meant: str) -> None:
-    robot = ROBOT.model_copy(update={"identify": tuple(DRIVES[1:3])})
+    robot = ROBOT.model_copy(update={"identify": tuple(DRIVES[:3])})
     said = misread_loads(open_geometry(robot, campaign(read), balance=False))
     assert meant in said if meant else not said
 
 
 def test_under_misread_loads_nothing_is_named() -> None:
     found = diagnose(ROBOT, campaign(-1.0))
-    assert any("the positions fit loads with fz reversed" in note for note in found.notes)
+    assert any("the positions fit loads with fx and fz reversed" in note for note in found.notes)
     assert found.decomposition is not None
     assert not found.decomposition.causes
     assert verdict(found).action.startswith("Correct the columns of the loads")
