@@ -40,7 +40,7 @@ def campaign(read: float) -> Measurements:
     ("read", "meant"),
     [
         (1.0, ""),
-        (-1.0, "loads with fx and fz reversed"),
+        (-1.0, "loads with fx, fz reversed"),
         (1 / 9.81, "fx fy fz in kg, and read in N"),
         (-1 / 9.81, "fx fy fz in kg and reversed, and read in N"),
         (1e-3, "fx fy fz in kN, and read in N"),
@@ -54,7 +54,7 @@ def test_loads_that_were_read_otherwise_are_told(read: float, meant: str) -> Non
 
 def test_under_misread_loads_nothing_is_named() -> None:
     found = diagnose(ROBOT, campaign(-1.0))
-    assert any("the positions fit loads with fx and fz reversed" in note for note in found.notes)
+    assert any("the positions fit loads with fx, fz reversed" in note for note in found.notes)
     assert found.decomposition is not None
     assert not found.decomposition.causes
     assert verdict(found).action.startswith("Correct the columns of the loads")
