@@ -43,7 +43,7 @@ class Verdict:
     level: Level = "plain"  # green, amber or red; plain where nothing is judged
     data: str = ""  # which files, how many rows
     action: str = ""  # the one thing to do next
-    causes: str = ""  # all causes, where there are several
+    causes: str = ""  # all causes, where there are several; what an error comes from
     doubt: str = ""  # why not to believe the headline
 
     @property
