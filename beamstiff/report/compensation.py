@@ -176,15 +176,14 @@ def compensation_text(result: Compensated) -> str:
 
 
 def parts_text(result: Compensated) -> str:
-    """Return, in words, what the error before comes from; empty where that is not known."""
-    each = [f"{COMES_FROM[name]} {told(size.rms_mm)} mm" for name, size in result.sizes_by_part.items()]
-    if len(each) < 2:
+    """Return, in words, what the error before comes from; empty where that is one thing, or not known."""
+    sizes = {name: size.rms_mm for name, size in result.sizes_by_part.items() if size.rms_mm > NOTHING}
+    if len(sizes) < 2:
         return ""
+    each = ", ".join(f"{COMES_FROM[name]} {told(size)} mm" for name, size in sizes.items())
     cancel = "; geometry and effects were fitted together and may cancel in part"
-    return (
-        f"Without correction, RMS of each part by itself: {', '.join(each)}. They add up as vectors"
-        f"{cancel if {GEOMETRY, EFFECTS} <= {*result.parts} else ''}."
-    )
+    together = cancel if {GEOMETRY, EFFECTS} <= {*sizes} else ""
+    return f"Before correction, RMS of each part: {each}. They add up as vectors{together}."
 
 
 def frame_text(frames: Frames) -> str:
