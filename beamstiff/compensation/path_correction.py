@@ -25,6 +25,7 @@ CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, bes
 PARTLY = 0.1  # of the error: what the best command may leave where none is exact, since the machine jumps
 ROUNDS = 40
 SETTLED = 1e-10  # m and rad
+GEOMETRY, DEFORMATION, EFFECTS = "geometry", "weight_and_load", "effects"  # that an error comes from
 LONGEST_STEP = 3.0  # of the error that it is to take away
 FREE = 1e-6  # of the largest velocity: a direction in which the tool moves
 
@@ -50,6 +51,7 @@ class Correction:
     reasons: dict[int, str]  # targets that are not corrected
     switched: Integers  # (S,) int: targets before which the joints have to jump
     rounds: int  # of the iteration
+    q_before: Array  # (N, A): joint values of the controller at the poses as programmed
     # targets that no command is exact for, and what the best one leaves, m or rad: a machine that jumps
     partly: dict[int, float] = field(default_factory=dict)
 
@@ -132,8 +134,39 @@ def correct_path(
         reasons=dict(sorted(reasons.items())),
         switched=first.switched,
         rounds=rounds,
+        q_before=first.q,
         partly=partly,
     )
+
+
+def error_parts(
+    machine: Machine, correction: Correction, load: Process | None = None, taught: bool = False
+) -> dict[str, Array]:
+    """Return what the errors of a path as programmed come from: parts (N, 6) that sum to them, m and rad.
+
+    One is added to the other: the geometry of the real robot; how weight and load deform it; its effects. Of
+    targets that were `taught` the load's share of these alone. NaN where the robot cannot follow.
+    """
+    rows = np.flatnonzero(~np.isnan(correction.before[:, 0]))
+    robot = machine.real.model_copy(update={"effects": ()})
+    bare, q, meant = replace(machine, actual=robot), correction.q_before[rows], correction.targets[rows]
+    if not rows.size:
+        return {}
+    load_at = _load_at(load or Together(), correction.path.at(rows), meant)
+    if taught:
+        still = np.zeros((len(rows), 6))
+        first = difference(settled(bare, q, lambda _: still, meant), meant)
+    else:
+        first = difference(machine.undeformed(q), meant)
+    deformed = difference(settled(bare, q, load_at, meant), meant) - first
+    parts = {} if taught else {GEOMETRY: first}
+    parts[DEFORMATION] = deformed
+    if machine.real.effects:
+        parts[EFFECTS] = correction.before[rows] - deformed - parts.get(GEOMETRY, 0.0)
+    result = {name: np.full((len(correction.path), 6), np.nan) for name in parts}
+    for name, values in parts.items():
+        result[name][rows] = values
+    return result
 
 
 def errors_of(

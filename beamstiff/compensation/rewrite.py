@@ -1,7 +1,8 @@
 """From a file to the corrected file: every target that has a command gets it, nothing else changes."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +16,7 @@ from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.path_correction import Correction, correct_path, errors_of
+from beamstiff.compensation.path_correction import Correction, correct_path, error_parts, errors_of
 from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.uncertainty import correction_std, doubtful
 from beamstiff.errors import BeamstiffError
@@ -59,6 +60,8 @@ class Compensated(Shown):
     learned: Learned | None = None  # from measured runs, where there were any
     points: bytes | None = None  # of the KRL `.dat` beside it, where targets stand in it
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
+    # (N, 6) each, `error_parts`: where the real robot is another one than the controller's
+    parts: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -70,6 +73,11 @@ class Compensated(Shown):
     def extrapolated(self) -> tuple[str, ...]:
         """Which targets are beyond what the real robot's file was fitted at, in sentences."""
         return extrapolation_notes(self.machine.real, self.correction.q[self.known], "targets")
+
+    @property
+    def sizes_by_part(self) -> dict[str, Size]:
+        """How large the parts of the error as programmed are, each by itself."""
+        return {name: size_of(part[self.known]) for name, part in self.parts.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""
@@ -85,6 +93,7 @@ class Compensated(Shown):
             "format": "beamstiff-compensation/1",
             "before": asdict(before),
             "after": asdict(after),
+            "before_by_part": {name: asdict(size) for name, size in self.sizes_by_part.items()},
             "improvement": 1 - after.rms_mm / before.rms_mm if before.rms_mm > 0 else None,
             "rounds": found.rounds,
             "unreachable": [
@@ -159,7 +168,13 @@ def compensate_program(
         content, written = _written(program, machine, correction, path, steps is not None)
         after = errors_of(machine, correction, machine.frames.to_base(written).poses, load)
     content, points = program.files(content)
-    return Compensated(correction, content, after, machine, std=sure, points=points, left_alone=left)
+    parts: dict[str, Array] = {}
+    if machine.actual is not None:
+        with suppress(BeamstiffError):  # without its effects the robot may find no equilibrium
+            parts = error_parts(machine, correction, load, taught)
+    return Compensated(
+        correction, content, after, machine, std=sure, points=points, left_alone=left, parts=parts
+    )
 
 
 def _std(machine: Machine, found: Correction, std: Mapping[str, float], load_std: Array) -> Array:

@@ -1,6 +1,7 @@
 """How sure a correction is: what standard deviations of stiffness, effects and load move the real tool by."""
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,8 @@ def parameter_columns(
 ) -> Array:
     """Return how the real tool moves with one standard deviation of every uncertain parameter, (K, N, 6).
 
-    `std`: of stiffness parameters, as `identify` gives them, SI. Effects of the real robot bring their own.
+    `std`: of stiffness parameters, as `identify` gives them, SI. Effects of the real robot bring their own,
+    but for `correlated_effects`.
     `q` (N, A), `wrench` (N, 6), `tip` (N, 4, 4): as of `Machine.moved`.
     """
     columns = [*stiffness_columns(machine, q, wrench, tip, std)]
@@ -102,13 +104,29 @@ def _stiffness(robot: Robot, std: Mapping[str, float]) -> list[tuple[Robot, floa
     ]
 
 
-def uncertain_effects(robot: Robot, effects: Iterable[AddedEffect]) -> list[Robot]:
-    """Return robots with one of some effects alone, of the size of one parameter's standard deviation."""
+def uncertain_effects(robot: Robot, effects: Sequence[AddedEffect]) -> list[Robot]:
+    """Return robots with one of some effects alone, of the size of one parameter's standard deviation.
+
+    Only of effects with one such parameter, see `correlated_effects`.
+    """
+    apart = {one.label for one in correlated_effects(effects)}
     return [
         robot.model_copy(
             update={"effects": (effect.model_copy(update={"parameters": {name: sigma}, "std": {}}),)}
         )
         for effect in effects
+        if effect.label not in apart
         for name, sigma in effect.std.items()
         if name in effect.parameters
     ]
+
+
+def correlated_effects(effects: Sequence[AddedEffect]) -> tuple[AddedEffect, ...]:
+    """Return the effects with several uncertain parameters.
+
+    These were fitted together, and errors of one make up for those of another. A robot file holds their
+    standard deviations and not their correlation: taken as independent they would make a correction many
+    times as uncertain as it is.
+    """
+    uncertain = Counter(one.label for one in effects for name in one.std if name in one.parameters)
+    return tuple(one for one in effects if uncertain[one.label] > 1)

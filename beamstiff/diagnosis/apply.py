@@ -172,6 +172,21 @@ def extended(diagnosis: Diagnosis) -> Robot:
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 
 
+def written_stiffness(diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
+    """Return the fitted stiffness values: as given, and as `extended` has them, SI."""
+    robot = diagnosis.calibrated if diagnosis.decomposition is not None else _refitted(diagnosis)
+    return {
+        name: (given, given if name in diagnosis.kept else robot.parameter(name))
+        for name, (given, _) in diagnosis.fitted_stiffness.items()
+    }
+
+
+def _refitted(diagnosis: Diagnosis) -> Robot:
+    """Return the robot with the stiffness of the fit with the effects, without these."""
+    fit = diagnosis.linear if diagnosis.fits else diagnosis.baseline
+    return fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
+
+
 def _found(diagnosis: Diagnosis) -> Robot:
     """Return the robot that was diagnosed with what was found."""
     if diagnosis.decomposition is not None:
@@ -216,7 +231,7 @@ def _found(diagnosis: Diagnosis) -> Robot:
                 absorbed=absorbed_by(fit.fitted, tangent, white @ moved[used]),
             )
         )
-    robot = fit.robot.with_parameters(_stiffness(diagnosis)) if diagnosis.fits and fit.fitted else fit.robot
+    robot = _refitted(diagnosis)
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
 
 

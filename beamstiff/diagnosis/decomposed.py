@@ -152,8 +152,8 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
 def _left_out(found: Decomposition) -> Iterator[str]:
     if found.apart:
         yield (
-            f"left out: {listed(found.apart, 6)}. Such a reading is far from what all others say of it: read "
-            "it again"
+            f"left out: {listed(found.apart, 6)}. The model that all other readings determine predicts these "
+            "far elsewhere: measure them again"
         )
     if found.first:
         yield (

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
+from beamstiff.diagnosis.apply import written_stiffness
 from beamstiff.diagnosis.decomposition.applied import (
     VAGUE,
     absorbed_changes,
@@ -172,6 +173,12 @@ class Diagnosis(Shown):
         shrink = self.verdict.shrink
         return self.rms if shrink is None else min(shrink.after, self.rms)
 
+    @property
+    def start_values(self) -> tuple[str, ...]:
+        """Stiffness that was fitted and that the robot file marks as start values: guesses, no statements."""
+        described = self.baseline.given or self.baseline.nominal
+        return tuple(name for name in described.unmeasured if name in self.fitted_stiffness)
+
     @cached_property
     def recalibration(self) -> Recalibration | None:
         """What changed in the geometry beside the causes; None where it is as described."""
@@ -228,6 +235,13 @@ class Diagnosis(Shown):
             columns, scatter = np.concatenate([columns, *forms], axis=1), max(found.scatter, 1.0)
         std = scatter * np.linalg.norm(inverse_of(columns), axis=1)
         return {name: float(std[column]) for name, column in at.items()}
+
+    def stiffness_std(self, name: str, value: float) -> float | None:
+        """Return the standard deviation of a fitted stiffness, SI; None where it is not determined."""
+        std = self.compliance_std.get(name)
+        if std is None or name in self.undetermined or name in self.untouched or not np.isfinite(value):
+            return None
+        return std * value**2
 
     @cached_property
     def undetermined(self) -> set[str]:
@@ -340,8 +354,13 @@ class Diagnosis(Shown):
             ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
             "fitted": {
-                name: {"given": given, "value": stiffness_text(value), "touched": name not in self.untouched}
-                for name, (given, value) in self.fitted_stiffness.items()
+                name: {
+                    "given": given,
+                    "value": stiffness_text(value),
+                    "std": self.stiffness_std(name, value),
+                    "touched": name not in self.untouched,
+                }
+                for name, (given, value) in written_stiffness(self).items()
             },
             "next": [dict(item) for item in self.next],
             "untestable": [

@@ -9,7 +9,7 @@ from beamstiff.compensation.machine import VISIBLE, Machine
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.rewrite import Compensated
-from beamstiff.compensation.uncertainty import from_start_values
+from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
 from beamstiff.robot.doubts import robot_doubts
@@ -98,6 +98,11 @@ def compensation_notes(
         drifts = any(one.effect == "thermal-drift" for one in machine.set_aside)
         robot = "; if the robot drifts and not the tracker, calibrate it warm" if drifts else ""
         said.append(ignored + _true_loads(machine) + robot)
+    if result.std is not None and (apart := correlated_effects(machine.real.effects)):
+        said.append(
+            f"the standard deviations of the corrections leave out {effects_text(apart)}: its parameters "
+            "were fitted together, and the robot file does not hold their correlation"
+        )
     if machine.real.model is not None:
         said.append(
             f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.apply import written_stiffness
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.diagnosis_words import stiffness_in_words
@@ -18,6 +18,11 @@ ABOUT |= {"d": "shift along x", "r": "shift along z", "b": "shift along z"}
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 
 
+def reflectors_moved(changed: Recalibration) -> bool:
+    """Return whether placing the reflectors anew, and nothing else, changes the gap."""
+    return rounded(changed.placed) != rounded(changed.before)
+
+
 def calibrated_away(result: Diagnosis) -> str:
     """Return, in words, what calibration had to correct of the robot file; empty of one that agreed."""
     changed = result.recalibration
@@ -25,6 +30,8 @@ def calibrated_away(result: Diagnosis) -> str:
         return ""
     if level_of(changed.placed / result.noise) == "agrees":
         return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
+    if result.start_values:  # how far these are off says nothing of the robot
+        return "The robot file has start values of stiffness"
     off = f"off by {rounded(1e3 * changed.placed)} mm"
     stiff = changed.after if changed.stiff is None else changed.stiff
     if level_of(stiff / result.noise) == level_of(changed.after / result.noise):
@@ -102,20 +109,11 @@ def moved_load(result: Diagnosis) -> str:
     )
 
 
-def written_stiffness(result: Diagnosis) -> dict[str, tuple[float, float]]:
-    """Return the fitted stiffness values: as given, and as --apply writes them, SI."""
-    found = extended(result) if result.decomposition is None else result.calibrated
-    return {
-        name: (given, given if name in result.kept else found.parameter(name))
-        for name, (given, _) in result.fitted_stiffness.items()
-    }
-
-
 def far_stiffness(result: Diagnosis) -> dict[str, float]:
     """Return which determined stiffness is far from the robot file, and by how many times (`far_off`)."""
     vague = {*result.untouched, *result.undetermined}
     values = {name: ends for name, ends in written_stiffness(result).items() if name not in vague}
-    return far_off(values, result.baseline.nominal)
+    return far_off(values, result.baseline.given or result.baseline.nominal)
 
 
 def drives_table(result: Diagnosis, title: str) -> Table:

@@ -12,6 +12,7 @@ from rich.console import RenderableType
 from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import Frames, difference
+from beamstiff.compensation.path_correction import DEFORMATION, EFFECTS, GEOMETRY
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.errors import counted
 from beamstiff.functions.checks import effects_text
@@ -21,6 +22,11 @@ from beamstiff.report.verdict import NOTHING, Verdict, rounded
 
 UNCORRECTED = "Targets that cannot be corrected"
 LEAST = 0.001  # mm, that no robot reaches
+COMES_FROM = {
+    GEOMETRY: "geometry of the real robot",
+    DEFORMATION: "deformation under weight and load",
+    EFFECTS: "effects in its file",
+}
 UNITS = {"m": (1e3, ", mm"), "rad": (180 / np.pi, ", deg")}
 PARTS = ((slice(0, 3), 1e3), (slice(3, 6), 180 / np.pi))
 
@@ -127,7 +133,7 @@ def compensation_verdict(result: Compensated) -> Verdict:
     if result.extrapolated:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."
         action = "Measure postures of this path and diagnose or calibrate with them before you use it."
-    return Verdict(said, data=data, action=action, doubt=doubt)
+    return Verdict(said, data=data, action=action, causes=parts_text(result), doubt=doubt)
 
 
 def told(size: float) -> str:
@@ -167,6 +173,17 @@ def compensation_text(result: Compensated) -> str:
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
         text += f". Only the position of {what} is corrected"
     return text + "."
+
+
+def parts_text(result: Compensated) -> str:
+    """Return, in words, what the error before comes from; empty where that is one thing, or not known."""
+    sizes = {name: size.rms_mm for name, size in result.sizes_by_part.items() if size.rms_mm > NOTHING}
+    if len(sizes) < 2:
+        return ""
+    each = ", ".join(f"{COMES_FROM[name]} {told(size)} mm" for name, size in sizes.items())
+    cancel = "; geometry and effects were fitted together and may cancel in part"
+    together = cancel if {GEOMETRY, EFFECTS} <= {*sizes} else ""
+    return f"Before correction, RMS of each part: {each}. They add up as vectors{together}."
 
 
 def frame_text(frames: Frames) -> str:

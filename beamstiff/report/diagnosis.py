@@ -61,7 +61,7 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
-    (r"mode_\d", "mode_n", "share of the n-th commonest curve over the angle, or over time"),
+    (r"mode_\d", "mode_n", "size of the n-th of the typical curves over the angle, or over time"),
     (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (
@@ -144,7 +144,10 @@ def probability_text(found: Decomposition) -> str:
     for one in found.causes:
         if one.found_again < HALF:
             share, name = words.percent(one.found_again), in_words([one.key])
-            said += f" Searches that lack a tenth of the postures find {name} in {share} only: measure more."
+            said += (
+                f" Repeated without a tenth of the postures each time, the search finds {name} in only "
+                f"{share} of the cases: measure more postures."
+            )
     return said
 
 

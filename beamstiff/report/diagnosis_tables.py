@@ -1,7 +1,7 @@
 """Tables beside the causes of a diagnosis: errors step by step, courses of drifts, what would have shown."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import Smallest
 from beamstiff.errors import counted, listed
 from beamstiff.report import diagnosis_words as words
+from beamstiff.report.calibrated_text import reflectors_moved
 from beamstiff.report.tables import Column, Table, below, number, scale_of, table
 from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
@@ -39,7 +40,7 @@ class Step:
 def steps(result: Diagnosis) -> list[Step]:
     """Return the models from the robot file to all causes, what each leaves, and the noise floor."""
     found, changed = result.decomposition, result.recalibration
-    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed)
+    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed, result.start_values)
     if found is None:
         if result.verdict.shrink is not None:
             made.append(Step(f"with {words.causes(result)}", result.verdict.shrink.after))
@@ -56,10 +57,11 @@ def steps(result: Diagnosis) -> list[Step]:
     return [*made, Step("noise floor", result.noise)]
 
 
-def _fitted(changed: Recalibration) -> list[Step]:
+def _fitted(changed: Recalibration, start_values: Sequence[str]) -> list[Step]:
     """Return what the file leaves, and what its calibration leaves step by step."""
-    made = [Step("robot file, measuring frame fitted", changed.before)]
-    if rounded(changed.placed) != rounded(changed.before):
+    guessed = " with its start values of stiffness" if start_values else ""
+    made = [Step(f"robot file{guessed}, measuring frame fitted", changed.before)]
+    if reflectors_moved(changed):
         made.append(Step("and places of the reflectors", changed.placed))
     if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):
         return [*made, Step("and geometry", changed.after)]

@@ -15,7 +15,7 @@ from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import counted
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse
+from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, reflectors_moved
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
 from beamstiff.report.verdict import (
     Verdict,
@@ -41,7 +41,7 @@ def verdict(result: Diagnosis) -> Verdict:
     each = doubt = ""
     worse = calibrated_worse(result)
     if result.recalibration is not None and result.recalibration.placed > result.rms:
-        gap += f", geometry calibrated ({rounded(1e3 * result.recalibration.placed)} mm before)"
+        gap += f", geometry calibrated{_before(result)}"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
@@ -80,6 +80,15 @@ def verdict(result: Diagnosis) -> Verdict:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
     data = data_of(result.baseline.rows) + _warmth(result)
     return Verdict(said, level, data, action(result, head), each, doubt)
+
+
+def _before(result: Diagnosis) -> str:
+    """Return, in words, the gap before the calibration; empty where it is that of a guessed stiffness."""
+    changed = result.recalibration
+    if changed is None or result.start_values:
+        return ""
+    fitted = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
+    return f" ({rounded(1e3 * changed.placed)} mm before{fitted})"
 
 
 def _warmth(result: Diagnosis) -> str:
@@ -167,7 +176,8 @@ def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
     said = (
-        f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS ({words.percent(rest.share)} of the gap)."
+        f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS, corrected for the number of fitted values "
+        f"({words.percent(rest.share)} of the gap)."
     )
     if rest.follows:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."

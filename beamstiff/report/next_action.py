@@ -180,7 +180,7 @@ def proposed(result: Diagnosis) -> str:
     verb = ("discriminate" if rivals else "determine") + ("" if count > 1 else "s")
     what = f"{verb} best between the causes" if rivals else f"{verb} the sizes of the causes best"
     if not rivals and result.indistinguishable and result.decomposition is not None:
-        what += " (no posture and load here distinguishes look-alikes)"
+        what += " (no state like those measured distinguishes the look-alikes)"
     states = f"the {counted(count, 'state')} that {what}"
     if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
         states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"

@@ -3,13 +3,17 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from rich import box
 from rich import table as rich_table
+from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 from rich.text import Text
 
 MOST_ROWS = 40
+WIDEST, NARROWEST = 100, 30  # columns of a table where there is no terminal to fit into; of text in it
+BETWEEN = 3  # columns between two of a table
 SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm")}
 
 
@@ -57,8 +61,11 @@ class Table:
         columns, rows = self.drawn("console")
         made = rich_table.Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
         made.show_header = any(column.head for column in columns)
-        for column in columns:
-            made.add_column(column.head, justify="left" if column.left else "right")
+        widths = [None] * len(columns) if console.is_terminal else _widths(columns, rows)
+        for column, width in zip(columns, widths, strict=True):
+            justify: Literal["left", "right"] = "left" if column.left else "right"
+            overflow: Literal["ellipsis", "fold"] = "ellipsis" if width is None else "fold"
+            made.add_column(column.head, justify=justify, max_width=width, overflow=overflow)
         for row in rows[: self.most]:
             made.add_row(*row)
         if self.most is not None and len(rows) > self.most:
@@ -66,6 +73,19 @@ class Table:
         if self.title:
             yield Text(self.title, style="bold")
         yield from made.__rich_console__(console, options)
+
+
+def _widths(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> list[int | None]:
+    """Return how wide columns may be at most, None: as they are. The widest text makes room, no number."""
+    texts = zip(*([column.head for column in columns], *rows), strict=True)
+    widths = [max(cell_len(line) for text in column for line in text.split("\n")) for column in texts]
+    result: list[int | None] = [None] * len(columns)
+    texts_at = [at for at, column in enumerate(columns) if column.left]
+    beyond = sum(widths) + BETWEEN * (len(widths) - 1) - WIDEST
+    if beyond > 0 and texts_at:
+        widest = max(texts_at, key=lambda at: widths[at])
+        result[widest] = max(widths[widest] - beyond, NARROWEST)
+    return result
 
 
 def table(

@@ -22,6 +22,10 @@ BEYOND_NOISE = 1.5  # times the noise: from a dozen rows on no chance any more
 NOTHING = 1e-6  # mm: no instrument reads it
 START = 1e6  # N m/rad, where no drive says how stiff the machine is
 MOST_DRIVES = 4  # that a sentence names
+LOADS = {  # that deform a drive
+    "torsional": "a force that passes the joint's axis at a distance, across it",
+    "axial": "a force along the joint's axis",
+}
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap
 BADGES: dict[Level, str] = {
     "agrees": "gap within noise",
@@ -39,7 +43,7 @@ class Verdict:
     level: Level = "plain"  # green, amber or red; plain where nothing is judged
     data: str = ""  # which files, how many rows
     action: str = ""  # the one thing to do next
-    causes: str = ""  # all causes, where there are several
+    causes: str = ""  # all causes, where there are several; what an error comes from
     doubt: str = ""  # why not to believe the headline
 
     @property
@@ -123,8 +127,12 @@ def undetermined_text(names: Sequence[str], unloaded: Collection[str] = ()) -> s
             "loads that do."
         )
     if still:
-        it = "it off or across its axis" if len(still) == 1 else "them off or across their axes"
-        said.append(f"No load here turns {listed(still, MOST_DRIVES)}: load {it}.")
+        kinds = {name.rpartition(".")[2] for name in still}
+        load = LOADS[kinds.pop()] if len(kinds) == 1 and kinds <= {*LOADS} else "loads that do"
+        said.append(
+            f"No load in these rows deforms {listed(still, MOST_DRIVES)}: to fit "
+            f"{'it' if len(still) == 1 else 'them'}, apply {load}."
+        )
     return " ".join(said)
 
 

@@ -15,8 +15,8 @@ from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of,
 
 HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
 REFITTED = (
-    "The measuring frame was fitted to these rows, without and with the effects: an error shared by all rows "
-    "disappears in that fit. The promised share still includes it."
+    "The measuring frame was fitted to these rows, once without and once with the effects. An error that "
+    "shifts all rows alike is then missing from every line above, but the promised share counts it."
 )
 NOTHING_TO_COMPARE = (
     "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
@@ -38,12 +38,18 @@ def verification_told(
         yield from _sentences(found, refitted)
 
 
+def fresh(found: Verification) -> bool:
+    """Return whether any of the rows can test the robot file: it was not fitted to them all."""
+    return found.fitted < found.rows
+
+
 def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
     if not found.causes:
         yield NOTHING_TO_COMPARE
         return
     if found.promised is not None:
-        yield f"Promised: {percent(found.promised)} of the gap closes. True: {percent(found.true)}."
+        closes = f"True: {percent(found.true)}." if fresh(found) else ""
+        yield f"Promised: {percent(found.promised)} of the gap closes. {closes}".strip()
     if refitted:
         yield REFITTED
     yield SQUARES
@@ -81,8 +87,8 @@ def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
     left = f"{rounded(1e3 * found.after)} mm"
     if found.other_frame is not None:
         head = (
-            f"The measuring frame is not exactly the robot's base frame: position error {left}, "
-            f"{rounded(1e3 * found.other_frame)} mm with the frame fitted"
+            f"These rows are not in the robot's base frame: position error {left}, "
+            f"{rounded(1e3 * found.other_frame)} mm with the measuring frame fitted (--refit-frame)"
         )
         return Verdict(head, "differs", action="Run it again with --refit-frame.")
     worse = in_words(_worse(found))
@@ -95,6 +101,8 @@ def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
         return Verdict(head, "differs", action=action)
     times = found.after / found.noise if found.noise > 0.0 else None
     level: Level = "plain" if times is None else level_of(times)
+    if level == "agrees" and not fresh(found):
+        level = "plain"  # nothing is judged
     head = f"Position error {left} {'with' if found.causes else 'of'} the "
     head += "file's effects" if found.causes else "robot file as it is"
     head += "" if times is None else f", {times:.1f} times the noise"
@@ -116,6 +124,8 @@ def _worse(found: Verification) -> list[str]:
 
 
 def _action(found: Verification, robot: str, files: Sequence[str], level: Level) -> str:
+    if not fresh(found) and level not in ("doubtful", "differs"):
+        return "Measure fresh postures and verify the robot file with these."
     if level not in ("doubtful", "differs"):
         action = "Use the robot within these postures and loads."
         if found.causes:

@@ -396,7 +396,7 @@ class CalibratedParameter(Described):
     ----------
     name : str
     std : float
-        Standard deviation, SI.
+        Standard deviation, SI, with the effects of the robot as they are.
     correlation : tuple of float
         With each of the parameters before it; default 0.
     """

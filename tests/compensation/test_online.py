@@ -61,6 +61,23 @@ def test_standard_deviations_are_those_of_the_stiffness(program: Path) -> None:
     np.testing.assert_allclose(found.std, np.abs(moved), rtol=0.01, atol=1e-8)
 
 
+def test_effects_whose_parameters_were_fitted_together_have_no_standard_deviation(program: Path) -> None:
+    """Their correlation is not in the file: as independent ones they would count many times what they are."""
+    sides = {"shape": "flank within 0.03, asymmetric", "parameters": {"width_up": 1e-4, "width_down": 2e-4}}
+    one, both = (BACKLASH | sides | {"std": dict.fromkeys(names, 1e-5)} for names in (SIDES[:1], SIDES))
+    result = {}
+    for name, entry in (("one", one), ("both", both)):
+        real = load_robot("kr500").model_copy(update={"effects": (AddedEffect(**entry),)})
+        result[name] = compensate("kr500", program, actual=real, wrench=LOAD, leave_doubtful=True)
+    assert result["one"].std is not None
+    assert result["both"].std is not None
+    assert result["one"].std[0, :3].max() > 1e-6
+    assert not result["both"].std[0].any()
+    said = "leave out backlash:q3: its parameters were fitted together"
+    assert any(said in note for note in result["both"].notes)
+    assert not any(said in note for note in result["one"].notes)
+
+
 def test_doubtful_corrections_are_left_alone_on_request(program: Path) -> None:
     weak, strong = 0.02 * LOAD, LOAD
     for load, left in ((weak, True), (strong, False)):
@@ -101,6 +118,7 @@ def test_the_protocol_answers_every_line(targets: OnlineTargets) -> None:
     assert "out of reach" in answers[7]
 
 
+SIDES = ("width_up", "width_down")
 BACKLASH = {
     "effect": "backlash",
     "component": "q3",

@@ -8,7 +8,14 @@ import pytest
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, ToolPath
-from beamstiff.compensation.path_correction import correct_path, errors_of
+from beamstiff.compensation.path_correction import (
+    DEFORMATION,
+    EFFECTS,
+    GEOMETRY,
+    correct_path,
+    error_parts,
+    errors_of,
+)
 from beamstiff.compensation.process.load import Constant, FromPath, Together
 from beamstiff.compensation.uncertainty import from_start_values
 from beamstiff.errors import BeamstiffError
@@ -191,6 +198,28 @@ def test_taught_targets_are_corrected_for_the_load_alone() -> None:
     loaded = correct_path(machine, path, LOAD, start=START, taught=True)
     assert np.abs(loaded.before).max() > 1e-4
     assert np.abs(loaded.after).max() < 2e-8
+
+
+def test_an_error_is_the_sum_of_geometry_deformation_and_effects() -> None:
+    real, path = heavy(), path_of(kr500())
+    machine = Machine(kr500(), real)
+    found = correct_path(machine, path, LOAD, start=START)
+    parts = error_parts(machine, found, LOAD)
+    np.testing.assert_allclose(sum(parts.values()), found.before, atol=1e-12)
+    bare = real.model_copy(update={"effects": ()})
+    rigid = bare.with_parameters(dict.fromkeys(stiffness_parameters(bare), np.inf))
+    still = correct_path(Machine(kr500(), rigid), path, start=START).before
+    np.testing.assert_allclose(parts[GEOMETRY], still, atol=1e-9)
+    without = correct_path(Machine(kr500(), bare), path, LOAD, start=START).before
+    np.testing.assert_allclose(parts[DEFORMATION], without - still, atol=1e-9)
+    assert np.abs(parts[EFFECTS][:, :3]).max() > 1e-5
+    # of taught targets the load's share alone, which no geometry has
+    taught = correct_path(machine, path, LOAD, start=START, taught=True)
+    shares = error_parts(machine, taught, LOAD, taught=True)
+    assert [*shares] == [DEFORMATION, EFFECTS]
+    np.testing.assert_allclose(sum(shares.values()), taught.before, atol=1e-12)
+    alone = correct_path(Machine(kr500(), bare), path, LOAD, start=START, taught=True).before
+    np.testing.assert_allclose(shares[DEFORMATION], alone, atol=1e-7)
 
 
 def test_what_start_values_add_is_what_a_robot_rigid_there_lacks() -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.text import Text
 
 import beamstiff
 from beamstiff import Robot
@@ -14,6 +15,7 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.measure.rows import concatenate, row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.report.verification import verification_told, verification_verdict
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
 from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
@@ -57,6 +59,26 @@ def test_rows_that_were_fitted_are_counted() -> None:
     assert verify(seen, read_again).fitted == 0
     rounded = replace(rows, displacement=rows.displacement + 1e-16)  # written and read in other units
     assert verify(seen, rounded).fitted == 5
+
+
+def test_rows_that_were_fitted_say_to_measure_fresh_ones() -> None:
+    robot = played().model_copy(
+        update={"effects": tuple(e.model_copy(update={"closes": 0.9}) for e in played().effects[:1])}
+    )
+    rows = fresh(robot)
+    some = robot.with_fitted_rows(row_digests(subset(rows, np.arange(5))))
+    every = robot.with_fitted_rows(row_digests(rows))
+    for seen, tests in ((some, True), (every, False)):
+        found = verify(seen, rows)
+        said = " ".join(
+            str(one)
+            for one in verification_told(found, "arm.yaml", ["rows.csv"])
+            if isinstance(one, str | Text)
+        )
+        assert ("Use the robot within these postures" in said) == tests
+        assert ("Next: Measure fresh postures" in said) != tests
+        assert "Promised: 90 % of the gap closes." in said
+        assert ("True: 100 %" in said) == tests
 
 
 def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() -> None:
@@ -158,6 +180,9 @@ def test_a_frame_that_is_off_is_told_from_a_robot_that_is_off(machine: Robot) ->
     off = verify(machine, rows)
     assert off.after > 1.0
     assert off.other_frame == pytest.approx(verify(machine, rows, refit_frame=True).after)
+    head = verification_verdict(off, "arm.yaml", ["rows.csv"]).headline
+    assert head.startswith("These rows are not in the robot's base frame: position error ")
+    assert "--refit-frame" in head
     near = read(machine, rows_of("kr240-2", True, seed=5))
     assert verify(robot_of("kr240-2"), near).other_frame is None  # the machine's play is no frame
     assert verify(machine, replace(rows, sigma=np.full_like(rows.sigma, 10.0))).other_frame is None

@@ -60,7 +60,7 @@ def test_a_cause_that_few_searches_find_is_said_to_be_one() -> None:
     assert "find" not in probability_text(several)
     first, *others = several.causes
     rare = replace(several, causes=(replace(first, found_again=0.4), *others))
-    assert "find target-slip in 40 % only" in probability_text(rare)
+    assert "finds target-slip in only 40 % of the cases" in probability_text(rare)
 
 
 def test_a_cause_without_look_alikes_has_a_next_best() -> None:
@@ -285,8 +285,12 @@ def test_what_the_calibration_changed_is_told() -> None:
         ("and places of the reflectors", changed.placed),
         ("and geometry", changed.after),
     ]
-    calibrated = f", geometry calibrated ({rounded(1e3 * changed.placed)} mm before), "
-    assert calibrated in verdict(result).headline
+    before = f"{rounded(1e3 * changed.placed)} mm before, places of the reflectors fitted"
+    assert f", geometry calibrated ({before}), " in verdict(result).headline
+    assert "RMS, frame and reflectors fitted" in diagnosis_html(result, provenance([], 0, []))
+    told_apart = replace(result)
+    told_apart.__dict__["recalibration"] = replace(changed, before=changed.placed)
+    assert f"({rounded(1e3 * changed.placed)} mm before), " in verdict(told_apart).headline
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
     largest = changes_text(changed)

@@ -11,12 +11,14 @@ from rich.console import Console
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import Frames
+from beamstiff.compensation.path_correction import DEFORMATION, EFFECTS, GEOMETRY
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.rewrite import Compensated, compensate_program, size_of
 from beamstiff.report.compensation import (
     compensation_figure,
     compensation_table,
     compensation_text,
+    compensation_verdict,
     uncorrected_table,
 )
 from beamstiff.robot.reader import load_robot
@@ -55,6 +57,22 @@ def test_the_text_counts_what_could_be_followed(result: Compensated) -> None:
     shifted = Frames(base=np.diag([1.0, -1.0, -1.0, 1.0]))
     moved = replace(result, machine=replace(result.machine, frames=shifted))
     assert "are in the program's base, which --base or the program places" in compensation_text(moved)
+
+
+def test_the_headline_says_what_the_error_comes_from(result: Compensated) -> None:
+    assert compensation_verdict(result).causes == ""  # one robot: it differs in nothing but its deformation
+    assert result.to_dict()["before_by_part"] == {}
+    size = result.correction.before
+    found = replace(result, parts={GEOMETRY: 0.5 * size, DEFORMATION: 0.3 * size, EFFECTS: 0.2 * size})
+    reached = replace(found, correction=replace(found.correction, reasons={}))
+    said = compensation_verdict(reached).causes
+    assert re.search(r"geometry of the real robot \S+ mm, deformation under weight and load \S+ mm, ", said)
+    assert "may cancel in part" in said
+    told = found.to_dict()["before_by_part"]
+    assert told["geometry"]["rms_mm"] == pytest.approx(0.5 * found.to_dict()["before"]["rms_mm"])
+    assert {*told} == {"geometry", "weight_and_load", "effects"}
+    still = replace(reached, parts={GEOMETRY: 0.5 * size, DEFORMATION: 0.3 * size})
+    assert "cancel" not in compensation_verdict(still).causes
 
 
 def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensated) -> None:

@@ -12,12 +12,13 @@ from rich.text import Text
 
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.diagnosis.smallest import smallest_sizes
 from beamstiff.functions.checks import start_values
-from beamstiff.report.calibrated_text import drives_table
+from beamstiff.report.calibrated_text import drives_table, far_stiffness
 from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
-from beamstiff.report.diagnosis_tables import REVEALED, drift_tables, hidden_text, smallest_table
+from beamstiff.report.diagnosis_tables import REVEALED, drift_tables, hidden_text, smallest_table, steps
 from beamstiff.report.diagnosis_text import verdict
 from beamstiff.report.diagnosis_words import load_lever
 from beamstiff.report.html.diagnosis import diagnosis_html
@@ -125,7 +126,55 @@ def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
     loaded = replace(rows, wrench=wrench, load_point=np.full(60, on_the_last_axis))
     result = diagnose(robot, loaded)
     assert result.untouched == ("J6.torsional",)
-    assert "No load here turns J6.torsional: load it off or across its axis." in verdict(result).action
+    said = "No load in these rows deforms J6.torsional: to fit it, apply a force that passes the joint's axis"
+    assert said in verdict(result).action
+
+
+@cache
+def guessed() -> Diagnosis:
+    """Return the diagnosis of a machine whose drives have start values in the file, 30 times too stiff."""
+    rng = np.random.default_rng(1)
+    names = tuple(f"J{k}.torsional" for k in range(1, 7))
+    machine = load_robot(ur10.UR10).with_parameters(dict.fromkeys(names, 1e5))
+    robot = machine.with_parameters(dict.fromkeys(names, 3e6))
+    robot = robot.model_copy(update={"identify": names, "unmeasured": names})
+    rows = ur10.read(robot, rng.uniform(-2.5, 2.5, (60, 6)), (), rng)
+    loads = rng.choice([-100.0, 100.0], (60, 6)) * [1, 1, 1, 0, 0, 0]
+    rows = replace(rows, wrench=loads)
+    sag = predict(machine, rows)[:, :3] @ rotation_from_vector(ur10.FRAME).T
+    return diagnose(robot, replace(rows, position=rows.position + sag))
+
+
+def test_the_report_has_the_stiffness_that_is_written() -> None:
+    for result in (guessed(), only_from_above(), diagnosed("backlash")):
+        fitted, written = result.to_dict()["fitted"], extended(result)
+        assert fitted
+        for name, one in fitted.items():
+            assert one["value"] == written.parameter(name)
+        told = {row[0].split()[0]: row[3] for row in drives_table(result, "").rows}
+        for name, one in fitted.items():  # a std stands where the table has one
+            assert (one["std"] is not None) == told[name].endswith("%")
+            if one["std"] is not None:
+                assert told[name] == f"{100 * one['std'] / one['value']:.2g} %"
+
+
+def test_start_values_of_stiffness_are_guesses_and_no_statement_of_the_file() -> None:
+    result = guessed()
+    assert result.decomposition is not None
+    assert result.start_values
+    assert not far_stiffness(result)
+    first = steps(result)[0].model
+    assert first == "robot file with its start values of stiffness, measuring frame fitted"
+    assert "before" not in verdict(result).headline
+    page = diagnosis_html(result, provenance([], 0, []))
+    assert "Uncalibrated" not in page
+    given = result.baseline.given
+    assert given is not None
+    stated = given.model_copy(update={"unmeasured": ()})
+    other = replace(result, baseline=replace(result.baseline, given=stated))
+    assert far_stiffness(other)
+    assert steps(other)[0].model == "robot file, measuring frame fitted"
+    assert "Uncalibrated" in diagnosis_html(other, provenance([], 0, []))
 
 
 @cache

@@ -23,6 +23,23 @@ def test_a_title_wider_than_its_table_stays_on_one_line() -> None:
     assert lines[-1].split() == ["joint_a3", "98", "%"]
 
 
+def test_where_there_is_no_terminal_the_widest_text_wraps_at_100_columns_and_no_number_does() -> None:
+    why = "the rows say neither when nor how warm " * 4
+    made = table("", "effect", "why", "a, mm", "b, mm", left=2)
+    made.add_row("thermal-drift", why, "1234.56789", "0.000123")
+    console = Console(width=200, file=io.StringIO())
+    console.print(made)
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) == 100
+    assert lines[2].split()[-2:] == ["1234.56789", "0.000123"]
+    assert " ".join(" ".join(line.split()) for line in lines[2:]).count("neither") == 4
+    wide = table("", *(f"column {number}" for number in range(20)), left=0)
+    wide.add_row(*["1234567.8"] * 20)
+    console = Console(width=300, file=io.StringIO())
+    console.print(wide)
+    assert console.file.getvalue().count("1234567.8") == 20
+
+
 def test_a_title_wider_than_the_terminal_breaks_and_loses_nothing() -> None:
     lines = printed(30)
     assert " ".join(lines[:3]).startswith(TITLE)

@@ -148,7 +148,7 @@ EFFECT = Effect(
     components=_components,
     shapes=_shapes,
     separation="apply the same loads with the balancer's spring disconnected",
-    look_alikes=("actuator-lever",),
+    look_alikes=("actuator-lever", "angle-curve"),
     sources="several to 30 % of the drive's stiffness (arXiv 1311.6674, 1311.6810)",
     scales=_normalisation,
 )

@@ -10,7 +10,13 @@ from beamstiff.diagnosis.predictions import predictions
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import changes_table, changes_text, drives_table, far_stiffness
+from beamstiff.report.calibrated_text import (
+    changes_table,
+    changes_text,
+    drives_table,
+    far_stiffness,
+    reflectors_moved,
+)
 from beamstiff.report.diagnosis_tables import drift_tables, hidden_text, smallest_table, steps, steps_table
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.html.charts import SHARE, bars
@@ -69,9 +75,10 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact(
             "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
         )
-    if result.recalibration is not None:
+    if result.recalibration is not None and not result.start_values:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
-        yield Fact("Uncalibrated", before, "RMS, frame and reflectors fitted")
+        fitted = "frame and reflectors" if reflectors_moved(result.recalibration) else "measuring frame"
+        yield Fact("Uncalibrated", before, f"RMS, {fitted} fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {words.tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
