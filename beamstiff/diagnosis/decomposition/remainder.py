@@ -60,7 +60,8 @@ def remainder_of(
     left = step.left[: model.count]
     position = np.nonzero(model.used)[1] < 3
     error = unweighed(model, left)[position]
-    free = max(len(step.left) - step.basis.shape[1], 1) / len(step.left)
+    # what is known beforehand takes up a part of the parameters, and none of what was measured
+    free = max(model.count - float((step.basis[: model.count] ** 2).sum()), 1.0) / model.count
     squares = float(error @ error) / free
     share = max(squares - noise2, 0.0) / (total - noise2) if total > noise2 else 0.0
     follows, where = [], []
