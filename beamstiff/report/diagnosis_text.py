@@ -40,8 +40,10 @@ def verdict(result: Diagnosis) -> Verdict:
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(words.postures(result), 'posture')}"
     each = doubt = ""
     worse = calibrated_worse(result)
-    if result.recalibration is not None and result.recalibration.placed > result.rms:
-        gap += f", geometry calibrated{_before(result)}"
+    changed = result.recalibration
+    if changed is not None and changed.placed > result.rms:
+        fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
+        gap += f", {fitted} calibrated{_before(result)}"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
