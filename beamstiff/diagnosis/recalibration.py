@@ -1,6 +1,6 @@
 """What a diagnosis changed in the geometry while it sought causes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,15 +8,16 @@ import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import nominal_value
-from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.parameters import AXES, Parameter
 from beamstiff.diagnosis.decomposition.causes import Decomposition
-from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
+from beamstiff.diagnosis.decomposition.fit import SURELY, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.verify import verify
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 
 # m that a length or an angle moves the points: beyond two standard deviations four public robots were off
 # by at most 14 mm or mrad, 26 simulated ones by 2, a table read with another robot by 660. An angle counts
@@ -24,6 +25,7 @@ from beamstiff.robot.description import Robot
 UNLIKE = 0.05
 OF_THE_ROBOT = {"target", "offset", "frame"}  # groups of parameters: beside the measuring frame and set-ups
 SEED = 0  # of the folds
+ALIKE = 0.1  # of how far reflectors moved, by which they moved otherwise: glued ones are off each by itself
 UNSEEN = 1e-3  # of a realistic deviation (1 mm, 1 mrad): less is not told
 
 
@@ -46,6 +48,7 @@ class Recalibration:
     `stiff`: m; that with the drives as described; None where none are fitted.
     `changes`: encoders' zeros, frames and reflectors that moved; the largest first, by realistic deviations
         (1 mm, 1 mrad).
+    `together`: reflectors of one link that moved alike, which their mounts hardly did: the link is off.
     """
 
     before: float
@@ -53,6 +56,7 @@ class Recalibration:
     after: float
     stiff: float | None
     changes: tuple[Change, ...]
+    together: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: gaps in mm, changes in SI."""
@@ -65,6 +69,7 @@ class Recalibration:
                 one.parameter.name: {"change": one.by, "std": one.std, "unit": one.parameter.unit}
                 for one in self.changes
             },
+            "moved_together": list(self.together),
         }
 
 
@@ -73,14 +78,38 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
     model = found.model
     if model.problem is None or not {item.group for item in model.problem.parameters} & OF_THE_ROBOT:
         return None
-    before = _described(found)
+    before, changes = _described(found), tuple(_told(found, robot))
     return Recalibration(
         before=before,
         placed=min(_placed(found, before), before),
         after=found.rms,
         stiff=_stiff(found) if model.present.size else None,
-        changes=tuple(_told(found, robot)),
+        changes=changes,
+        together=_together(found, changes),
     )
+
+
+def _together(found: Decomposition, changes: Sequence[Change]) -> tuple[str, ...]:
+    """Return reflectors of one link that moved by the same vector, as its place differs from the file's."""
+    rows, robot = found.model.baseline.rows, found.model.given
+    placed = {one.parameter.name: one for one in changes if one.parameter.group == "target"}
+    names = [
+        name for name in np.unique(rows.point).tolist() if any(f"{name}.{axis}" in placed for axis in AXES)
+    ]
+    if len(names) < 2:
+        return ()
+    q = rows.q[[0, int(np.abs(rows.q - rows.q[0]).sum(axis=1).argmax())]]
+    kinematics = compile_kinematics(robot)
+    where = posture(kinematics, q)
+    moved, std = [], []
+    for name in names:
+        own = [placed.get(f"{name}.{axis}") for axis in AXES]
+        turned = pose_of(kinematics, where, name)[:, :3, :3]
+        moved.append(turned @ [0.0 if one is None else one.by for one in own])
+        std.append(max(0.0 if one is None else one.std for one in own))
+    differ = max(float(np.linalg.norm(one - moved[0])) for one in moved)
+    least = min(float(np.linalg.norm(one[0])) for one in moved)
+    return tuple(names) if differ < ALIKE * least and least > SURELY * max(std) else ()
 
 
 def unlike(found: Decomposition) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 from beamstiff.diagnosis.apply import written_stiffness
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import stiffness_in_words
 from beamstiff.report.identification import far_off
 from beamstiff.report.tables import Column, Table, scale_of, table, worth
@@ -64,7 +65,13 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
     each = ", ".join(_in_words(one) for one in changed.changes[:NAMED])
     rest = len(changed.changes) - NAMED
     more = f" ({rest} more {others})" if rest > 0 else ""
-    return f"Largest changes of the geometry, with standard deviations: {each}{more}."
+    alike = (
+        f" {listed(changed.together)} moved alike, which mounts of their own hardly do: their link is off, "
+        "and the tool on it. A reflector at the tool would correct its place."
+        if changed.together
+        else ""
+    )
+    return f"Largest changes of the geometry, with standard deviations: {each}{more}.{alike}"
 
 
 def changes_table(changed: Recalibration, title: str) -> Table:
