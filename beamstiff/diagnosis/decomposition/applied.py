@@ -13,6 +13,7 @@ from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.absorbed import absorbed_by, difference, total
 from beamstiff.diagnosis.added_effect import added_effect
+from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.decomposition.causes import MINOR, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.fit import SURELY
 from beamstiff.diagnosis.decomposition.forms import Form, shift_of
@@ -59,6 +60,19 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
         for one in _added(found, cause, {"closes": round(cause.closes / gap, 4), "absorbed": absorbed})
     ]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
+
+
+def unlike_written(found: Decomposition) -> float:
+    """Return how much otherwise the causes move the rows' points once they are a robot's effects, RMS, m.
+
+    Errors of loads act on all that is compliant, so that what both move is a product, which was linear about
+    other loads.
+    """
+    rows, lasting = found.model.baseline.rows, [one for one in found.every if _lasts(found, one)]
+    effects = tuple(one for cause in lasting for one in _added(found, cause, {}))
+    robot = calibrated_beside(found).model_copy(update={"effects": effects})
+    other = effects_displacement(robot, rows) - _moved(found, lasting)
+    return float(np.sqrt((other[:, :3] ** 2).sum(axis=1).mean()))
 
 
 def written_share(found: Decomposition) -> float:

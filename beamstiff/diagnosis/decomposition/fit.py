@@ -22,12 +22,14 @@ from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.passive import Matrix, matrix_of, passive
 from beamstiff.diagnosis.decomposition.same_mechanics import other_mechanics, same_mechanics
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
+ROUNDING = 1e-12  # of the largest column, at which one is 0
 SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
 
@@ -67,6 +69,8 @@ class Choice:
         Measured values.
     independent : float
         As how many they count beside what is systematic.
+    matrices : tuple of Matrix or None (f)
+        Compliances whose parameters are coupled.
     alike : mapping of str to tuple of str
         Causes that are one mechanics.
     apart : (f,) bool array
@@ -94,6 +98,7 @@ class Choice:
     drives: int
     count: int
     independent: float
+    matrices: tuple[Matrix | None, ...]
     alike: Mapping[str, tuple[str, ...]]
     apart: NDArray[np.bool_]
     products: dict[int, Array] = field(default_factory=dict, init=False)
@@ -205,7 +210,9 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     ends = np.cumsum([drives, *sizes])
     every = np.concatenate([model.drives, *(form.columns for form in forms)], axis=1)
     size = np.linalg.norm(every, axis=0)
-    every = every / np.where(size > 0, size, 1.0)
+    unseen = size <= ROUNDING * size.max(initial=0.0)  # nothing shows it but what it bounds
+    size, every = np.where(unseen, 1.0, size), np.where(unseen, 0.0, every)
+    every = every / size
     every = every - basis @ (basis.T @ every)
     known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
     spread = np.concatenate([np.full(drives, UNSEEN), known])
@@ -215,17 +222,19 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     groups = []
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
-        at = ends[some][:, None] + np.arange(count)
-        own = every.T[at]  # (g, c, n)
-        groups.append((some, at, own @ own.swapaxes(1, 2)))
+        places = ends[some][:, None] + np.arange(count)
+        own = every.T[places]  # (g, c, n)
+        groups.append((some, places, own @ own.swapaxes(1, 2)))
+    units = np.concatenate([np.ones(drives), *(form.sizes for form in forms)]) / size
+    at = tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     return Choice(
         tuple(forms),
         basis,
         residual,
         every,
         1.0 / np.clip(spread, 1.0 / UNSEEN, UNSEEN) ** 2,
-        np.concatenate([np.ones(drives), *(form.sizes for form in forms)]) / np.where(size > 0, size, 1.0),
-        tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)),
+        units,
+        at,
         np.concatenate([np.ones(drives, dtype=bool), *(form.positive for form in forms)]),
         np.array([np.inf] * drives + [LARGEST.get(item.unit, np.inf) for item in parameters]),
         np.array([-np.inf] * drives + [item.least for item in parameters]),
@@ -234,6 +243,10 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         drives,
         model.count,
         model.independent,
+        tuple(
+            matrix_of(form.couplings, form.sizes, units[own]) if len(form.couplings) else None
+            for form, own in zip(forms, at, strict=True)
+        ),
         alike,
         np.array(
             [form.shape.turns is not None and form.shape.turns == other.get(form.key) for form in forms],
@@ -261,13 +274,14 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     root = solve_triangular(triangle, np.eye(at.size), check_finite=False)
     # a sign that was left out is a choice too: it costs as much
     determined = float(at.size - choice.precision[at] @ (root**2).sum(axis=1))
-    free = _allowed(choice, chosen, at, ends, triangle, root, pull)
+    free, bound = _allowed(choice, chosen, at, ends, triangle, pull)
     variance = (root**2).sum(axis=1)[free]
     drives, each = free[: choice.drives], np.split(free[choice.drives :], ends)[:-1]
     if not free.all():
         at, gram = at[free], gram[np.ix_(free, free)]
         triangle, pull = _factor(gram, choice.pull[at])
     theta = np.asarray(solve_triangular(triangle, pull, check_finite=False))
+    theta = theta if bound is None else bound[free]
     left = choice.residual - choice.columns[:, at] @ theta
     squares = float(left @ left + choice.precision[at] @ theta**2)
     prior = prior_of(choice, chosen)
@@ -291,43 +305,25 @@ def prior_of(choice: Choice, chosen: Sequence[int]) -> float:
 
 
 def _allowed(
-    choice: Choice,
-    chosen: Sequence[int],
-    at: Integers,
-    ends: Integers,
-    triangle: Array,
-    root: Array,
-    pull: Array,
-) -> NDArray[np.bool_]:
-    """Return which parameters (c,) a fit may use: 0 are those that would be negative, or give work away.
+    choice: Choice, chosen: tuple[int, ...], at: Integers, ends: Integers, triangle: Array, pull: Array
+) -> tuple[NDArray[np.bool_], Array | None]:
+    """Return which parameters (c,) a fit may use, 0 are those that would be negative, and their values.
 
-    A compliance about a remote centre lies on the bound of its couplings itself: they are held against what
-    they couple as large as it may be, two standard deviations up.
+    None, least squares of those that it may use; values are those of compliances that would give work away.
     """
     starts = choice.drives + np.concatenate([[0], ends]).astype(int)
-    couplings = np.concatenate(
-        [np.zeros((0, 3), dtype=int)]
-        + [start + choice.forms[k].couplings for k, start in zip(chosen, starts[:-1], strict=True)]
-    )
-    left = choice.residual @ choice.residual - pull @ pull
-    scatter = max(1.0, float(left) / choice.count)
-    variance = np.minimum(scatter * (root**2).sum(axis=1), 1.0 / choice.precision[at])
-    up = SURELY * np.sqrt(variance) * choice.units[at]
-    found = np.asarray(root @ pull)
-    used = np.arange(at.size)
-    if not len(couplings) and (found[choice.positive[at]] >= 0.0).all():
-        return (found > 0.0) | ~choice.positive[at]
-    for _ in range(1 + len(couplings)):
-        found = np.zeros(at.size)
-        found[used] = _least_squares(triangle[:, used], pull, choice.positive[at[used]])
-        value = found * choice.units[at]
-        c, a, b = couplings.T
-        wrong = couplings[value[c] ** 2 > (value + up)[a] * (value + up)[b], 0]
-        used = np.setdiff1d(used, wrong)
-        if not wrong.size:
-            break
-    result: NDArray[np.bool_] = np.isin(np.arange(at.size), used) & ((found > 0.0) | ~choice.positive[at])
-    return result
+    positive = choice.positive[at]
+    of_forms = ((choice.matrices[k], start) for k, start in zip(chosen, starts.tolist(), strict=False))
+    matrices = [one.moved(start) for one, start in of_forms if one is not None]
+    found = np.asarray(solve_triangular(triangle, pull, check_finite=False))
+    if (found[positive] < 0.0).any():
+        found = _least_squares(triangle, pull, positive)
+    if not any(len(one.cuts(found)) for one in matrices):
+        return (found > 0.0) | ~positive, None
+    found = passive(triangle, pull, positive, matrices)
+    for one in matrices:
+        positive[one.at[one.at >= 0]] = True  # couplings of what is 0 are 0 as well
+    return (found != 0.0) | ~positive, found
 
 
 def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> Array:
@@ -353,7 +349,7 @@ def _factor(gram: Array, pull: Array) -> tuple[Array, Array]:
 def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
     """Return the forms of a fit by number; columns of parameters that it does not use are 0 for good."""
     return {
-        number: replace(form, columns=form.columns * free, decided=True)
+        number: replace(form, columns=form.columns * free, used=free)
         for number, form, free in zip(
             step.chosen, (choice.forms[k] for k in step.chosen), step.free, strict=True
         )

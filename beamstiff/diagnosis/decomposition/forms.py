@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
@@ -22,6 +23,7 @@ SERIES, SLIP = "angle-curve", "target-slip"
 REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
 # whose period is chosen by the data, once for all: the weight of the form pays for the one parameter more
 PERIODIC = ("thermal-drift",)
+LEFT_OUT = 1e-9  # of a realistic size, to which a parameter that was left out is known
 COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
 # of compliances, where no drive says how stiff the machine is: a service robot's are many times a heavy one's
 UNKNOWN_SCALE = 1e3
@@ -52,8 +54,8 @@ class Form:
         By which compliances may be larger than realistic ones.
     softness : float
         By which compliances are larger than a heavy robot's, so far as rows can say it.
-    decided : bool
-        Whether a fit left parameters out already, those of couplings too.
+    used : (c,) bool array or None
+        Parameters that a fit has not left out, once there was one.
     """
 
     effect: str
@@ -64,7 +66,7 @@ class Form:
     likely: float
     compliance_scale: float = 1.0
     softness: float = 1.0
-    decided: bool = False
+    used: NDArray[np.bool_] | None = None
 
     @cached_property
     def key(self) -> str:
@@ -91,7 +93,8 @@ class Form:
     @cached_property
     def prior_std(self) -> Array:
         """Standard deviation of each parameter before the data, in realistic sizes, (c,)."""
-        return self._of_compliances(self.compliance_scale) * self.shape.prior_factor
+        std = self._of_compliances(self.compliance_scale) * self.shape.prior_factor
+        return std if self.used is None else std * self.used
 
     def _of_compliances(self, factor: float) -> Array:
         compliant = np.array([quantity.unit in COMPLIANCE_UNITS for quantity in self.shape.parameters])
@@ -105,7 +108,6 @@ class Form:
         """
         names = [quantity.name for quantity in self.shape.parameters]
         pairs = [(at, item.within) for at, item in enumerate(self.shape.parameters) if item.within]
-        pairs = [] if self.decided else pairs
         found = [(at, names.index(a), names.index(b)) for at, (a, b) in pairs if a in names and b in names]
         return np.array(found, dtype=np.intp).reshape(-1, 3)
 
@@ -232,5 +234,5 @@ def stacked(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     columns = np.concatenate([model.tangent, *(form.columns for form in chosen)], axis=1)
     spread = np.concatenate([np.zeros(0), *(form.prior_std for form in chosen)])
     known = np.zeros((spread.size, columns.shape[1]))
-    known[:, columns.shape[1] - spread.size :] = np.diag(1.0 / spread)
+    known[:, columns.shape[1] - spread.size :] = np.diag(1.0 / np.maximum(spread, LEFT_OUT))
     return np.concatenate([columns, known]), np.concatenate([model.residual, np.zeros(spread.size)])

@@ -106,6 +106,11 @@ def unlike_linear(
     except BeamstiffError:  # on such drives the machine buckles
         return np.inf, np.inf
     before = moved_by(model, [form for form, _ in loads], [theta for _, theta in loads], change)
+    return unlike(model, before, after)
+
+
+def unlike(model: OpenModel, before: Array, after: Array) -> tuple[float, float]:
+    """Return by what share displacements (N, 6) differ, and by how many times the stated noise, RMS."""
     size, other = float(np.linalg.norm(before[:, :3])), after - before
     share = float(np.linalg.norm(other[:, :3])) / size if size else 0.0
     return share, float(np.sqrt((model.weighed(other[..., None]) ** 2).sum() / max(model.count, 1)))

@@ -125,6 +125,9 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         std = np.sqrt(variance * np.maximum(squares / max(choice.count, 1), 1.0)[:, None])
         wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
+        for place, number in enumerate(numbers.tolist()):
+            matrix = choice.matrices[number]
+            bounded[number] |= matrix is not None and bool(len(matrix.cuts(theta[place])))
         wrong |= impossible(choice, at, theta, std)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.independent, known + log_prior[numbers])

@@ -159,16 +159,23 @@ def test_a_form_is_tried_though_chance_puts_a_part_of_it_below_zero(second: floa
     assert list(best_first(choice, nothing)) == ([(alone, 0)] if tried else [])
 
 
-@pytest.mark.parametrize(("coupling", "used"), [(1.0, True), (4.0, False)])
-def test_a_coupling_stays_within_what_it_couples(coupling: float, used: bool) -> None:
-    """``c_ab^2 <= c_aa c_bb``: of compliances 2 and 3 at most 2.45."""
+@pytest.mark.parametrize(("coupling", "bounded"), [(1.0, False), (4.0, True)])
+def test_a_coupling_stays_within_what_it_couples(coupling: float, bounded: bool) -> None:
+    """``c_ab^2 <= c_aa c_bb``: of compliances 2 and 3 at most 2.45; both grow for a larger one."""
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((VALUES, 3))
     residual = columns @ [2.0, 3.0, coupling] + 0.01 * rng.standard_normal(VALUES)
     y, z = (Quantity(f"compliance_{axis}", "m/N", 1.0, positive=True) for axis in "yz")
     both = Quantity("compliance_yz", "m/N", 1.0, within=(y.name, z.name))
-    step = fit_step(choice_of(residual, form(columns, y, z, both)), (0,))
-    assert step.free[0].tolist() == [True, True, used]
+    choice = choice_of(residual, form(columns, y, z, both))
+    step = fit_step(choice, (0,))
+    own, other, shared = step.theta * choice.units[step.at]
+    if bounded:
+        assert shared**2 == pytest.approx(own * other, rel=1e-4)
+        assert own > 2.0
+        assert other > 3.0
+    else:
+        assert (own, other, shared) == pytest.approx((2.0, 3.0, 1.0), abs=0.01)
 
 
 def test_the_prior_of_a_cause_counts_once_however_many_forms_it_has() -> None:
@@ -274,5 +281,6 @@ def test_a_fit_with_parameters_left_out_is_the_same_when_it_is_solved_again(seed
         basis = given.open_basis
         left = given.residual - form.columns @ theta
         left = left - basis @ (basis.T @ left)
-        assert left @ left == pytest.approx(step.left @ step.left, rel=1e-6)
+        # constraints are met to a millionth, so that the criterion is the same to a few hundredths
+        assert given.count * abs(np.log((left @ left) / (step.left @ step.left))) < 0.05
     assert left_out > 0
