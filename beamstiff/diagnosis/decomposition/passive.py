@@ -20,8 +20,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 CUTS = 60  # rounds of constraints; what is broken then by little is mended by smaller couplings
-BROKEN = 1e-6  # of the largest compliance of a matrix, below zero: rounding
-ZERO = 1e-9  # of the largest parameter, at which one that cannot be negative is 0
+BROKEN = 1e-8  # of the largest compliance of a matrix, below zero: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +97,7 @@ def passive(triangle: Array, pull: Array, positive: NDArray[np.bool_], matrices:
         left = dual @ found
         left[-1] -= 1.0
         theta = solve_triangular(triangle, pull - size * left[:-1] / left[-1], check_finite=False)
-        theta[positive & (theta < ZERO * np.abs(theta).max(initial=0.0))] = 0.0
+        theta[positive & (theta < 0.0)] = 0.0  # by rounding
     for one in matrices:
         theta = one.mended(theta)
     return theta

@@ -40,9 +40,9 @@ def test_it_is_the_least_squares_of_a_compliance_by_its_factor(seed: int) -> Non
         least_squares(lambda at: triangle @ parameters(at) - right, rng.standard_normal(8)) for _ in range(12)
     ]
     least = min(2.0 * fit.cost for fit in fits)
-    assert np.sum((triangle @ found - right) ** 2) == pytest.approx(least, rel=1e-4)
+    assert np.sum((triangle @ found - right) ** 2) == pytest.approx(least, rel=1e-5)
     values = np.linalg.eigvalsh(MATRIX.of(found))
-    assert values[0] > -2e-6 * values[-1]
+    assert values[0] > -1e-7 * values[-1]
     assert found[6] >= 0.0
 
 
