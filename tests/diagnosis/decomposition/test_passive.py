@@ -42,7 +42,10 @@ def test_it_is_the_least_squares_of_a_compliance_by_its_factor(seed: int) -> Non
         for _ in range(12)
     ]
     least = min(2.0 * fit.cost for fit in fits)
-    assert np.sum((triangle @ found - right) ** 2) == pytest.approx(least, rel=1e-5)
+    assert np.sum((triangle @ found - right) ** 2) <= least * (
+        1.0 + 1e-6
+    )  # none that is a compliance is nearer
+    assert least < 1.001 * np.sum((triangle @ found - right) ** 2)
     values = np.linalg.eigvalsh(MATRIX.of(found))
     assert values[0] > -1e-7 * values[-1]
     assert found[6] >= 0.0
