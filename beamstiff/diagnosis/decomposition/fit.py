@@ -29,7 +29,7 @@ from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
-ROUNDING = 1e-12  # of the largest column, at which one is 0
+ROUNDING = 1e-12  # of the largest column of a form, at which one is 0
 SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
 
@@ -210,7 +210,8 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     ends = np.cumsum([drives, *sizes])
     every = np.concatenate([model.drives, *(form.columns for form in forms)], axis=1)
     size = np.linalg.norm(every, axis=0)
-    unseen = size <= ROUNDING * size.max(initial=0.0)  # nothing shows it but what it bounds
+    largest = np.concatenate([size[:drives], *(_largest(form.columns) for form in forms)])
+    unseen = size <= ROUNDING * largest  # nothing shows it but what it bounds
     size, every = np.where(unseen, 1.0, size), np.where(unseen, 0.0, every)
     every = every / size
     every = every - basis @ (basis.T @ every)
@@ -253,6 +254,11 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
             dtype=bool,
         ),
     )
+
+
+def _largest(columns: Array) -> Array:
+    """Return the size of the largest of columns (n, c) for each of them, (c,)."""
+    return np.full(columns.shape[1], np.linalg.norm(columns, axis=0).max(initial=0.0))
 
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:

@@ -45,7 +45,7 @@ def best_first(
     """Yield the BIC of fits with one form more, and the form's number, best first.
 
     In the `TRIED` best of the forms with a parameter that would be negative and may as well be 0, it is held
-    there, once it is their turn: the fit is not better for it.
+    there, once it is their turn; compliances are kept from giving work away. The fit is not better for it.
 
     `forbidden`: causes that must not come in. `wanted`: numbers of the forms that may; default all.
     """
@@ -55,7 +55,8 @@ def best_first(
     held = np.flatnonzero(bounded)
     held = held[np.argsort(values[held], kind="stable")]
     values[held[TRIED:]] = np.inf
-    waiting = set(held[:TRIED].tolist())
+    coupled = (number for number, matrix in enumerate(choice.matrices) if matrix is not None)
+    waiting = {*held[:TRIED].tolist(), *coupled}
     queue = [(float(values[number]), number) for number in np.flatnonzero(np.isfinite(values)).tolist()]
     heapq.heapify(queue)
     while queue:
@@ -125,9 +126,6 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         std = np.sqrt(variance * np.maximum(squares / max(choice.count, 1), 1.0)[:, None])
         wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
-        for place, number in enumerate(numbers.tolist()):
-            matrix = choice.matrices[number]
-            bounded[number] |= matrix is not None and bool(len(matrix.cuts(theta[place])))
         wrong |= impossible(choice, at, theta, std)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.independent, known + log_prior[numbers])
