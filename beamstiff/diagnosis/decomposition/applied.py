@@ -66,12 +66,15 @@ def unlike_written(found: Decomposition) -> float:
     """Return how much otherwise the causes move the rows' points once they are a robot's effects, RMS, m.
 
     Errors of loads act on all that is compliant, so that what both move is a product, which was linear about
-    other loads.
+    other loads. Infinite where the machine buckles under them.
     """
     rows, lasting = found.model.baseline.rows, [one for one in found.every if _lasts(found, one)]
     effects = tuple(one for cause in lasting for one in _added(found, cause, {}))
     robot = calibrated_beside(found).model_copy(update={"effects": effects})
-    other = effects_displacement(robot, rows) - _moved(found, lasting)
+    try:
+        other = effects_displacement(robot, rows) - _moved(found, lasting)
+    except BeamstiffError:
+        return np.inf
     return float(np.sqrt((other[:, :3] ** 2).sum(axis=1).mean()))
 
 

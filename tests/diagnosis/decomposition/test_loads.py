@@ -1,7 +1,9 @@
 """A load that is wrong on drives that are wrong: what it moves is the product of both."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.decompose import _Settings, _under_its_loads
 from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
@@ -19,6 +22,7 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.exam.blind import unmeasured
 from beamstiff.exam.crowded.blind import true_closing
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
+from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array
@@ -132,6 +136,21 @@ def test_a_cause_that_replaced_the_error_of_loads_it_was_fitted_beside_is_not_to
     shifts = diagnosis.predict_shift(unmeasured(drawn.robot, drawn.fresh))
     true = true_closing(drawn.fresh_positions(), drawn.fresh.kind, shifts)
     assert promised == pytest.approx(true, abs=0.2)
+
+
+@pytest.mark.slow
+def test_effects_move_as_written_what_they_were_fitted_to(shared_path: Callable[[str], Path]) -> None:
+    """A compliant tool under a payload that is wrong: an error of a load too many made fresh poses worse.
+
+    It was promised to close 0.99, and closed -0.43.
+    """
+    robot = load_robot(shared_path("practice-crowded/yaml/crowd-0b8989ed.yaml"))
+    table = shared_path("practice-crowded/csv/crowd-0b8989ed.csv")
+    fresh = read_measurements(shared_path("practice-crowded/heldout/crowd-0b8989ed.csv"), robot)
+    diagnosis = diagnose(robot, read_measurements(table, robot))
+    assert unlike_written(diagnosis.decomposition) < 0.1 * diagnosis.rms
+    checked = verify(extended(diagnosis), fresh, refit_frame=True)
+    assert checked.true > max(checked.promised - 0.05, 0.5)
 
 
 def test_degrees_of_freedom_are_those_of_the_readings_and_not_of_what_is_known_beforehand() -> None:
