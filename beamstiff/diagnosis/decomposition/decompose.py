@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -389,10 +389,10 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
             moved = now if moved is None or held else 0.5 * (moved + now)
             model = settings.calibrated(model, chosen, (change, thetas), moved, held)
             laws = unmodelled_forms(model) if UNMODELLED in effects else ()
-            before, size_of = chosen, dict(zip(map(_name, chosen), thetas, strict=True))
+            before = chosen
             forms = [*forms_of(model, settings.prior, effects), *laws]
             chosen = [form for form in forms if _name(form) in names]
-            deformed = _deformed(model, before, chosen, size_of)
+            deformed = _deformed(model, before, chosen, thetas)
             change, thetas = _solution(model, chosen)
             share, size = unlike_linear(without_errors(model), chosen, thetas, change)
             if size <= least and (deformed[0] <= SETTLED or deformed[1] <= least):
@@ -403,13 +403,19 @@ def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) 
 
 
 def _deformed(
-    model: OpenModel, before: Sequence[Form], after: Sequence[Form], size_of: Mapping[tuple[str, str], Array]
+    model: OpenModel, before: Sequence[Form], after: Sequence[Form], thetas: Sequence[Array]
 ) -> tuple[float, float]:
-    """Return how much otherwise compliances deform under other errors of loads, as `unlike_linear`."""
+    """Return how much otherwise compliances deform under other errors of loads, as `unlike_linear`.
+
+    `thetas`: of the forms before. What has other parameters now follows the data, and no load.
+    """
+    size_of = {_name(form): theta for form, theta in zip(before, thetas, strict=True)}
+    pairs = [(form, size_of[_name(form)]) for form in after if not follows_drives(model, form)]
+    same = {_name(form): theta for form, theta in pairs if form.sizes.size == theta.size}
 
     def moved(forms: Sequence[Form]) -> Array:
-        compliant = [form for form in forms if not follows_drives(model, form)]
-        return shift_of(compliant, [size_of[_name(form)] for form in compliant], len(model.baseline.rows))
+        some = [form for form in forms if _name(form) in same]
+        return shift_of(some, [same[_name(form)] for form in some], len(model.baseline.rows))
 
     return unlike(model, moved(before), moved(after))
 

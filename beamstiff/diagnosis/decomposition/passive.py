@@ -93,11 +93,15 @@ def passive(triangle: Array, pull: Array, positive: NDArray[np.bool_], matrices:
         along = solve_triangular(triangle, rows.T, trans="T", check_finite=False)  # (c, m)
         along = along / np.linalg.norm(along, axis=0)
         dual = np.concatenate([along, -(pull / size @ along)[None]])
-        found = nnls(dual, np.append(np.zeros(len(pull)), 1.0))[0]
+        try:
+            found = nnls(dual, np.append(np.zeros(len(pull)), 1.0))[0]
+        except RuntimeError:  # constraints that are nearly one may let it go round
+            break
         left = dual @ found
         left[-1] -= 1.0
         theta = solve_triangular(triangle, pull - size * left[:-1] / left[-1], check_finite=False)
         theta[positive & (theta < 0.0)] = 0.0  # by rounding
+    theta[positive & (theta < 0.0)] = 0.0
     for one in matrices:
         theta = one.mended(theta)
     return theta
