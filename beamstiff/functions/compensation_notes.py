@@ -45,6 +45,11 @@ def compensation_notes(
             one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
         ):
             said.append(f"{what} is that of the program: {listed(used, 4)}")
+        elif stated and what == "tool":
+            said.append(
+                f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
+                "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
+            )
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)

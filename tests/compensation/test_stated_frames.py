@@ -95,6 +95,13 @@ def test_the_place_given_holds_in_place_of_the_programs(tmp_path: Path) -> None:
     assert "base is the given one, not $BASE = BASE_DATA[2] of the program" in result.notes
 
 
+@pytest.mark.parametrize(("tool", "told"), [("{X 0,Y 0,Z 0,A 0,B 0,C 0}", True), (TOOL, False)])
+def test_a_tool_of_zero_may_be_the_flange_of_the_controller(tmp_path: Path, tool: str, told: bool) -> None:
+    (tmp_path / "a.src").write_text(f"$BASE=$NULLFRAME\n$TOOL={tool}\nLIN {TARGET}\n")
+    result = compensate("kr500", tmp_path / "a.src", wrench=[0, 0, -900, 0, 0, 0])
+    assert told == any(note.startswith("the tool of the program is zero: ") for note in result.notes)
+
+
 def test_joint_lists_choose_the_posture_and_are_corrected(tmp_path: Path) -> None:
     joints = np.radians([10.0, -60, 100, 20, -50, 30])
     text = ", ".join(f"{value:.7f}" for value in joints)
