@@ -335,15 +335,19 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
 def _as_written(settings: _Settings, found: Decomposition) -> Decomposition:
     """Return causes that move the points alike as effects of a robot: errors of loads that do not settle go.
 
-    The least sure first without which the others settle; where there is none, all. What is compliant deforms
-    under these errors too, and each fit is linear about those of the one before.
+    Those that close less than the others are moved otherwise for them, the least sure first without which the
+    others settle; where there is none, all. What is compliant deforms under these errors too, and each fit is
+    linear about those of the one before.
     """
     while loads := [one for one in found.every if has_loads(found.model, one.forms)]:
-        if unlike_written(found) ** 2 <= MINOR * found.rms**2:
+        harm = (unlike_written(found) / found.rms) ** 2
+        if harm <= MINOR:
             break
         loads.sort(key=lambda one: (one.named, one.probability))
         for gone in (*([one] for one in loads), loads):
             keys = {one.key for one in gone}
+            if sum(one.closes for one in gone) >= harm:
+                continue
             forms = [form for form in _fitted_forms(found) if form.key not in keys]
             if (model := _settled(settings, found, forms)) is not None:
                 found = _told_of(settings, model, forms)

@@ -19,8 +19,8 @@ from scipy.optimize import nnls
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
 
-CUTS = 30  # rounds of constraints; what is broken then by little is mended by smaller couplings
-BROKEN = 1e-6  # of the largest compliance of a matrix, below zero: rounding
+CUTS = 60  # rounds of constraints; what is broken then by little is mended by smaller couplings
+BROKEN = 1e-8  # of the largest compliance of a matrix, below zero: rounding
 
 
 @dataclass(frozen=True, eq=False)
