@@ -49,7 +49,8 @@ def _one(result: Diagnosis, head: str) -> str:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if result.decomposition is not None and unlike(result.decomposition):
         return "Check that robot file and table are of one robot, and each joint column of its joint."
-    if result.decomposition is not None and misread_loads(result.decomposition.model):
+    found = result.decomposition
+    if found is not None and not found.causes and misread_loads(found.model):  # then none is named
         return "Correct the columns of the loads as the note says, and diagnose again."
     if overstated(result):
         return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."

@@ -210,7 +210,10 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     ends = np.cumsum([drives, *sizes])
     every = np.concatenate([model.drives, *(form.columns for form in forms)], axis=1)
     size = np.linalg.norm(every, axis=0)
-    largest = np.concatenate([size[:drives], *(_largest(form.columns) for form in forms)])
+    at = tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+    largest = size.copy()
+    for own in at:
+        largest[own] = size[own].max(initial=0.0)
     unseen = size <= ROUNDING * largest  # nothing shows it but what it bounds
     size, every = np.where(unseen, 1.0, size), np.where(unseen, 0.0, every)
     every = every / size
@@ -224,10 +227,9 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     for count in sorted(set(sizes)):
         some = np.flatnonzero(np.array(sizes) == count)
         places = ends[some][:, None] + np.arange(count)
-        own = every.T[places]  # (g, c, n)
-        groups.append((some, places, own @ own.swapaxes(1, 2)))
+        columns = every.T[places]  # (g, c, n)
+        groups.append((some, places, columns @ columns.swapaxes(1, 2)))
     units = np.concatenate([np.ones(drives), *(form.sizes for form in forms)]) / size
-    at = tuple(slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     return Choice(
         tuple(forms),
         basis,
@@ -245,8 +247,8 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
         model.count,
         model.independent,
         tuple(
-            matrix_of(form.couplings, form.sizes, units[own]) if len(form.couplings) else None
-            for form, own in zip(forms, at, strict=True)
+            matrix_of(form.couplings, form.sizes, units[place]) if len(form.couplings) else None
+            for form, place in zip(forms, at, strict=True)
         ),
         alike,
         np.array(
@@ -254,11 +256,6 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
             dtype=bool,
         ),
     )
-
-
-def _largest(columns: Array) -> Array:
-    """Return the size of the largest of columns (n, c) for each of them, (c,)."""
-    return np.full(columns.shape[1], np.linalg.norm(columns, axis=0).max(initial=0.0))
 
 
 def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
