@@ -70,9 +70,9 @@ class Settings:
     ) -> OpenModel:
         """Return the open model that is calibrated beside causes, and linear about these loads and drives.
 
-        Beside what they move by their `solution_of`, or (N, 6). Drives are those of the calibration, or `held`
-        as they fit best with errors of loads, not beside them: a step of Newton's method, which is sure to
-        lead on near the end alone.
+        Beside what they move by their `solution_of`, or (N, 6). Drives are those of the calibration, or
+        `held` as they fit best with errors of loads, not beside them: a step of Newton's method, which is
+        sure to lead on near the end alone.
         """
         change, thetas = solution
         if model.problem is None:
