@@ -14,6 +14,7 @@ from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ord
 from beamstiff.diagnosis.decomposition.forms import by_form
 from beamstiff.diagnosis.decomposition.loads import has_loads, solved_beside
 from beamstiff.diagnosis.decomposition.look_alikes import (
+    Rival,
     instead,
     presence,
     rival_of,
@@ -49,7 +50,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     step = fit_step(choice, tuple(number for cause in order for number in cause))
     forms = list(forms_in(choice, step).values())
     total = float(errors[0].sum())
-    theta, covariance = solved_beside(model, forms)
+    theta, covariance = solved_beside(folds.carrying or model, forms)
     scatter = float(np.sqrt(step.squares / max(choice.freedom - step.determined, 1.0)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
     opened = model.tangent.shape[1]
@@ -130,8 +131,8 @@ def _astray(
     for cause, share, before, after in told:
         if share < MINOR or interval(before, after, noise2, total, seed)[0] >= 0.0:
             continue
-        others = fit_step(folds.choice, [number for one in order if one != cause for number in one])
-        if interval(folds.squared_errors(others), errors[-1], noise2, total, seed)[0] < 0.0:
+        others = folds.errors_with([number for one in order if one != cause for number in one])
+        if interval(others, errors[-1], noise2, total, seed)[0] < 0.0:
             found.add(cause)
     return found
 
@@ -155,8 +156,9 @@ def _without_cancelling(
         explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
         shown = [own / explainable for own in _shown(folds, order)]
         shares = closed(errors, noise2)
-        negative = {at for at, share in enumerate(shares) if share <= -MINOR}
-        cancelling = {at for at, share in enumerate(shares) if shown[at] < MINOR <= abs(share)}
+        free = {at for at, cause in enumerate(order) if not folds.choice.kept.intersection(cause)}
+        negative = {at for at in free if shares[at] <= -MINOR}
+        cancelling = {at for at in free if shown[at] < MINOR <= abs(shares[at])}
         if max(error.sum() for error in errors) > errors[0].sum():
             cancelling |= negative
         if not cancelling or not negative:
@@ -189,8 +191,7 @@ def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:
     """
 
     def left(causes: Sequence[Numbers]) -> float:
-        fit = fit_step(folds.choice, [number for one in causes for number in one])
-        return float(folds.squared_errors(fit).sum())
+        return float(folds.errors_with([number for one in causes for number in one]).sum())
 
     along = [left(order[:count]) for count in range(len(order) + 1)]
     without = [left([one for one in order if one != cause]) for cause in order]
@@ -202,8 +203,13 @@ def _judged(
 ) -> dict[Numbers, Cause]:
     """Return how sure each cause of a fit is, its sizes and what it closes left open."""
     choice, forms = folds.choice, forms_in(folds.choice, step)
-    rivals = [rival_of(choice, step, cause, folds.squared_errors, replaced.get(cause, ())) for cause in order]
-    odds = np.array(discrepancy_odds(choice, step, order, [rival.indistinguishable for rival in rivals]))
+    rivals = [_rival_of(folds, step, cause, replaced.get(cause, ())) for cause in order]
+    alike = [rival.indistinguishable for rival in rivals]
+    odds = np.array(discrepancy_odds(choice, step, order, alike))
+    if folds.stated is not None:  # without errors of loads what is compliant is not under them either
+        kept = np.array([bool(choice.kept.intersection(cause)) for cause in order], dtype=bool)
+        bare = folds.stated.choice
+        odds[kept] = np.array(discrepancy_odds(bare, fit_step(bare, step.chosen), order, alike))[kept]
     return {
         cause: Cause(
             forms=tuple(forms[number] for number in cause),
@@ -220,6 +226,14 @@ def _judged(
         )
         for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
     }
+
+
+def _rival_of(folds: Folds, step: Step, cause: Numbers, replaced: Sequence[tuple[int, Step]]) -> Rival:
+    """Return how sure a cause is, the error of a load among all causes under loads as stated."""
+    if folds.stated is not None and folds.choice.kept.intersection(cause):
+        folds = folds.stated
+        step = fit_step(folds.choice, step.chosen)
+    return rival_of(folds.choice, step, cause, folds.squared_errors, replaced)
 
 
 def _in_library(keys: Sequence[str]) -> tuple[str, ...]:
@@ -263,7 +277,9 @@ def without_weak(folds: Folds, step: Step) -> Step:
         weak = [
             at
             for at, fit in enumerate(fits)
-            if (sure[at] < PRESENT or gains[at] <= 0.0) and np.isfinite(fit.bic)
+            if (sure[at] < PRESENT or gains[at] <= 0.0)
+            and np.isfinite(fit.bic)
+            and not choice.kept.intersection(causes[at])
         ]
         if not weak:
             break
@@ -275,7 +291,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
     """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
     choice = folds.choice
     for _ in range(ROUNDS):
-        causes = causes_of(choice, step)
+        causes = [cause for cause in causes_of(choice, step) if not choice.kept.intersection(cause)]
         replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)

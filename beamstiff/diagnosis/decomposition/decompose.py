@@ -179,7 +179,7 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
         rest = (*(cause for cause in found.every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
-        found = _told_of(settings, settle(settings, found, forms) or found.model, forms)
+        found = _told_of(settings, settle(settings, found.model, found.scatter, forms) or found.model, forms)
         found = _as_written(settings, _under_its_loads(settings, found))
         found = replace(found, hanging=tuple(left_out))
     return promised(found, again)
@@ -204,7 +204,7 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
+            model = _beside(settings, folds, step, chosen)
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         folds, same = settings.folds(model, chosen)
@@ -215,6 +215,35 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
         step = select(choice, folds.squared_errors, start=better.chosen)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
+    return _without_needless_loads(settings, folds, step)
+
+
+def _beside(settings: Settings, folds: Folds, step: Step, chosen: Sequence[Form]) -> OpenModel:
+    """Return the open model that is calibrated beside causes, errors of loads as they settle if they do."""
+    if has_loads(folds.model, chosen):
+        scatter = float(np.sqrt(step.squares / max(folds.choice.freedom - step.determined, 1.0)))
+        if (model := settle(settings, folds.model, scatter, chosen)) is not None:
+            return model
+    return settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
+
+
+def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
+    """Return a fit without errors of loads that it was calibrated beside, where it is no worse so."""
+    while keys := sorted({folds.choice.forms[number].key for number in folds.choice.kept}):
+        fits = []
+        for key in keys:
+            chosen = [form for form in forms_in(folds.choice, step).values() if form.key != key]
+            try:
+                model = _beside(settings, folds, step, chosen)
+            except BeamstiffError:
+                continue
+            others, same = settings.folds(model, chosen)
+            fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
+            print("     without", key, fits[-1][1].bic, step.bic)
+        best = min(fits, key=lambda fit: fit[1].bic, default=(folds, step))
+        if best[1].bic > step.bic or best[1] is step:
+            break
+        folds, step = best
     return folds, step
 
 
@@ -237,7 +266,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
             and (not follow or {form.key for form in forms} == beside)
         ):
             break
-        model = settle(settings, found, forms)
+        model = settle(settings, found.model, found.scatter, forms)
         if model is None:
             break
         beside = {form.key for form in forms}
@@ -252,7 +281,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
     forms = _fitted_forms(found)
     loads = [form for form in forms if follows_drives(found.model, form)]
     if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
-        model = settle(settings, found, loads)
+        model = settle(settings, found.model, found.scatter, loads)
         if model is not None:
             folds, _ = settings.folds(model, loads)
             step = select(folds.choice, folds.squared_errors)
@@ -277,7 +306,7 @@ def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
         for gone in (*([one] for one in loads), loads):
             keys = {one.key for one in gone}
             forms = [form for form in _fitted_forms(found) if form.key not in keys]
-            if (model := settle(settings, found, forms)) is not None:
+            if (model := settle(settings, found.model, found.scatter, forms)) is not None:
                 other = _told_of(settings, model, forms)
                 if other.left2 < found.left2 + unlike2:
                     found = other
@@ -293,7 +322,7 @@ def _under_its_loads(settings: Settings, found: Decomposition) -> Decomposition:
         if not _under_untold_loads(found):
             break
         forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
-        model = settle(settings, found, forms)
+        model = settle(settings, found.model, found.scatter, forms)
         if model is not None:
             found = _told_of(settings, model, forms)
     return found

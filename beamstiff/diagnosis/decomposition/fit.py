@@ -75,6 +75,8 @@ class Choice:
         Causes that are one mechanics.
     apart : (f,) bool array
         Forms of such causes that are another mechanics.
+    kept : frozenset of int
+        Errors of loads that no fit lacks: the columns of the others are under them.
     products : dict of int to array
         See `products_of`.
     fits : dict of tuple of int to Step
@@ -101,6 +103,7 @@ class Choice:
     matrices: tuple[Matrix | None, ...]
     alike: Mapping[str, tuple[str, ...]]
     apart: NDArray[np.bool_]
+    kept: frozenset[int] = frozenset()
     products: dict[int, Array] = field(default_factory=dict, init=False)
     fits: dict[tuple[int, ...], Step] = field(default_factory=dict, init=False)
     larger: dict[tuple[int, ...], tuple[Array, NDArray[np.bool_]]] = field(default_factory=dict, init=False)
@@ -126,6 +129,10 @@ class Choice:
         """Numbers of the forms of each cause."""
         keys = np.array([form.key for form in self.forms], dtype=object)
         return {key: np.flatnonzero(keys == key) for key in dict.fromkeys(keys.tolist())}
+
+    def columns_like(self, other: Choice) -> Array:
+        """Return the columns (n, C) as long as those of another choice of the same forms."""
+        return self.columns * (other.units / self.units)
 
     def products_of(self, number: int) -> Array:
         """Return the products (c, C) of a form's columns, or the drives', with all columns; they are kept."""
@@ -185,11 +192,15 @@ class Step:
     @cached_property
     def moved(self) -> dict[int, Array]:
         """What each form moves, (n,), by its number."""
+        return self.by_form(self.columns)
+
+    def by_form(self, columns: Array) -> dict[int, Array]:
+        """Return what columns (n, c) move by the fit's parameters, (n,), by the number of their form."""
         sizes = [int(self.drives.sum()), *(int(free.sum()) for free in self.free)]
-        columns = np.split(self.columns, np.cumsum(sizes)[:-1], axis=1)[1:]
+        parts = np.split(columns, np.cumsum(sizes)[:-1], axis=1)[1:]
         thetas = np.split(self.theta, np.cumsum(sizes)[:-1])[1:]
-        parts = zip(self.chosen, columns, thetas, strict=True)
-        return {number: np.asarray(own @ theta) for number, own, theta in parts}
+        every = zip(self.chosen, parts, thetas, strict=True)
+        return {number: np.asarray(own @ theta) for number, own, theta in every}
 
     def free_count(self, number: int) -> int:
         """Return how many parameters of a form the fit uses."""

@@ -41,6 +41,10 @@ class Folds:
         Number of the posture of each value, from 0.
     position : (n,) bool array
         Which values are positions.
+    carrying : OpenModel or None
+        The same with drives that carry errors of loads, where there are any.
+    stated : Folds or None
+        The same under loads as stated, where the forms are under these with their errors: for fits without.
     known : dict of tuple of int to array
         See `squared_errors`: errors are kept by the forms of the fit.
     """
@@ -50,6 +54,8 @@ class Folds:
     fold: Integers
     posture: Integers
     position: NDArray[np.bool_]
+    carrying: OpenModel | None = None
+    stated: Folds | None = None
     known: dict[tuple[int, ...], Array] = field(default_factory=dict, init=False)
 
     def squared_errors(self, step: Step) -> Array:
@@ -61,28 +67,44 @@ class Folds:
             self.known[step.chosen] = self._by_posture(left)
         return self.known[step.chosen]
 
+    def errors_with(self, numbers: Sequence[int]) -> Array:
+        """Return these errors with some forms, without errors of loads under loads as stated."""
+        folds = self if self.stated is None or self.choice.kept <= {*numbers} else self.stated
+        return folds.squared_errors(fit_step(folds.choice, numbers))
+
     def errors_along(self, order: Sequence[tuple[int, ...]]) -> list[Array]:
         """Return these errors with no cause, with the first, the first two, and so on: their forms.
 
         Each is as large as all together say that it is, in the fit without the fold: fitted with those before
         it alone, it would take the share of others that it resembles, or cancel them less than it does. What
-        is open, and the drives, take up what they can of those that are missing.
+        is open, and the drives, take up what they can of those that are missing. With an error of a load goes
+        what it deforms of causes that come after it.
         """
         step = fit_step(self.choice, [number for cause in order for number in cause])
         drives = int(step.drives.sum())
         columns, inside = step.columns, step.basis
         basis = orthonormal(columns[:, :drives])
         ends = drives + np.cumsum([sum(step.free_count(k) for k in cause) for cause in order], dtype=int)
+        deformed = self.deformed(step)
+        loads = [at for at, cause in enumerate(order) if self.choice.kept.intersection(cause)]
+        told = max(loads, default=len(order))
         left = np.zeros((len(ends), self.model.count))
         for out, root in self.parts:
             error = root @ _predicted(root.T @ inside[out], root.T @ step.left[out])
             theta = step.theta - np.linalg.solve(step.triangle, inside[out].T @ error)
-            for values, end in zip(left, ends.tolist(), strict=True):
+            for at, (values, end) in enumerate(zip(left, ends.tolist(), strict=True)):
                 own = self.choice.residual - columns[:, drives:end] @ theta[drives:end]
+                own = own - deformed[:, end:] @ theta[end:] if at >= told else own
                 own = own[out] - basis[out] @ (basis.T @ own)
                 values[out] = root @ _predicted(root.T @ basis[out], root.T @ own)
         nothing = self.squared_errors(fit_step(self.choice, ()))  # drives are another matter there
         return [nothing, *map(self._by_posture, left)]
+
+    def deformed(self, step: Step) -> Array:
+        """Return what of the columns (n, c) of a fit errors of loads deform, and not the loads."""
+        if self.stated is None:
+            return np.zeros_like(step.columns)
+        return step.columns - self.stated.choice.columns_like(self.choice)[:, step.at]
 
     def _by_posture(self, left: Array) -> Array:
         error = unweighed(self.model, left)
@@ -164,7 +186,7 @@ def ordered(folds: Folds, causes: Sequence[tuple[int, ...]]) -> tuple[list[tuple
 
     The order of the fit first; then one that closes more on held-out postures goes before its neighbour.
     """
-    order = _largest_first(folds.choice, causes)
+    order = _largest_first(folds, causes)
     errors = folds.errors_along(order)
     at = 0
     while at < len(order) - 1:
@@ -186,18 +208,33 @@ def closed(errors: Sequence[Array], noise: float) -> list[float]:
     return [(a - b) / explainable if explainable > 0.0 else 0.0 for a, b in pairwise(sums)]
 
 
-def _largest_first(choice: Choice, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-    """Return causes in the order in which taking one away leaves least."""
+def _largest_first(folds: Folds, causes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Return causes in the order in which taking one away leaves least.
+
+    With the error of a load goes what it deforms of those that are still there.
+    """
+    choice = folds.choice
     step = fit_step(choice, [number for cause in causes for number in cause])
     drives = orthonormal(step.columns[:, : int(step.drives.sum())])
-    parts = {cause: np.sum([step.moved[number] for number in cause], axis=0) for cause in causes}
-    parts = {cause: part - drives @ (drives.T @ part) for cause, part in parts.items()}
+    deformed = step.by_form(folds.deformed(step))
+    loads = [cause for cause in causes if choice.kept.intersection(cause)]
+
+    def beside_drives(moved: dict[int, Array], cause: tuple[int, ...]) -> Array:
+        part = np.sum([moved[number] for number in cause], axis=0)
+        return np.asarray(part - drives @ (drives.T @ part))
+
+    parts = {cause: beside_drives(step.moved, cause) for cause in causes}
+    under = {cause: beside_drives(deformed, cause) / max(len(loads), 1) for cause in causes}
     left = choice.residual - drives @ (drives.T @ choice.residual)
     order: list[tuple[int, ...]] = []
     while len(order) < len(causes):
-        rest = {cause: left - part for cause, part in parts.items() if cause not in order}
+        there = [cause for cause in causes if cause not in order]
+        also = np.sum([under[cause] for cause in there], axis=0)
+        rest = {cause: left - parts[cause] - (also if cause in loads else 0.0) for cause in there}
         order.append(min(rest, key=lambda cause: float(rest[cause] @ rest[cause])))
         left = rest[order[-1]]
+        if order[-1] in loads:
+            parts = {cause: part - under[cause] for cause, part in parts.items()}
     return order
 
 

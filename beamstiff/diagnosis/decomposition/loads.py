@@ -53,13 +53,13 @@ def under_loads(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]
     if not errors:
         return model
     under = frozenset(form.key for form in forms if form.shape.wrench is not None)
-    return replace(model, baseline=under_errors(model.baseline, errors), under=under)
+    return replace(model, baseline=under_errors(model.baseline, errors), under=under, stated=model.baseline)
 
 
 def solved_beside(model: OpenModel, forms: Sequence[Form]) -> tuple[Array, Array]:
     """Return what `solved` does, on drives that carry the errors of loads among the causes."""
     found = solved(model, forms)
-    for _ in range(CARRYING):
+    for _ in range(CARRYING if model.carried is None else 0):
         thetas = by_form(forms, found[0][model.tangent.shape[1] :])
         beside = beside_loads(model, forms, thetas)
         if beside is model:

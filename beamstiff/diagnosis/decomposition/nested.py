@@ -118,6 +118,7 @@ def _without(folds: Folds, fold: int, causes: Sequence[Cause], seed: int) -> tup
     model, inside = folds.model, folds.fold != fold
     rest, every = model.part(inside), model.with_known(inside)
     choice = build_choice(rest, [replace(one, columns=one.columns[every]) for one in folds.choice.forms])
+    choice = replace(choice, kept=folds.choice.kept)
     others = folds_of(rest, choice, seed)
     first = select(choice, others.squared_errors, exchange=False)
     step = with_usual_name(choice, without_weak(others, first))

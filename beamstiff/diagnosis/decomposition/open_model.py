@@ -63,6 +63,8 @@ class OpenModel:
         Groups of the calibration that are open; None: all.
     under : frozenset of str
         Causes under whose errors of loads what is compliant deforms, see `under_loads`.
+    stated : Baseline or None
+        The baseline of loads as stated, where `baseline` is under these with such errors.
     """
 
     given: Robot
@@ -77,6 +79,7 @@ class OpenModel:
     carried: Array | None = None
     parameters: tuple[str, ...] | None = None
     under: frozenset[str] = frozenset()
+    stated: Baseline | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:

@@ -202,7 +202,8 @@ def _select(
             step = _needed(choice, larger)
         return step
 
-    step = grown(fit_step(choice, start))
+    kept = [number for number in sorted(choice.kept) if choice.forms[number].key not in forbidden]
+    step = grown(fit_step(choice, [*dict.fromkeys([*start, *kept])]))
     for _ in range(ROUNDS if exchange else 0):
         before = step
         for numbers in _exchangeable(choice, step):
@@ -243,8 +244,10 @@ def resampled(values: Array) -> Array:
 def _needed(choice: Choice, step: Step) -> Step:
     """Return a fit without the forms that it does not need, the least needed first."""
     while step.chosen:
-        needs = _rises(choice, step)
+        needs = np.where(np.isin(step.chosen, [*choice.kept]), np.inf, _rises(choice, step))
         least = step.chosen[int(np.argmin(needs))]
+        if least in choice.kept:
+            break
         without = fit_step(choice, [k for k in step.chosen if k != least])
         if without.bic >= step.bic + ENOUGH:
             break
@@ -273,7 +276,8 @@ def _rises(choice: Choice, step: Step) -> list[float]:
 def _exchangeable(choice: Choice, step: Step) -> list[tuple[int, ...]]:
     """Return what may be exchanged: each form by itself, and all of a cause."""
     every = dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step))
-    return [numbers for numbers in every if choice.forms[numbers[0]].effect not in REPEATED]
+    free = [numbers for numbers in every if not choice.kept.intersection(numbers)]
+    return [numbers for numbers in free if choice.forms[numbers[0]].effect not in REPEATED]
 
 
 def _exchanged(

@@ -7,7 +7,7 @@ product with the drives, and with what else is compliant.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,20 +93,28 @@ class Settings:
 
     def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
         """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
+        carrying = None if model.carried is None else model
         model = without_errors(model)  # a fit without these errors is one on drives under stated loads
         choice, names = build_choice(model, all_forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
-        return folds_of(model, choice, self.seed), same
+        if model.stated is None:
+            return replace(folds_of(model, choice, self.seed), carrying=carrying), same
+        choice = replace(choice, kept=frozenset(k for k in same if choice.forms[k].key in model.under))
+        stated = replace(model, baseline=model.stated, under=frozenset(), stated=None)
+        known = {(*_name(form), form.sizes.size): form for form in all_forms(stated, self.prior)}
+        forms = [known.get((*_name(form), form.sizes.size), form) for form in choice.forms]
+        bare = folds_of(stated, build_choice(stated, forms), self.seed)
+        return replace(folds_of(model, choice, self.seed), carrying=carrying, stated=bare), same
 
 
-def settle(settings: Settings, found: Decomposition, chosen: Sequence[Form]) -> OpenModel | None:
+def settle(settings: Settings, model: OpenModel, scatter: float, chosen: Sequence[Form]) -> OpenModel | None:
     """Return the open model beside causes once neither loads nor drives change; None: they do.
 
     Errors of loads and what is compliant under them are fitted in turn, and overshoot the more the more of
     the compliance is a cause's. So a turn goes a part of the way, the one by which the last two would have
     led to no further change (Aitken's relaxation: Küttler and Wall, Comput. Mech. 43 (2008) 61).
     """
-    model, share, least = found.model, np.inf, SHOWS * max(found.scatter, 1.0)
+    share, least = np.inf, SHOWS * max(scatter, 1.0)
     names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
     try:
         change, thetas = solution_of(model, chosen)
