@@ -153,7 +153,9 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
-            astray = unsettled(found, QUARTER) | {one.key for one in found.every if one.astray}
+            astray = {one.key for one in found.every if one.astray}
+            if model.problem is None:  # of positions see `_as_written`
+                astray |= unsettled(found, QUARTER)
         if not astray:
             return _found_again(settings, found)
         step = _without(folds, step, astray, settings.seed)
@@ -239,7 +241,6 @@ def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tup
                 continue
             others, same = settings.folds(model, chosen)
             fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
-            print("     without", key, fits[-1][1].bic, step.bic)
         best = min(fits, key=lambda fit: fit[1].bic, default=(folds, step))
         if best[1].bic > step.bic or best[1] is step:
             break

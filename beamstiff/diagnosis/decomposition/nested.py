@@ -16,10 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.answer import without_weak
+from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, QUARTER, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import SLIP
+from beamstiff.diagnosis.decomposition.loads import has_loads
 from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.selection import gain, select
 from beamstiff.diagnosis.effects.target_slip import slip_row
@@ -150,6 +152,8 @@ def promised(found: Decomposition, again: Nested) -> Decomposition:
         np.bincount(again.fold, weights=errors) for errors in (again.squared_errors(again.fits), nothing)
     ]
     left = float(np.minimum(*by_fold).sum()) / again.folds.rows
+    if any(has_loads(found.model, cause.forms) for cause in found.every):
+        left += unlike_written(found) ** 2
     kept = float(np.clip((found.rms**2 - left) / explainable / told, 0.0, 1.0))
 
     def scaled(part: Sequence[Cause]) -> tuple[Cause, ...]:

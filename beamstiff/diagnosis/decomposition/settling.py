@@ -29,7 +29,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometr
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import around
+from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, around
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -87,7 +87,11 @@ class Settings:
                 moved,
                 parameters=self.parameters,
                 stations=self.stations,
-                drives={name: there.parameter(name) for name in names},
+                # one that comes out rigid is open about a compliance that hardly is any
+                drives={
+                    name: min(there.parameter(name), KNOWN_FACTOR * self.robot.parameter(name))
+                    for name in names
+                },
             )
         return under_loads(beside_loads(opened, chosen, thetas), chosen, thetas)
 
