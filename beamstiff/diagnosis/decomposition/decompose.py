@@ -182,7 +182,7 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
         forms = [form for cause in rest for form in cause.forms]
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
         found = _told_of(settings, settle(settings, found.model, found.scatter, forms) or found.model, forms)
-        found = _as_written(settings, _under_its_loads(settings, found))
+        found = _as_written(settings, found)
         found = replace(found, hanging=tuple(left_out))
     return promised(found, again)
 
@@ -261,11 +261,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
         forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
         settled = not unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
-        if (
-            settled
-            and not _under_untold_loads(found)
-            and (not follow or {form.key for form in forms} == beside)
-        ):
+        if settled and (not follow or {form.key for form in forms} == beside):
             break
         model = settle(settings, found.model, found.scatter, forms)
         if model is None:
@@ -276,7 +272,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         other = told(folds, step, settings.seed)
-        if _left_out(other, forms) or (settled and unsettled(other)):
+        if settled and unsettled(other):
             break
         found = other
     forms = _fitted_forms(found)
@@ -288,8 +284,8 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
             step = select(folds.choice, folds.squared_errors)
             better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
             other = told(folds, step, settings.seed) if better else found
-            found = found if unsettled(other) or _left_out(other, loads) else other
-    return _as_written(settings, _under_its_loads(settings, found))
+            found = found if unsettled(other) else other
+    return _as_written(settings, found)
 
 
 def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
@@ -317,33 +313,10 @@ def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
     return found
 
 
-def _under_its_loads(settings: Settings, found: Decomposition) -> Decomposition:
-    """Return causes of which none deforms under the error of a load that is not one of them."""
-    for told_loads in (True, False):
-        if not _under_untold_loads(found):
-            break
-        forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
-        model = settle(settings, found.model, found.scatter, forms)
-        if model is not None:
-            found = _told_of(settings, model, forms)
-    return found
-
-
 def _told_of(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
     """Return what these causes say on a model that was calibrated beside them; no other comes in."""
     folds, same = settings.folds(model, forms)
     return told(folds, fit_step(folds.choice, same), settings.seed, final=True)
-
-
-def _under_untold_loads(found: Decomposition) -> bool:
-    """Return whether causes were fitted under errors of loads that are not told."""
-    return not found.model.under <= {form.key for form in _fitted_forms(found)}
-
-
-def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
-    """Return whether errors of loads are not told that drives and compliances were fitted beside."""
-    keys = {form.key for form in _fitted_forms(found)}
-    return has_loads(found.model, (form for form in beside if form.key not in keys))
 
 
 def _fitted_forms(found: Decomposition) -> list[Form]:

@@ -12,9 +12,9 @@ from beamstiff import load_robot
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.applied import unlike_written
-from beamstiff.diagnosis.decomposition.decompose import _under_its_loads
-from beamstiff.diagnosis.decomposition.fit import build_choice
+from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.settling import Settings
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.prior import DEFAULT
@@ -113,17 +113,20 @@ def test_a_heavy_payload_beside_other_causes_settles_on_drives_that_are_wrong_as
 
 
 @pytest.mark.slow
-def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
+def test_no_fit_lacks_the_error_of_a_load_that_others_are_under() -> None:
     """No row carries a load: what passes through a joint but its weights is the error of the payload."""
     found = heavy()[0].decomposition
-    assert found.model.under == {"payload-error:null"}
     assert np.abs(found.model.baseline.places.joints["J2"].load).max() > 3 * MASS * GRAVITY * 0.9
-    others = tuple(cause for cause in found.causes if cause.forms[0].effect != "payload-error")
     settings = Settings(found.model.given, None, False, DEFAULT, 0)
-    again = _under_its_loads(settings, replace(found, causes=others))
-    assert {cause.key for cause in (*again.causes, *again.unclear)} <= {cause.key for cause in others}
-    assert not again.model.under
-    assert not again.model.baseline.places.joints["J2"].load.any()
+    folds, _ = settings.folds(found.model, [form for cause in found.every for form in cause.forms])
+    step = select(folds.choice, folds.squared_errors)
+    assert "payload-error:null" in {folds.choice.forms[number].key for number in step.chosen}
+    without = [number for number in step.chosen if number not in folds.choice.kept]
+    assert folds.stated is not None
+    assert not folds.stated.model.baseline.places.joints["J2"].load.any()
+    stated = folds.stated.squared_errors(fit_step(folds.stated.choice, without))
+    np.testing.assert_array_equal(folds.errors_with(without), stated)
+    assert stated.sum() > 10.0 * folds.errors_with(step.chosen).sum()
 
 
 @pytest.mark.slow
