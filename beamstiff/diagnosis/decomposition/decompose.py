@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.answer import told, unsteady
 from beamstiff.diagnosis.decomposition.apart import rows_apart
 from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import MINOR, QUARTER, Decomposition
+from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, QUARTER, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes
@@ -153,7 +153,7 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
-            astray = {one.key for one in found.every if one.astray}
+            astray = {one.key for one in found.every if one.astray or _doubtful(found, one)}
             if model.problem is None:  # of positions see `_as_written`
                 astray |= unsettled(found, QUARTER)
         if not astray:
@@ -162,6 +162,11 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
         settings = replace(
             settings, prior=replace(settings.prior, without=(*settings.prior.without, *astray))
         )
+
+
+def _doubtful(found: Decomposition, cause: Cause) -> bool:
+    """Return whether a cause is an error of loads that others are under and that is likelier another cause."""
+    return has_loads(found.model, cause.forms) and cause.probability < NAMED
 
 
 def _found_again(settings: Settings, found: Decomposition) -> Decomposition:

@@ -58,7 +58,7 @@ def test_of_causes_that_leave_more_than_no_cause_does_one_goes(monkeypatch: pyte
     left = {(): 1.0, (0,): 0.9, (1,): 0.5, (0, 1): 0.1}
     along = {2: ([(0,), (1,)], [1.0, 3.0, 0.1]), 1: ([(1,)], [1.0, 0.5])}
     choice = choice_of(np.ones(VALUES), *(form(column[:, None], SIZE) for column in np.eye(VALUES)[1:3]))
-    folds = SimpleNamespace(choice=choice, squared_errors=lambda step: np.array([left[step.chosen]]))
+    folds = SimpleNamespace(choice=choice, errors_with=lambda numbers: np.array([left[tuple(numbers)]]))
 
     def ordered(_: object, causes: list[tuple[int, ...]]) -> tuple[list[tuple[int, ...]], list[Array]]:
         order, errors = along[len(causes)]
