@@ -165,7 +165,7 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
 
 
 def _doubtful(found: Decomposition, cause: Cause) -> bool:
-    """Return whether a cause is an error of loads that others are under and that is likelier another cause."""
+    """Return whether a cause is an error of loads, and likelier another: nothing should be under it."""
     return has_loads(found.model, cause.forms) and cause.probability < NAMED
 
 
