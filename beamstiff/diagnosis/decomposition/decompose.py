@@ -289,7 +289,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
             step = select(folds.choice, folds.squared_errors)
             better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
             other = told(folds, step, settings.seed) if better else found
-            found = found if unsettled(other) else other
+            found = found if unsettled(other) or other.left2 > found.left2 else other
     return _as_written(settings, found)
 
 
