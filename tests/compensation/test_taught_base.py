@@ -125,6 +125,26 @@ def test_weight_load_and_effects_are_corrected_against_the_taught_base(tmp_path:
     assert np.abs(found.parts["geometry"]).max() < 1e-9  # the robot stands elsewhere, no more
 
 
+def test_the_base_is_taught_under_weight_and_without_the_load_of_the_process(tmp_path: Path) -> None:
+    """It stands where targets at the three points, taught by the same unloaded robot, are."""
+    loaded, free = (corrected(tmp_path, heavy(), **more) for more in ({"wrench": LOAD}, {}))
+    assert loaded.taught_base is not None
+    np.testing.assert_allclose(loaded.taught_base, free.taught_base, atol=1e-12)
+    (tmp_path / "points.src").write_text(
+        "".join(f"LIN {{X {x},Y {y},Z 0,A 10,B 30,C 180}}\n" for x, y, _ in 1e3 * POINTS)
+    )
+    q = loaded.correction.q_before[0]
+    points = compensate("kr500", tmp_path / "points.src", actual=heavy(), base=BASE, q=q, taught=True)
+    origin, on_x, in_plane = points.correction.targets[:, :3, 3]
+    inverse = np.linalg.inv(loaded.taught_base)
+    seen = [(inverse @ [*point, 1.0])[:3] for point in (origin, on_x, in_plane)]
+    np.testing.assert_allclose(seen[0], 0, atol=1e-9)
+    np.testing.assert_allclose(seen[1][1:], 0, atol=1e-9)
+    assert seen[1][0] > 0
+    assert abs(seen[2][2]) < 1e-9
+    assert seen[2][1] > 0
+
+
 def test_standard_deviations_count_from_the_taught_base(tmp_path: Path) -> None:
     """Beside finite differences: another half width moves robot and base."""
     names = ("J2.torsional", "J3.torsional")
