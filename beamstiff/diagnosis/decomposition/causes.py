@@ -196,6 +196,12 @@ class Decomposition:
         return sum(cause.closes for cause in self.causes)
 
     @property
+    def left2(self) -> float:
+        """Square of the held-out position gap that is left beside all causes, m^2."""
+        closed = sum(cause.closes for cause in (*self.every, *self.unmodelled))
+        return self.rms**2 - closed * (self.rms**2 - self.noise**2)
+
+    @property
     def gap_shows(self) -> bool:
         """Whether more is left without a cause than noise makes."""
         return self.scatter > NOISE or bool(self.every or self.unmodelled)

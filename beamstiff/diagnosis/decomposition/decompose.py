@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -16,45 +16,34 @@ from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informe
 from beamstiff.diagnosis.decomposition.causes import MINOR, QUARTER, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes
 from beamstiff.diagnosis.decomposition.loads import (
-    beside_loads,
     follows_drives,
     has_loads,
-    moved_by,
-    under_loads,
-    unlike,
-    unlike_linear,
-    without_errors,
 )
 from beamstiff.diagnosis.decomposition.nested import nested, promised
 from beamstiff.diagnosis.decomposition.open_model import (
     OpenModel,
     open_as_determined,
-    open_geometry,
     open_stiffness,
 )
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
-from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
+from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED, check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, around, fit_baseline, fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
 # what of a calibration is open: all, or with few readings less, down to where the robot stands
 OPEN: tuple[tuple[str, ...] | None, ...] = (None, ("base", "target", "offsets"), ("base", "target"))
 CHANCE = 0.01  # of so large a residual under the stated noise, below which causes are sought
 ROUNDS = 3  # of calibrating beside the causes that were found
-SETTLED = MINOR  # share by which drives may change what a cause moves
-SHOWS = 0.3  # of what the readings scatter: a change up to it does not show, it adds a twentieth
-SETTLING = 6  # steps of Newton's method, from drives that are off by any factor
 
 
 def decompose(
@@ -96,7 +85,7 @@ def decompose(
     """
     if rows.kind != "absolute":
         model = open_stiffness(baseline or fit_baseline(robot, rows))
-        return _searched(_Settings(robot, None, False, prior, seed), model, _forms(model, prior, known))
+        return _searched(Settings(robot, None, False, prior, seed), model, all_forms(model, prior, known))
     given, drives = robot, fitted_names(robot)
     loaded = bool(drives) and bool(felt_names(robot, rows, drives))
     robot = robot.model_copy(update={"identify": drives if loaded else ()})
@@ -126,7 +115,7 @@ def _beside_geometry(
     stations: bool,
     opened: Sequence[tuple[str, ...] | None],
     balance: bool,
-) -> tuple[Decomposition, _Settings]:
+) -> tuple[Decomposition, Settings]:
     """Return the causes of absolute positions, sought about a calibration without any, and what held for it.
 
     `balance`: of that calibration, see `open_geometry`.
@@ -137,10 +126,10 @@ def _beside_geometry(
     if apart:
         model, parameters = open_as_determined(robot, without_rows(rows, apart), stations, opened, balance)
     check_names(model.baseline, prior)
-    forms = _forms(model, prior)
+    forms = all_forms(model, prior)
     behind = behind_gears(model, forms, prior)
-    settings = _Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
-    forms = _forms(model, settings.prior) if behind else forms
+    settings = Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
+    forms = all_forms(model, settings.prior) if behind else forms
     found = _searched(settings, model, forms)
     return replace(found, behind=tuple(behind), apart=tuple(apart)), settings
 
@@ -151,66 +140,7 @@ def _short(found: Decomposition) -> set[str | None]:
     return {form.component for form in forms if form.effect == REVERSED}
 
 
-@dataclass(frozen=True)
-class _Settings:
-    """What holds for every fit of causes.
-
-    Attributes
-    ----------
-    robot : Robot
-    parameters : tuple of str, or None
-        Groups of the geometry that are open.
-    stations : bool
-    prior : Prior
-    seed : int
-    """
-
-    robot: Robot
-    parameters: tuple[str, ...] | None
-    stations: bool
-    prior: Prior
-    seed: int
-
-    def calibrated(
-        self,
-        model: OpenModel,
-        chosen: Sequence[Form],
-        solution: tuple[Array, list[Array]],
-        beside: Array | None = None,
-        held: bool = False,
-    ) -> OpenModel:
-        """Return the open model that is calibrated beside causes, and linear about these loads and drives.
-
-        Beside what they move by their `_solution`, or (N, 6). Drives are those of the calibration, or `held`
-        as they fit best with errors of loads, not beside them: a step of Newton's method, which is sure to
-        lead on near the end alone.
-        """
-        change, thetas = solution
-        if model.problem is None:
-            opened = open_stiffness(around(model.baseline, model.stiffness(change)))
-        else:
-            moved = moved_by(model, chosen, thetas, change) if beside is None else beside
-            there = model.robot(change)
-            names = self.robot.identify if held and has_loads(model, chosen) else ()
-            opened = open_geometry(
-                self.robot,
-                model.baseline.rows,
-                moved,
-                parameters=self.parameters,
-                stations=self.stations,
-                drives={name: there.parameter(name) for name in names},
-            )
-        return under_loads(beside_loads(opened, chosen, thetas), chosen, thetas)
-
-    def folds(self, model: OpenModel, chosen: Sequence[Form]) -> tuple[Folds, list[int]]:
-        """Return the folds of a model calibrated anew, and the numbers of the forms chosen before."""
-        model = without_errors(model)  # a fit without these errors is one on drives under stated loads
-        choice, names = build_choice(model, _forms(model, self.prior)), set(map(_name, chosen))
-        same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
-        return folds_of(model, choice, self.seed), same
-
-
-def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
+def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
     """Return the causes, without those that lead astray."""
     choice = build_choice(model, forms)
     folds = folds_of(model, choice, settings.seed)
@@ -223,7 +153,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
-            astray = _unsettled(found, QUARTER) | {one.key for one in found.every if one.astray}
+            astray = unsettled(found, QUARTER) | {one.key for one in found.every if one.astray}
         if not astray:
             return _found_again(settings, found)
         step = _without(folds, step, astray, settings.seed)
@@ -232,7 +162,7 @@ def _searched(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> D
         )
 
 
-def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
+def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
     """Return causes that are found without any tenth of the postures as well, and what they promise.
 
     The others are no part of the answer: what they explain remains.
@@ -249,7 +179,7 @@ def _found_again(settings: _Settings, found: Decomposition) -> Decomposition:
         rest = (*(cause for cause in found.every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
-        found = _told_of(settings, _settled(settings, found, forms) or found.model, forms)
+        found = _told_of(settings, settle(settings, found, forms) or found.model, forms)
         found = _as_written(settings, _under_its_loads(settings, found))
         found = replace(found, hanging=tuple(left_out))
     return promised(found, again)
@@ -266,7 +196,7 @@ def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> Step:
     return step
 
 
-def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
+def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
     """Return the causes that are selected beside the calibration beside them, and the folds of that."""
     for turn in range(ROUNDS):
         chosen = list(forms_in(folds.choice, step).values())
@@ -274,7 +204,7 @@ def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[F
             break
         stage(f"calibrating beside the causes, round {turn + 1} of at most {ROUNDS}")
         try:
-            model = settings.calibrated(folds.model, chosen, _solution(folds.model, chosen))
+            model = settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
         except BeamstiffError:  # beside very free causes the stiffness is anything: the machine may buckle
             break
         folds, same = settings.folds(model, chosen)
@@ -288,7 +218,7 @@ def _calibrated_beside(settings: _Settings, folds: Folds, step: Step) -> tuple[F
     return folds, step
 
 
-def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
+def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
     """Return what the causes say, those that follow the drives on drives as these are fitted beside them.
 
     As far as that settles, tells the loads that they carry, and does not make held-out postures worse; anew
@@ -299,7 +229,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
     for _ in range(ROUNDS):
         # laws outside the library come in again where they are needed: they may have made up for the drives
         forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
-        settled = not _unsettled(found)
+        settled = not unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
         if (
             settled
@@ -307,7 +237,7 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
             and (not follow or {form.key for form in forms} == beside)
         ):
             break
-        model = _settled(settings, found, forms)
+        model = settle(settings, found, forms)
         if model is None:
             break
         beside = {form.key for form in forms}
@@ -316,23 +246,23 @@ def _told(settings: _Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         other = told(folds, step, settings.seed)
-        if _left_out(other, forms) or (settled and _unsettled(other)):
+        if _left_out(other, forms) or (settled and unsettled(other)):
             break
         found = other
     forms = _fitted_forms(found)
     loads = [form for form in forms if follows_drives(found.model, form)]
     if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
-        model = _settled(settings, found, loads)
+        model = settle(settings, found, loads)
         if model is not None:
             folds, _ = settings.folds(model, loads)
             step = select(folds.choice, folds.squared_errors)
             better = step.bic < found.bic - ENOUGH and not unsteady(folds, step, settings.seed)
             other = told(folds, step, settings.seed) if better else found
-            found = found if _unsettled(other) or _left_out(other, loads) else other
+            found = found if unsettled(other) or _left_out(other, loads) else other
     return _as_written(settings, _under_its_loads(settings, found))
 
 
-def _as_written(settings: _Settings, found: Decomposition) -> Decomposition:
+def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
     """Return causes that move the points alike as effects of a robot: errors of loads that do not settle go.
 
     Those that close less than the others are moved otherwise for them, the least sure first without which the
@@ -340,36 +270,36 @@ def _as_written(settings: _Settings, found: Decomposition) -> Decomposition:
     linear about those of the one before.
     """
     while loads := [one for one in found.every if has_loads(found.model, one.forms)]:
-        harm = (unlike_written(found) / found.rms) ** 2
-        if harm <= MINOR:
+        unlike2 = unlike_written(found) ** 2
+        if unlike2 <= MINOR * found.rms**2:
             break
         loads.sort(key=lambda one: (one.named, one.probability))
         for gone in (*([one] for one in loads), loads):
             keys = {one.key for one in gone}
-            if sum(one.closes for one in gone) >= harm:
-                continue
             forms = [form for form in _fitted_forms(found) if form.key not in keys]
-            if (model := _settled(settings, found, forms)) is not None:
-                found = _told_of(settings, model, forms)
-                break
+            if (model := settle(settings, found, forms)) is not None:
+                other = _told_of(settings, model, forms)
+                if other.left2 < found.left2 + unlike2:
+                    found = other
+                    break
         else:
             break
     return found
 
 
-def _under_its_loads(settings: _Settings, found: Decomposition) -> Decomposition:
+def _under_its_loads(settings: Settings, found: Decomposition) -> Decomposition:
     """Return causes of which none deforms under the error of a load that is not one of them."""
     for told_loads in (True, False):
         if not _under_untold_loads(found):
             break
         forms = [form for form in _fitted_forms(found) if told_loads or not follows_drives(found.model, form)]
-        model = _settled(settings, found, forms)
+        model = settle(settings, found, forms)
         if model is not None:
             found = _told_of(settings, model, forms)
     return found
 
 
-def _told_of(settings: _Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
+def _told_of(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> Decomposition:
     """Return what these causes say on a model that was calibrated beside them; no other comes in."""
     folds, same = settings.folds(model, forms)
     return told(folds, fit_step(folds.choice, same), settings.seed, final=True)
@@ -380,57 +310,6 @@ def _under_untold_loads(found: Decomposition) -> bool:
     return not found.model.under <= {form.key for form in _fitted_forms(found)}
 
 
-def _settled(settings: _Settings, found: Decomposition, chosen: Sequence[Form]) -> OpenModel | None:
-    """Return the open model beside causes once neither loads nor drives change; None: they do."""
-    model, share, moved = found.model, np.inf, None
-    names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
-    least = SHOWS * max(found.scatter, 1.0)
-    try:
-        change, thetas = _solution(model, chosen)
-        for turn in range(SETTLING):
-            now, held = moved_by(model, chosen, thetas, change), turn >= SETTLING // 2
-            # fitted in turn, loads and drives may overshoot
-            moved = now if moved is None or held else 0.5 * (moved + now)
-            model = settings.calibrated(model, chosen, (change, thetas), moved, held)
-            laws = unmodelled_forms(model) if UNMODELLED in effects else ()
-            before = chosen
-            forms = [*forms_of(model, settings.prior, effects), *laws]
-            chosen = [form for form in forms if _name(form) in names]
-            deformed = _deformed(model, before, chosen, thetas)
-            change, thetas = _solution(model, chosen)
-            share, size = unlike_linear(without_errors(model), chosen, thetas, change)
-            if size <= least and (deformed[0] <= SETTLED or deformed[1] <= least):
-                return model
-    except BeamstiffError:  # the machine may buckle beside loads that are far too large
-        return None
-    return model if max(share, deformed[0]) <= SETTLED else None
-
-
-def _deformed(
-    model: OpenModel, before: Sequence[Form], after: Sequence[Form], thetas: Sequence[Array]
-) -> tuple[float, float]:
-    """Return how much otherwise compliances deform under other errors of loads, as `unlike_linear`.
-
-    `thetas`: of the forms before. What has other parameters now follows the data, and no load.
-    """
-    size_of = {_name(form): theta for form, theta in zip(before, thetas, strict=True)}
-    pairs = [(form, size_of[_name(form)]) for form in after if not follows_drives(model, form)]
-    same = {_name(form): theta for form, theta in pairs if form.sizes.size == theta.size}
-
-    def moved(forms: Sequence[Form]) -> Array:
-        some = [form for form in forms if _name(form) in same]
-        return shift_of(some, [same[_name(form)] for form in some], len(model.baseline.rows))
-
-    return unlike(model, moved(before), moved(after))
-
-
-def _unsettled(found: Decomposition, share: float = SETTLED) -> set[str]:
-    """Return the causes that move otherwise on the drives as they were fitted, ``effect:component``."""
-    least = (share, SHOWS * max(found.scatter, 1.0))
-    unlike = [unlike_linear(found.model, one.forms, one.theta, found.change) for one in found.every]
-    return {one.key for one, how in zip(found.every, unlike, strict=True) if (np.array(how) > least).all()}
-
-
 def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
     """Return whether errors of loads are not told that drives and compliances were fitted beside."""
     keys = {form.key for form in _fitted_forms(found)}
@@ -439,21 +318,6 @@ def _left_out(found: Decomposition, beside: Sequence[Form]) -> bool:
 
 def _fitted_forms(found: Decomposition) -> list[Form]:
     return [form for cause in (*found.every, *found.unmodelled) for form in cause.forms]
-
-
-def _solution(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, list[Array]]:
-    """Return the change of the open parameters (t,), and the parameters of each form."""
-    change, parts = np.split(solved(model, chosen)[0], [model.tangent.shape[1]])
-    return change, by_form(chosen, parts)
-
-
-def _name(form: Form) -> tuple[str, str]:
-    return form.key, form.shape.name
-
-
-def _forms(model: OpenModel, prior: Prior, known: Shapes | None = None) -> list[Form]:
-    laws = (form for form in unmodelled_forms(model) if form.key not in prior.without)
-    return [*forms_of(model, prior, known=known), *laws]
 
 
 def _more_than_noise(choice: Choice, model: OpenModel, nothing: Step) -> bool:

@@ -12,9 +12,10 @@ from beamstiff import load_robot
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.applied import unlike_written
-from beamstiff.diagnosis.decomposition.decompose import _Settings, _under_its_loads
+from beamstiff.diagnosis.decomposition.decompose import _under_its_loads
 from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.settling import Settings
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.prior import DEFAULT
 from beamstiff.diagnosis.result import Diagnosis
@@ -118,7 +119,7 @@ def test_no_answer_stands_on_an_error_of_a_load_that_is_not_told() -> None:
     assert found.model.under == {"payload-error:null"}
     assert np.abs(found.model.baseline.places.joints["J2"].load).max() > 3 * MASS * GRAVITY * 0.9
     others = tuple(cause for cause in found.causes if cause.forms[0].effect != "payload-error")
-    settings = _Settings(found.model.given, None, False, DEFAULT, 0)
+    settings = Settings(found.model.given, None, False, DEFAULT, 0)
     again = _under_its_loads(settings, replace(found, causes=others))
     assert {cause.key for cause in (*again.causes, *again.unclear)} <= {cause.key for cause in others}
     assert not again.model.under
