@@ -11,6 +11,7 @@ from beamstiff.cli.output import Outputs, note, working, write
 from beamstiff.cli.parse import (
     parse_frame,
     parse_names,
+    parse_points,
     parse_quantities,
     parse_variables,
     parse_wrench,
@@ -66,6 +67,11 @@ def compensate(
     only: list[str] | None = option("NAME,...", "Correct only these targets; XP* matches several."),
     taught: bool = flag(
         "--taught", "Targets were taught on the unloaded robot: correct only the effect of the load."
+    ),
+    base_taught: list[str] | None = option(
+        "NAME=VALUE,...",
+        "The real robot taught the frame of the path, unloaded: its origin, a point on x, a point in the xy "
+        "plane, each by x, y, z (give three times). Targets count from where its tool was then.",
     ),
     positions_only: bool = flag("--positions-only", "Leave the orientations as they are."),
     unreachable: str = option(
@@ -169,8 +175,20 @@ def compensate(
         "leave_doubtful": leave_doubtful,
     }
     if stream:
-        if out or learned or figure or html or steps or taught or positions_only or measured or ran:
-            raise BeamstiffError("--stream: answers lines, and goes with no --out, page or resampling")
+        if (
+            out
+            or learned
+            or figure
+            or html
+            or steps
+            or taught
+            or base_taught
+            or positions_only
+            or measured
+            or ran
+        ):
+            told = "answers lines, and goes with no --out, page, resampling, --taught or --base-taught"
+            raise BeamstiffError(f"--stream: {told}")
         with working("preparing the targets"):
             targets = compensate_online(controller, path, **given)
         targets.serve(iter(sys.stdin.readline, ""), lambda line: print(line, flush=True))
@@ -182,6 +200,7 @@ def compensate(
             controller,
             path,
             taught=taught,
+            base_taught=parse_points("--base-taught", base_taught),
             positions_only=positions_only,
             steps=steps,
             measured=measured or (),

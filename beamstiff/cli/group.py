@@ -6,9 +6,10 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from beamstiff.cli.output import TYPED, say, silence
 from beamstiff.errors import BeamstiffError, OptionError
@@ -22,6 +23,24 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 # arguments of functions whose option on the command line has another name
 CALLED = {"components": "use", "fixed": "fix", "ties": "tie", "bounds": "bound", "priors": "prior"}
+
+
+class Command(TyperCommand):
+    """A command whose options take no other option for their value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read what was typed: ``--names --out FILE`` would have taken ``--out`` for a name."""
+        valued = {
+            name: one
+            for one in self.get_params(ctx)
+            if one.param_type_name == "option" and not getattr(one, "is_flag", False)
+            for name in one.opts
+        }
+        for option, value in pairwise(args):
+            if option in valued and value.startswith("--"):
+                wanted = valued[option].metavar or "a value"
+                raise BeamstiffError(f"{option}: expected {wanted}, found the option {value}")
+        return super().parse_args(ctx, args)
 
 
 class Commands(TyperGroup):

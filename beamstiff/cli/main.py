@@ -17,7 +17,7 @@ from beamstiff.cli.demo import demo
 from beamstiff.cli.diagnose import diagnose
 from beamstiff.cli.doctor import doctor
 from beamstiff.cli.exam import exam
-from beamstiff.cli.group import Commands
+from beamstiff.cli.group import Command, Commands
 from beamstiff.cli.identify import identify
 from beamstiff.cli.map import map as map_
 from beamstiff.cli.options import with_common
@@ -75,5 +75,5 @@ def beamstiff(
 MODELLED = (show, stiffness, deflect, identify, calibrate, compare, compare_runs, diagnose, campaign)
 USED = (verify, check, plan, map_, compensate, convert, exam, doctor, demo)
 for command in (*MODELLED, *USED):  # in the order of --help
-    app.command()(with_common(command))
-app.command()(with_common(schema, json=STDOUT))
+    app.command(cls=Command)(with_common(command))
+app.command(cls=Command)(with_common(schema, json=STDOUT))

@@ -208,6 +208,15 @@ def parse_frame(option: str, text: str | None) -> Array | None:
         raise BeamstiffError(f"{option}: {error}") from None
 
 
+def parse_points(option: str, texts: Sequence[str] | None) -> list[list[float]] | None:
+    """Return points x, y, z, m, each of a text such as ``"x=300mm,y=0"``; what is not named is 0."""
+    expected = "coordinates such as x=300mm (x, y, z)"
+    points = [
+        parse_quantities(option, [text], dict.fromkeys("xyz", "length"), expected) for text in texts or ()
+    ]
+    return [[point.get(axis, 0.0) for axis in "xyz"] for point in points] or None
+
+
 def parse_grid(robot: Robot, texts: Sequence[str]) -> dict[str, Array]:
     """Return the values on each axis, SI, from texts such as ``"q2=-60deg:60deg:25,q3=..."``."""
     import numpy as np

@@ -16,7 +16,7 @@ import numpy as np
 from beamstiff.compensation.follow import follow, follow_path, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
-from beamstiff.compensation.path_correction import correct_path
+from beamstiff.compensation.path_correction import correct_path, shown_error
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.slips import SlipLaw, joint_motions, slip_laws, tabulated
 from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns
@@ -153,8 +153,8 @@ class OnlineCompensation:
         path = ToolPath("on line", ("target",), np.ones(1, np.int64), target[None], np.ones(1, np.bool_))
         found = correct_path(self.machine, path, Constant(tuple(wrench.tolist())), start=self._q)
         if found.reasons or found.partly:
-            left = 1e3 * found.partly.get(0, 0.0)
-            why = found.reasons.get(0, f"no command is exact, {left:.3g} mm (or mrad) remain")
+            left = shown_error(found.partly.get(0, np.zeros(6)))
+            why = found.reasons.get(0, f"no command is exact, {left} remain")
             raise BeamstiffError(f"the target is not corrected: {why}")
         std = correction_std(self.machine, found.q, wrench[None], target[None], self.std, self.load_std)
         self._q = found.q[0]

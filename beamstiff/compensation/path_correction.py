@@ -7,6 +7,7 @@ follows the tool and the tool the load.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from beamstiff.compensation.follow import follow_path, shortfall, six_freedoms, 
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import Process, Together
+from beamstiff.compensation.taught_base import TaughtBase, taught_base
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
@@ -35,8 +37,8 @@ class Correction:
     """A path, where the tool would go without and with correction, and the commands; N targets."""
 
     path: ToolPath  # in the base frame, as programmed
-    # (N, 4, 4): where the real tool is meant to be; with `taught` where it is without load, else as
-    # programmed
+    # (N, 4, 4): where the real tool is meant to be; with `taught` where it is without load, with a base that
+    # the robot taught where the workpiece stands, else as programmed
     targets: Array
     # before, after: (N, 6): error of the tool ``[p - p_t, rotation vector of R R_t^T]``, base frame, m and
     # rad. NaN where the robot cannot follow
@@ -52,8 +54,9 @@ class Correction:
     switched: Integers  # (S,) int: targets before which the joints have to jump
     rounds: int  # of the iteration
     q_before: Array  # (N, A): joint values of the controller at the poses as programmed
-    # targets that no command is exact for, and what the best one leaves, m or rad: a machine that jumps
-    partly: dict[int, float] = field(default_factory=dict)
+    # targets that no command is exact for, and the error (6,) of the best, m and rad: a machine that jumps
+    partly: dict[int, Array] = field(default_factory=dict)
+    taught_base: TaughtBase | None = None  # where the real robot taught it; None: measured otherwise
 
     @property
     def corrected(self) -> NDArray[np.bool_]:
@@ -78,6 +81,7 @@ def correct_path(
     start: Array | None = None,
     taught: bool = False,
     positions_only: bool = False,
+    base_taught: Array | None = None,
 ) -> Correction:
     """Return the commands that bring the real tool to its targets under load.
 
@@ -85,7 +89,8 @@ def correct_path(
     first target, to choose the branch in place of the postures that the path states. `taught`: the targets
     were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
     `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
-    six joints.
+    six joints. `base_taught` (3, 3): points of the frame of the path, m, by which the real robot taught it,
+    in the orientation of the first target: the workpiece stands where its unloaded tool was then.
     """
     load = load or Together()
     whole = six_freedoms(machine.kinematics)
@@ -105,14 +110,18 @@ def correct_path(
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are
         path = _as_they_are(machine, path, first.q, rows)
-    reasons, partly, count = dict(first.reasons), dict[int, float](), len(path)
+    reasons, partly, count = dict(first.reasons), dict[int, Array](), len(path)
     before, after, wrench = np.full((count, 6), np.nan), np.full((count, 6), np.nan), np.zeros((count, 6))
     commands, q, targets, rounds = path.poses.copy(), first.q.copy(), path.poses.copy(), 0
+    base: TaughtBase | None = None
     if rows.size:
         some = path.at(rows)
         if taught:
-            still = np.zeros((len(rows), 6))
-            targets[rows] = settled(machine, first.q[rows], lambda _: still, some.poses)
+            targets[rows] = _unloaded(machine, first.q[rows], some.poses)
+        if base_taught is not None:
+            near = some.poses[0, :3, :3], first.q[rows[0]]
+            base = taught_base(machine, base_taught, *near, partial(_unloaded, machine))
+            targets[rows] = base.motion @ some.poses
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
         before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
@@ -136,6 +145,7 @@ def correct_path(
         rounds=rounds,
         q_before=first.q,
         partly=partly,
+        taught_base=base,
     )
 
 
@@ -145,19 +155,21 @@ def error_parts(
     """Return what the errors of a path as programmed come from: parts (N, 6) that sum to them, m and rad.
 
     One is added to the other: the geometry of the real robot; how weight and load deform it; its effects. Of
-    targets that were `taught` the load's share of these alone. NaN where the robot cannot follow.
+    targets that were `taught` the load's share of these alone. Where the robot taught the base, each with the
+    base that a robot of this kind taught. NaN where the robot cannot follow.
     """
     rows = np.flatnonzero(~np.isnan(correction.before[:, 0]))
     robot = machine.real.model_copy(update={"effects": ()})
     bare, q, meant = replace(machine, actual=robot), correction.q_before[rows], correction.targets[rows]
     if not rows.size:
         return {}
-    load_at = _load_at(load or Together(), correction.path.at(rows), meant)
-    if taught:
-        still = np.zeros((len(rows), 6))
-        first = difference(settled(bare, q, lambda _: still, meant), meant)
-    else:
-        first = difference(machine.undeformed(q), meant)
+    path, base = correction.path.at(rows), correction.taught_base
+    stiff = meant
+    if base is not None:
+        stiff = base.motion_to(machine.undeformed(base.q)[:, :3, 3]) @ path.poses
+        meant = base.motion_to(_unloaded(bare, base.q, base.poses)[:, :3, 3]) @ path.poses
+    load_at = _load_at(load or Together(), path, meant)
+    first = difference(_unloaded(bare, q, meant) if taught else machine.undeformed(q), stiff)
     deformed = difference(settled(bare, q, load_at, meant), meant) - first
     parts = {} if taught else {GEOMETRY: first}
     parts[DEFORMATION] = deformed
@@ -195,13 +207,19 @@ def _as_they_are(machine: Machine, path: ToolPath, q: Array, rows: NDArray[np.in
     return path.moved_to(poses)
 
 
+def shown_error(error: Array) -> str:
+    """Return the size of an error (6,), m and rad, as people read it."""
+    far, turned = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
+    return f"{1e3 * far:.3g} mm and {np.degrees(turned):.3g} deg"
+
+
 @dataclass(frozen=True, eq=False)
 class _Commands:
     poses: Array
     q: Array
     reasons: dict[int, str]
     rounds: int
-    partly: dict[int, float]
+    partly: dict[int, Array]
 
 
 def _commands(
@@ -214,6 +232,7 @@ def _commands(
     """
     commands, first, q = start.copy(), q, q.copy()
     best, best_q, least = start.copy(), q.copy(), np.full(len(targets), np.inf)
+    rest = np.zeros((len(targets), 6))
     whole = least
     reasons: dict[int, str] = {}
     left = np.arange(len(targets))
@@ -231,7 +250,7 @@ def _commands(
             inverse[left] = _secant(inverse[left], step[left], error[left] - old)
         size = np.abs(error[left]).max(axis=1, initial=0.0)
         better = left[size < least[left]]
-        best[better], best_q[better] = commands[better], q[better]
+        best[better], best_q[better], rest[better] = commands[better], q[better], error[better]
         least[left] = np.minimum(size, least[left])
         whole = size if count == 1 else whole
         left = left[size > CLOSE]
@@ -249,12 +268,12 @@ def _commands(
         left = left[found.reached]
         if not left.size:
             break
-    partly: dict[int, float] = {}
+    partly: dict[int, Array] = {}
     for row in left[least[left] > ENOUGH].tolist():
         if least[row] <= PARTLY * whole[row]:
-            partly[row] = float(least[row])
+            partly[row] = rest[row]
         else:
-            reasons[row] = f"no command found: {1e3 * least[row]:.3g} mm (or mrad) remain"
+            reasons[row] = f"no command found: {shown_error(rest[row])} remain"
     for row in reasons:
         best[row], best_q[row] = start[row], first[row]
     return _Commands(best, best_q, reasons, count, partly)
@@ -306,6 +325,12 @@ def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array],
         return load.wrench(seen, path)
 
     return shifted
+
+
+def _unloaded(machine: Machine, q: Array, near: Array) -> Array:
+    """Return the poses (N, 4, 4) of the real tool without process load, for joint values (N, A)."""
+    still = np.zeros((len(q), 6))
+    return settled(machine, q, lambda _: still, near)
 
 
 def settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:

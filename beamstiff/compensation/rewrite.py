@@ -79,12 +79,21 @@ class Compensated(Shown):
         """How large the parts of the error as programmed are, each by itself."""
         return {name: size_of(part[self.known]) for name, part in self.parts.items()}
 
+    @property
+    def taught_base(self) -> Array | None:
+        """The frame of the path where the real robot taught it, (4, 4), m, base frame; None: it did not."""
+        taught = self.correction.taught_base
+        return None if taught is None else np.asarray(taught.motion @ self.machine.frames.base)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""
         found, known = self.correction, self.known
         names = [variable.name for variable in self.machine.controller.actuated]
         before, after = size_of(found.before[known]), size_of(self.after[known])
-        turns = vector_from_rotation(found.commands[:, :3, :3])
+        turns, base = vector_from_rotation(found.commands[:, :3, :3]), self.taught_base
+
+        # zero everywhere: nothing states one, which is not to be certain
+        stated = self.std is not None and bool(np.nan_to_num(self.std).any())
 
         def row_of(errors: Array, row: int) -> list[float] | None:
             return None if np.isnan(errors[row]).any() else errors[row].tolist()
@@ -94,6 +103,11 @@ class Compensated(Shown):
             "before": asdict(before),
             "after": asdict(after),
             "before_by_part": {name: asdict(size) for name, size in self.sizes_by_part.items()},
+            **(
+                {}
+                if base is None
+                else {"base_taught": [*base[:3, 3].tolist(), *vector_from_rotation(base[:3, :3]).tolist()]}
+            ),
             "improvement": 1 - after.rms_mm / before.rms_mm if before.rms_mm > 0 else None,
             "rounds": found.rounds,
             "unreachable": [
@@ -112,7 +126,7 @@ class Compensated(Shown):
                     "wrench": found.wrench[row].tolist(),
                     "before": row_of(found.before, row),
                     "after": row_of(self.after, row),
-                    **({} if self.std is None else {"std": row_of(self.std, row)}),
+                    **({} if self.std is None else {"std": row_of(self.std, row) if stated else None}),
                     **({"left_alone": row in self.left_alone} if self.left_alone else {}),
                 }
                 for row, name in enumerate(found.path.names)
@@ -134,21 +148,29 @@ def compensate_program(
     std: Mapping[str, float] | None = None,
     load_std: Array | None = None,
     leave_doubtful: bool = False,
+    base_taught: Array | None = None,
 ) -> Compensated:
     """Return a program with its targets corrected.
 
     `machine`: its `frames` say where the path lies and which tool it moves. `process`: load on the tool, on
     top of what columns of the path state. `steps`: resample to at most this distance, m, and turn, rad, a
-    step: the result is a path table then. `start`, `taught`, `positions_only`: as of `correct_path`. `std`,
-    `load_std`: of stiffness parameters and of the load (6,); with either, or `leave_doubtful`, the result has
-    standard deviations. `leave_doubtful`: targets whose correction is below twice its own stay as they are.
+    step: the result is a path table then. `start`, `taught`, `positions_only`, `base_taught`: as of
+    `correct_path`. `std`, `load_std`: of stiffness parameters and of the load (6,); with either, or
+    `leave_doubtful`, the result has standard deviations. `leave_doubtful`: targets whose correction is below
+    twice its own stay as they are.
     """
     path = with_joint_targets(program.path, machine)
     if steps is not None:
         path = resample(path, *steps)
     load = beside_columns(process)
     correction = correct_path(
-        machine, machine.frames.to_base(path), load, start=start, taught=taught, positions_only=positions_only
+        machine,
+        machine.frames.to_base(path),
+        load,
+        start=start,
+        taught=taught,
+        positions_only=positions_only,
+        base_taught=base_taught,
     )
     sure: Array | None = None
     left: tuple[int, ...] = ()
@@ -183,7 +205,7 @@ def _std(machine: Machine, found: Correction, std: Mapping[str, float], load_std
     rows = np.flatnonzero(found.corrected & ~np.isnan(found.before[:, 0]))
     if rows.size:
         state = found.q[rows], found.wrench[rows], found.targets[rows]
-        result[rows] = correction_std(machine, *state, std, load_std)
+        result[rows] = correction_std(machine, *state, std, load_std, found.taught_base)
     return result
 
 

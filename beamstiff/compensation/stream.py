@@ -77,11 +77,13 @@ class OnlineTargets:
 
     def _reply(self, words: list[str]) -> str:
         base = self.online.machine.frames.base
-        if words[0] == "target" and len(words) in (2, 8):
-            name = words[1]
+        if words[0] == "target" and len(words) > 1:
+            name, load = " ".join(words[1:]), list[str]()
+            if name not in self.program.path.names and len(words) > 7:  # names may hold blanks: LIN 14
+                name, load = " ".join(words[1:-6]), words[-6:]
             row = self.row(int(name[1:]) - 1 if name[:1] == "#" and name[1:].isdigit() else name)
             frame = base[row] if base.ndim > 2 else base
-            answer = self.command(row, _numbers(words[2:]) if words[2:] else None)
+            answer = self.command(row, _numbers(load) if load else None)
         elif words[0] == "pose" and len(words) in (7, 13):
             if base.ndim > 2:
                 raise BeamstiffError("pose: the path has several frames, expected target NAME")

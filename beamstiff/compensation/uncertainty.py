@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.taught_base import TaughtBase
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
@@ -50,14 +51,21 @@ def stiffness_columns(
     return np.array(columns).reshape(-1, len(q), 6)
 
 
-def from_start_values(machine: Machine, q: Array, wrench: Array, tip: Array) -> Array:
+def from_start_values(
+    machine: Machine, q: Array, wrench: Array, tip: Array, base: TaughtBase | None = None
+) -> Array:
     """Return the displacement (N, 6) by stiffness that no measured load touched, m and rad.
 
-    A compliance 1/k displaces by what it is, to first order: -k times the derivative by k.
+    A compliance 1/k displaces by what it is, to first order: -k times the derivative by k. `base`: that the
+    robot taught with these displacements: they count from the workpiece.
     """
     known = stiffness_parameters(machine.real)
     std = {name: known[name] for name in machine.real.unmeasured}
-    return np.asarray(-stiffness_columns(machine, q, wrench, tip, std).sum(axis=0))
+    moved = np.asarray(-stiffness_columns(machine, q, wrench, tip, std).sum(axis=0))
+    if base is not None:
+        still = np.zeros((len(base.q), 6))
+        moved -= base.carried(from_start_values(machine, base.q, still, base.poses), tip)
+    return moved
 
 
 def load_columns(machine: Machine, q: Array, wrench: Array, tip: Array, load_std: Array) -> Array:
@@ -70,13 +78,24 @@ def load_columns(machine: Machine, q: Array, wrench: Array, tip: Array, load_std
 
 
 def correction_std(
-    machine: Machine, q: Array, wrench: Array, tip: Array, std: Mapping[str, float], load_std: Array
+    machine: Machine,
+    q: Array,
+    wrench: Array,
+    tip: Array,
+    std: Mapping[str, float],
+    load_std: Array,
+    base: TaughtBase | None = None,
 ) -> Array:
-    """Return the standard deviations (N, 6) of corrections, m and rad; zero where none is stated."""
-    columns = [
-        parameter_columns(machine, q, wrench, tip, std),
-        load_columns(machine, q, wrench, tip, load_std),
-    ]
+    """Return the standard deviations (N, 6) of corrections, m and rad; zero where none is stated.
+
+    `base`: that the real robot taught: parameters move the workpiece too.
+    """
+    parameters = parameter_columns(machine, q, wrench, tip, std)
+    if base is not None:
+        still = np.zeros((len(base.q), 6))
+        at_base = parameter_columns(machine, base.q, still, base.poses, std)
+        parameters -= np.array([base.carried(one, tip) for one in at_base]).reshape(parameters.shape)
+    columns = [parameters, load_columns(machine, q, wrench, tip, load_std)]
     return np.asarray(np.sqrt((np.concatenate(columns) ** 2).sum(axis=0)))
 
 

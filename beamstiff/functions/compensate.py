@@ -17,6 +17,7 @@ from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.rewrite import Compensated, compensate_program
 from beamstiff.compensation.stream import OnlineTargets, prepared
+from beamstiff.compensation.taught_base import check_points
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.functions.checks import names_of, six_numbers
@@ -40,6 +41,7 @@ def compensate(
     q: Mapping[str, float] | ArrayLike | None = None,
     only: Sequence[str] | None = None,
     taught: bool = False,
+    base_taught: ArrayLike | None = None,
     positions_only: bool = False,
     steps: tuple[float, float] | None = None,
     std: Mapping[str, float] | None = None,
@@ -75,6 +77,10 @@ def compensate(
         Correct these targets alone; ``"XP*"`` takes many.
     taught : bool
         Targets were taught on the unloaded robot: correct the load's part.
+    base_taught : (3, 3) array, optional
+        Three points of the frame of the path, m, by which the real robot taught it without process load
+        (3-point method: origin, a point on x, a point in the xy plane). Targets count from where its tool was
+        then, in the orientation of the first target.
     positions_only : bool
         Leave the orientations as they are.
     steps : (float, float), optional
@@ -104,6 +110,7 @@ def compensate(
     program, machine = _placed(robot, actual, path, only, base, tool)
     if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
+    points = None if base_taught is None else _base_points(base_taught, machine, taught, bool(measured))
     start = None if q is None else actuated_values(machine.controller, q)[0]
     constant, own, learned = _constant(wrench), _process(process), None
     if measured:
@@ -119,6 +126,7 @@ def compensate(
         start=start,
         taught=taught,
         positions_only=positions_only,
+        base_taught=points,
         std=std,
         load_std=None if load_std is None else six_numbers("load_std", load_std),
         leave_doubtful=leave_doubtful,
@@ -166,7 +174,7 @@ def compensate_online(
     >>> file = pathlib.Path(tempfile.mkdtemp()) / "cell.src"
     >>> _ = file.write_text("PTP {X 1500,Y 0,Z 900,A 0,B 110,C 0,S 6}")
     >>> targets = compensate_online("kr500", file)
-    >>> answer = targets.command("PTP", [0, 0, -900, 0, 0, 0])
+    >>> answer = targets.command("PTP 1", [0, 0, -900, 0, 0, 0])
     >>> answer.warm, float((1e3 * answer.correction[2]).round(1))
     (True, 0.5)
     """
@@ -206,6 +214,18 @@ def _placed(
         program = program.only(names)
     frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
     return program, Machine(controller, real, frames=frames)
+
+
+def _base_points(given: ArrayLike, machine: Machine, taught: bool, measured: bool) -> Array:
+    """Return the points (3, 3), m, by which the real robot taught the base, if it can have done so."""
+    if taught or measured:
+        other = "taught" if taught else "measured"
+        raise OptionError("base_taught", f"found together with {other}, expected one of the two")
+    if machine.frames.base.ndim > 2:
+        raise OptionError("base_taught", "found a path of several frames, expected one: see only")
+    points = np.asarray(given, dtype=np.float64)
+    check_points(points)
+    return points
 
 
 def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array:

@@ -8,13 +8,15 @@ from beamstiff.compensation.formats import Program
 from beamstiff.compensation.machine import VISIBLE, Machine
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import arm_of
-from beamstiff.compensation.rewrite import Compensated
+from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.units import in_unit
+
+SAME = 0.5  # of the error: what differs along the path is less where the mean is most of it
 
 
 def compensation_notes(
@@ -50,6 +52,8 @@ def compensation_notes(
                 f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
                 "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
             )
+    if not taught:
+        said += _measured_base(result, program)
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
@@ -88,9 +92,10 @@ def compensation_notes(
             )
     if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
         names = [found.path.names[row] for row in partly]
+        left = size_of(np.array([*partly.values()]))
         said.append(
             f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
-            f"jumps there: at most {1e3 * max(partly.values()):.3g} mm (or mrad) remain: {listed(names, 5)}"
+            f"jumps there: at most {left.max_mm:.3g} mm and {left.max_deg:.3g} deg remain: {listed(names, 5)}"
         )
     if result.left_alone:
         names = [found.path.names[row] for row in result.left_alone]
@@ -121,6 +126,23 @@ def compensation_notes(
 def _stated(program: Program, what: str) -> list[StatedFrame]:
     """Return the bases or tools that a program states for its targets."""
     return [one for place in program.places if (one := getattr(place, what)) is not None]
+
+
+def _measured_base(result: Compensated, program: Program) -> list[str]:
+    """Return what it means that a base may be taught, where the error is nearly the same along the path."""
+    errors = result.correction.before[result.known, :3]
+    one = result.machine.frames.base.ndim == 2
+    if not (_stated(program, "base") and one and result.taught_base is None and len(errors) > 1):
+        return []
+    rms, differs = (
+        1e3 * np.sqrt((part**2).sum(axis=1).mean()) for part in (errors, errors - errors.mean(axis=0))
+    )
+    if differs >= SAME * rms:
+        return []
+    return [
+        f"the error counts against a measured base: {rms:.2g} mm, of which {differs:.2g} mm differs along "
+        "the path; if the robot itself taught the base, give the points with --base-taught"
+    ]
 
 
 def _true_loads(machine: Machine) -> str:
@@ -161,7 +183,7 @@ def _from_start_values(result: Compensated, taught: bool) -> list[str]:
     if not (rows.size and machine.real.unmeasured):
         return []
     q, wrench, tip = found.q[rows], found.wrench[rows], found.targets[rows]
-    moved = from_start_values(machine, q, wrench, tip)
+    moved = from_start_values(machine, q, wrench, tip, found.taught_base)
     if taught:  # then the weight is in the targets
         moved -= from_start_values(machine, q, np.zeros_like(wrench), tip)
     size = np.linalg.norm(moved[:, :3], axis=1)

@@ -11,7 +11,7 @@ from rich.console import RenderableType
 
 from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
-from beamstiff.compensation.path import Frames, difference
+from beamstiff.compensation.path import difference
 from beamstiff.compensation.path_correction import DEFORMATION, EFFECTS, GEOMETRY
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.errors import counted
@@ -167,7 +167,7 @@ def compensation_text(result: Compensated) -> str:
     if before.rms_mm > NOTHING:
         less = 100 * (1 - after.rms_mm / before.rms_mm)
         text += f" ({less:.2f} % less, if the real robot is as assumed)"
-    text += f". {frame_text(result.machine.frames)}"
+    text += f". {frame_text(result)}"
     turned = result.correction.turned
     if not turned.all():
         what = "all targets" if not turned.any() else counted(int((~turned).sum()), "target")
@@ -186,11 +186,19 @@ def parts_text(result: Compensated) -> str:
     return f"Before correction, RMS of each part: {each}. They add up as vectors{together}."
 
 
-def frame_text(frames: Frames) -> str:
-    """Return, in words, in which frame the corrected targets stand."""
-    own = np.array_equal(frames.base, np.eye(4))
-    where = "the base frame of the robot" if own else "the program's base, which --base or the program places"
-    return f"Corrected targets are in {where}, like the original ones; the tracker's frame plays no part"
+def frame_text(result: Compensated) -> str:
+    """Return, in words, in which frame the corrected targets are, and where the real robot taught it."""
+    base = result.machine.frames.base
+    where = "base frame of the robot" if np.array_equal(base, np.eye(4)) else "frame of the path"
+    text = f"The corrected positions are in the {where}, like the original ones"
+    if (real := result.taught_base) is not None:
+        off = difference(real[None], base[None])[0]
+        far, turned = (factor * float(np.linalg.norm(off[part])) for part, factor in PARTS)
+        text += (
+            f". Errors count from the base as the real robot taught it, which is {told(far)} mm (at its "
+            f"origin) and {told(turned)} deg from the controller's"
+        )
+    return text
 
 
 def compensation_figure(result: Compensated, title: str = "") -> Figure:

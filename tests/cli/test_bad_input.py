@@ -182,6 +182,29 @@ def test_a_robot_without_a_drive_to_identify_is_refused_with_a_hint(refused: Ref
     refused("identify plain.yaml crane.csv", ["identify", "such as J1.axial"])
 
 
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (
+            "calibrate crane.yaml crane.csv --compliances --out x.yaml",
+            "--compliances: expected NAME,..., found",
+        ),
+        ("identify crane.yaml crane.csv --out --json", "--out: expected FILE, found the option --json"),
+        ("compare-runs crane.yaml crane.csv crane.csv --level --json -", "--level: expected P, found"),
+        ("schema --json --quiet", "--json: expected FILE, found the option --quiet"),
+    ],
+)
+def test_no_option_takes_the_next_one_for_its_value(refused: Refused, arguments: str, says: str) -> None:
+    refused(arguments, says)
+
+
+def test_values_may_be_negative(succeed: Run, refused: Refused) -> None:
+    assert succeed("stiffness crane.yaml --q q1=-10deg --json -").stdout
+    refused(
+        "compare-runs crane.yaml crane.csv crane.csv --level -1", "--level: found -1.0, expected a number"
+    )
+
+
 @pytest.mark.parametrize("command", ["stiffness", "show"])
 @pytest.mark.parametrize("length", ["1e160", "1e300"])
 def test_numbers_that_overflow_are_refused(refused: Refused, folder: Path, command: str, length: str) -> None:

@@ -25,6 +25,11 @@ PROGRAM = (
     "  LIN {X 1500,Y  200.0,Z 9.0E+02,A 0,B 110,C 0} C_DIS\r\n"
     "END\r\n"
 )
+TAUGHT = (
+    *("--base-taught", "x=1500mm,y=-200mm,z=900mm"),
+    *("--base-taught", "x=1900mm,y=-200mm,z=0.9"),
+    *("--base-taught", "x=1500mm,y=200mm,z=900mm"),
+)
 FAR = PROGRAM.replace("Y    0.0", "Y 9000.0")
 RESULT = re.compile(r"RMS (\S+) mm, at most .* commands: (?:RMS |under )(\S+) mm")
 
@@ -80,12 +85,12 @@ def test_a_target_out_of_reach_leaves_nothing_written(cell: Path, run: Run) -> N
     result = run("compensate kr500 far.src --out new.src --json r.json", *figure)
     assert result.exit_code == 2
     assert result.stderr.count("error:") == 1
-    assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN (out of reach by" in result.stderr
+    assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN 5 (out of reach by" in result.stderr
     assert not (cell / "new.src").exists()
     assert not (cell / "p.png").exists()
     assert not (cell / "p.html").exists()
     [lost] = json.loads((cell / "r.json").read_text())["unreachable"]
-    assert (lost["line"], lost["name"]) == (5, "LIN")
+    assert (lost["line"], lost["name"]) == (5, "LIN 5")
     assert lost["reason"].startswith("out of reach by")
 
 
@@ -120,6 +125,47 @@ def test_frames_say_what_the_numbers_count_from(cell: Path, succeed: Run) -> Non
     )
     np.testing.assert_allclose(b + np.array([0.5, 0, 0]), a, atol=2e-6)
     assert np.abs(a - here).max() > 1e-4
+
+
+SAGGING = "masses: [{node: n6b, mass: 500 kg}]\n"
+
+
+def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, told: Run) -> None:
+    """What its weight does everywhere alike is in the base too; what a base cannot take up remains."""
+    real = robot_to_yaml(load_robot("kr500")) + SAGGING
+    (cell / "real.yaml").write_text(real)
+    arguments = "compensate kr500 cell.src --actual real.yaml"
+    said = succeed(arguments).stderr
+    note = re.search(
+        r"note: the error counts against a measured base: (\S+) mm, of which (\S+) mm differs along the path"
+        "; if the robot itself taught the base, give the points with --base-taught",
+        said,
+    )
+    assert note is not None, said
+    whole, differing = map(float, note.groups())
+    facts = told(arguments)
+    error = 1e3 * np.array([target["before"][:3] for target in facts["targets"]])
+    assert whole == pytest.approx(facts["before"]["rms_mm"], rel=0.05)  # two digits
+    assert differing == pytest.approx(np.sqrt(((error - error.mean(0)) ** 2).sum(1).mean()), rel=0.05)
+    assert facts["before"]["rms_mm"] > 1
+    taught = succeed(arguments, *TAUGHT, "--json", "r.json", "--out", "new.src")
+    assert "measured base" not in taught.stderr
+    assert "Errors count from the base as the real robot taught it, which is" in " ".join(
+        taught.stdout.split()
+    )
+    less = json.loads((cell / "r.json").read_text())
+    assert 1e-3 < less["before"]["rms_mm"] < 0.3 * facts["before"]["rms_mm"]
+    assert less["after"]["max_mm"] < 1e-3
+    assert len(less["base_taught"]) == 6
+    assert "measured base" not in succeed(arguments, "--taught").stderr
+
+
+def test_a_measured_base_is_mentioned_only_where_most_of_the_error_is_alike(cell: Path, succeed: Run) -> None:
+    (cell / "one.src").write_text(PROGRAM.replace("  LIN {X 1500,", "  ;LIN {X 1500,"))
+    assert "measured base" not in succeed("compensate kr500 one.src --wrench fz=-900N").stderr
+    load = ("--process", "p.yaml")
+    (cell / "p.yaml").write_text("kind: cutting-table\nvariable: y\nvalues: [-1, 1]\nfz: [-9000, 9000]\n")
+    assert "measured base" not in succeed("compensate kr500 cell.src", *load).stderr
 
 
 def test_a_process_file_and_a_path_table(folder: Path, told: Run) -> None:
@@ -182,6 +228,16 @@ def test_a_path_without_load_and_weight_stays_as_it_is(cell: Path, succeed: Run)
         (["cell.src", "--figure", "p.gif"], "p.gif: found the ending 'gif', expected a figure"),
         (["cell.src", "--q", "q9=1"], "--q: unknown joint variable 'q9'"),
         (["broken.src"], "broken.src:2: LIN: Y: found 'abc', expected a number"),
+        (["cell.src", "--base-taught", "x=0"], "--base-taught: found 1 point, expected three: the origin, a"),
+        (["cell.src", "--base-taught", "a=0"], "--base-taught: found 'a=0', expected coordinates such as"),
+        (["cell.src", "--base-taught", "x=1deg"], "--base-taught: x: found the unit 'deg', expected a unit"),
+        (["cell.src", *TAUGHT, "--base-taught", "z=1"], "--base-taught: found 4 points, expected three"),
+        (["cell.src", *TAUGHT, "--taught"], "--base-taught: found together with taught, expected one of"),
+        (["cell.src", *TAUGHT, "--stream"], "--stream: answers lines, and goes with no --out, page,"),
+        (
+            ["cell.src", *TAUGHT[:4], "--base-taught", "x=9,y=-0.2,z=0.9"],
+            "--base-taught: found three points on one line",
+        ),
     ],
 )
 def test_bad_input_is_one_line(cell: Path, refused: Refused, arguments: list[str], message: str) -> None:
@@ -273,7 +329,7 @@ def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run
     assert "turned, deg" in result.stdout
     assert 0 < facts["before"]["max_deg"] < 0.5
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("LIN")]
-    assert [float(row[-1]) for row in rows] == pytest.approx([float(row[4]) for row in rows], abs=0.01)
+    assert [float(row[-1]) for row in rows] == pytest.approx([float(row[5]) for row in rows], abs=0.01)
 
 
 MEAN_OF_SHAPES = """
@@ -321,7 +377,7 @@ def test_a_frame_that_the_program_does_not_hold_is_asked_for(cell: Path, refused
 
 def test_a_stream_of_forces_is_answered_line_by_line(folder: Path) -> None:
     (folder / "a.src").write_text("PTP {X 2500,Y 100,Z 1700,A 0,B 90,C 10,S 2}\n")
-    lines = "target PTP 0 0 -900 0 0 0\ntarget PTP 0 0 0 0 0 0\nquit\n"
+    lines = "target PTP 1 0 0 -900 0 0 0\ntarget PTP 1 0 0 0 0 0 0\nquit\n"
     result = CliRunner().invoke(app, ["compensate", "kr500", str(folder / "a.src"), "--stream"], input=lines)
     assert result.exit_code == 0
     ready, loaded, free = result.stdout.splitlines()
@@ -338,6 +394,9 @@ def test_standard_deviations_come_from_identify(folder: Path, refused: Refused, 
     load = ("--wrench", "fz=-900N", "--std", "i.json")
     [found] = told("compensate kr500 a.src", *load, "--leave-doubtful")["targets"]
     assert found["std"][2] > 0
+    # where nothing states one there is none: 0 would be certainty
+    [silent] = told("compensate kr500 a.src --wrench fz=-900N --leave-doubtful")["targets"]
+    assert silent["std"] is None
     (folder / "i.json").write_text("[]")
     refused(["compensate", "kr500", "a.src", *load], "--std: i.json: found no parameters with a std")
 

@@ -16,6 +16,16 @@ def test_values_are_millimetres_and_degrees() -> None:
     np.testing.assert_allclose(pose[:3, 0], [0, 1, 0], atol=1e-15)
 
 
+def test_literals_in_motions_are_called_by_motion_and_line() -> None:
+    text = f"XP1={LITERAL}\nLIN {LITERAL}\n\nlin {LITERAL} C_DIS\nPTP XP1\nCIRC {LITERAL},{LITERAL}\n"
+    program = krl.read(text, "a.src")
+    assert program.path.names == ("XP1", "LIN 2", "LIN 4", "CIRC 6", "CIRC 6")
+    assert program.only(["LIN 4"]).path.lines.tolist() == [4]
+    assert program.only(["lin *"]).path.lines.tolist() == [2, 4]
+    with pytest.raises(BeamstiffError, match=r"found no target 'LIN 3' .*, it has XP1, LIN 2, LIN 4, CIRC 6"):
+        program.only(["LIN 3"])
+
+
 def test_what_is_no_target_is_left_alone() -> None:
     text = "\n".join(
         [
@@ -102,7 +112,7 @@ LITERAL = "{X 1500,Y 0,Z 900,A 0,B 90,C 0}"
 )
 def test_a_variable_that_is_a_base_or_a_tool_is_no_target(frame: str, rest: str) -> None:
     program = krl.read(f"{frame}\n{rest}\nLIN {LITERAL}\n", "a.src")
-    assert program.path.names == ("LIN",)
+    assert program.path.names == ("LIN 3",)
     assert "frames, tools and loads are left as they are: line 1" in program.notes
 
 
@@ -140,7 +150,7 @@ def pair(folder: Path) -> Path:
 
 def test_points_of_the_dat_are_targets_in_the_order_of_the_motions(tmp_path: Path) -> None:
     program = read_program(pair(tmp_path))
-    assert program.path.names == ("XP2", "LIN", "XP1")  # XP3 is moved to by nobody
+    assert program.path.names == ("XP2", "LIN 7", "XP1")  # XP3 is moved to by nobody
     assert [Path(one).name for one in program.path.files] == ["cell.dat", "cell.src", "cell.dat"]
     assert program.path.lines.tolist() == [6, 7, 3]
     assert program.path.place(2).endswith("cell.dat:3: XP1")
@@ -178,7 +188,7 @@ def test_a_dat_whose_points_no_motion_goes_to_is_left_aside(tmp_path: Path) -> N
     text = SRC.replace("XP2", "XQ2").replace("XP1", "XQ1")
     source.write_bytes(text.encode("latin-1"))
     program = read_program(source)
-    assert program.path.names == ("LIN",)
+    assert program.path.names == ("LIN 7",)
     assert program.files(program.with_poses(program.path.poses)) == (text.encode("latin-1"), None)
 
 

@@ -90,13 +90,13 @@ def test_doubtful_corrections_are_left_alone_on_request(program: Path) -> None:
 
 def test_the_protocol_answers_every_line(targets: OnlineTargets) -> None:
     lines = [
-        "target PTP 300 -200 -900 20 30 -10\n",
+        "target PTP 1 300 -200 -900 20 30 -10\n",
         "target #2\n",
         "\n",
         "pose 2.5 0.1 1.6 0 1.5707963267948966 0\n",
-        "target LIM\n",
+        "target LIM 2\n",
         "target #3\n",
-        "target PTP 1 2 x 0 0 0\n",
+        "target PTP 1 1 2 x 0 0 0\n",
         "pose 1 2\n",
         "pose 9 9 9 0 0 0\n",
         "quit\n",
@@ -112,7 +112,7 @@ def test_the_protocol_answers_every_line(targets: OnlineTargets) -> None:
     np.testing.assert_allclose(
         np.array(words[1:4], dtype=float), targets.command(0, LOAD).command[:3, 3], atol=1e-8
     )
-    assert "found no target 'LIM' (did you mean 'LIN'?)" in answers[3]
+    assert "found no target 'LIM 2' (did you mean 'LIN 2'?)" in answers[3]
     assert "found target number 3, expected 1 to 2" in answers[4]
     assert "expected numbers, SI" in answers[5]
     assert "out of reach" in answers[7]

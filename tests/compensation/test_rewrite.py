@@ -46,7 +46,7 @@ def test_a_resampled_path_follows_the_same_line() -> None:
     result = compensate_program(program, MACHINE, LOAD, steps=(0.025, np.inf))
     path = path_csv.read(result.content.decode("utf-8"), "a.csv").path
     assert len(path) == 9
-    assert path.names[:2] == ("LIN", "LIN+1/4")
+    assert path.names[:2] == ("LIN 1", "LIN 1+1/4")
     assert np.abs(result.after[:, :3]).max() < 1e-7
     sparse = krl.read(compensate_program(program, MACHINE, LOAD).content.decode("latin-1"), "a.src").path
     np.testing.assert_allclose(path.poses[::4, :3, 3], sparse.poses[:, :3, 3], atol=1e-6)

@@ -55,15 +55,6 @@ def test_deflection_under_a_concentrated_load(case: str, a: float, axis: int) ->
     assert found[axis] == pytest.approx(under_the_load(case, a, STEEL.E * second), rel=TOLERANCE)
 
 
-def test_guided_end() -> None:
-    """Case 1b, a = 0: the end slides across the beam without turning: P L^3 / 12 E I."""
-    points = [(0, 0, 0), (LENGTH, 0, 0), (LENGTH, 0, 0)]
-    guide = (1, 2, (0, 1, 0), (FREE, RIGID, RIGID, RIGID))
-    robot = frame(points, beams=[(0, 1)], joints=[guide], fixed=(0, 2), tcp=1, up=(0, 1, 0))
-    expected = FORCE * LENGTH**3 / (12 * STEEL.E * SECTION.Iz)
-    assert displacement(robot, {"n1": [0, FORCE, 0, 0, 0, 0]})[1] == pytest.approx(expected, rel=TOLERANCE)
-
-
 def test_reaction_of_the_prop() -> None:
     """Case 1c with the load in the middle: the prop takes 5/16 of it, the fixed end 3 P L / 16."""
     response = solve(supported(LENGTH / 2, FIXED, ROLLER), {"n2": [0, -FORCE, 0, 0, 0, 0]})

@@ -17,8 +17,6 @@ from tests.identification.campaigns import kr240, measured, rows, sensitivities,
 ROBOT = kr240()
 SPREAD = np.repeat([3e-5, 5e-5], 3)
 
-ROBOT = kr240()
-
 
 def whitened(table: Measurements) -> tuple[np.ndarray, np.ndarray]:
     return (sensitivities(ROBOT, table) / SPREAD[:, None]).reshape(-1, 6), (
@@ -105,17 +103,6 @@ def test_the_same_seed_draws_the_same_poses() -> None:
     first, again, other = (bootstrap(statement, theta, 20, seed).stiffness for seed in (5, 5, 6))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
-
-
-def test_processes_and_workers_find_the_same_to_the_bit(scheduler: str) -> None:
-    statement, theta = fitted(measured(ROBOT, rows(ROBOT, 10), white(rows(ROBOT, 10), 4)))
-    alone = bootstrap(statement, theta, 60, 5)
-    for found in (
-        bootstrap(statement, theta, 60, 5, processes=2),
-        bootstrap(statement, theta, 60, 5, scheduler=scheduler),
-    ):
-        assert found.stiffness.tobytes() == alone.stiffness.tobytes()
-        assert found.intervals == alone.intervals
 
 
 def test_springs_that_only_act_together_get_an_interval_of_their_sum() -> None:

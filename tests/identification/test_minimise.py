@@ -199,21 +199,6 @@ def test_of_several_searches_the_best_counts_and_it_is_said_how_many_ended_there
     assert found.message == f"{best.message}; {ended} of 3 searches ended there"
 
 
-def test_searches_in_processes_and_on_workers_are_the_same_to_the_bit(scheduler: str) -> None:
-    tried, effort = objective(), Effort(evaluations=300, searches=3)
-    found = minimise(tried, "crs2", effort=effort)
-    for other in (
-        minimise(tried, "crs2", effort=replace(effort, processes=2)),
-        minimise(tried, "crs2", effort=replace(effort, scheduler=scheduler)),
-    ):
-        assert other.theta.tobytes() == found.theta.tobytes()
-        assert (other.cost, other.evaluations, other.message) == (
-            found.cost,
-            found.evaluations,
-            found.message,
-        )
-
-
 def test_ctrl_c_keeps_the_best_of_the_searches_that_have_ended() -> None:
     tried, effort = objective(), Effort(evaluations=300)
     first = minimise(tried, "genetic", effort=effort)

@@ -34,15 +34,6 @@ def test_tied_values_keep_the_ratio_of_their_starts_and_held_ones_stay(seed: int
     assert (stated.stiffness(thetas) == [stated.stiffness(theta) for theta in thetas]).all()
 
 
-def test_sums_are_the_derivatives_of_the_logarithms() -> None:
-    stated = build_parameters(NAMES, START, ties=[["a", "b"]], held={"d"})
-    step = 1e-6
-    for at in range(stated.begin.size):
-        unit = step * np.eye(stated.begin.size)[at]
-        up, down = (np.log(stated.stiffness(stated.begin + sign * unit)) for sign in (1, -1))
-        assert (up - down) / (2 * step) == pytest.approx(stated.sums[:, at], abs=1e-8)
-
-
 def test_bounds_of_tied_values_hold_for_each_of_them() -> None:
     """a >= 500 and c <= 4e7 at a ratio of 2e4: a from 500 to 2000."""
     stated = build_parameters(NAMES, START, ties=[["a", "c"]], bounds={"a": (500.0, None), "c": (None, 4e7)})

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from beamstiff import Robot, load_robot
 from beamstiff.errors import BeamstiffError
@@ -22,28 +20,11 @@ from tests.identification.campaigns import (
     measured,
     rows,
     sensitivities,
-    shared_covariance,
     white,
 )
 
 SPREAD = np.repeat([POSITION, ROTATION], 3)
 BY = ("log", "stiffness", "compliance")
-
-
-def test_residuals_are_what_is_measured_beyond_the_model_in_standard_deviations() -> None:
-    robot, table = kr240(), rows(kr240(), 5, 2)
-    noise = white(table, 0)
-    problem = build_problem(robot, measured(robot, table, noise))
-    residuals = problem.residuals(problem.model.start)
-    assert residuals == pytest.approx((noise / SPREAD).ravel(), abs=1e-9)
-
-
-def test_residuals_of_rows_that_share_a_reading_whiten_its_covariance() -> None:
-    robot, table = kr240(), rows(kr240(), 4, 3, shared=True)
-    problem = build_problem(robot, measured(robot, table))
-    whitening = problem.whitening.toarray()
-    product = whitening @ shared_covariance(table) @ whitening.T
-    assert product == pytest.approx(np.eye(len(product)), abs=1e-12)
 
 
 @pytest.mark.parametrize("by", BY)
@@ -70,22 +51,6 @@ def test_derivatives_by_every_parametrisation_are_differences_of_the_residuals(n
         )
         expected = (4 * two - four) / 3
         assert jacobian[:, column] == pytest.approx(expected, abs=1e-8 * np.abs(jacobian[:, column]).max())
-
-
-def test_the_default_derivatives_are_by_the_logarithm() -> None:
-    problem = build_problem(*any_data("kr240-2"))
-    k = problem.model.start
-    assert (problem.jacobian(k)[1] == problem.jacobian(k, "log")[1]).all()
-
-
-def test_by_the_compliances_the_derivatives_of_a_serial_robot_are_those_of_its_paper() -> None:
-    """Seed 000, eq. 20: columns ``J_j (J^T w)_j``, whatever the stiffness."""
-    robot, table = kr240(), rows(kr240(), 6)
-    problem = build_problem(robot, measured(robot, table))
-    expected = -(sensitivities(robot, table) / SPREAD[:, None]).reshape(-1, 6)
-    for factor in (1e-3, 1.0, 1e3):
-        found = problem.jacobian(factor * problem.model.start, "compliance")[1]
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
 def test_an_unknown_parametrisation_is_named() -> None:
@@ -136,17 +101,6 @@ def test_several_tables_are_one_campaign_each_row_with_its_own_noise() -> None:
     assert 1 / found.stiffness == pytest.approx(best, rel=1e-7)
     spread = np.sqrt(np.diagonal(covariance) * max(found.chi_square, 1.0)) / best
     assert np.sqrt(np.diagonal(found.covariance)) == pytest.approx(spread, rel=1e-6)
-
-
-@settings(max_examples=10)
-@given(cut=st.integers(2, 9))
-def test_a_table_cut_in_two_says_what_it_says_in_one(cut: int) -> None:
-    robot, table = kr240(), rows(kr240(), 11)
-    data = measured(robot, table, white(table, 5))
-    parts = [subset(data, np.arange(cut)), subset(data, np.arange(cut, 11))]
-    assert identify(robot, parts, folds=0).stiffness == pytest.approx(
-        identify(robot, data, folds=0).stiffness, rel=1e-9
-    )
 
 
 def test_tables_of_other_variables_are_refused_with_both_names() -> None:

@@ -84,8 +84,6 @@ def test_stiffness_is_recovered_within_its_stated_std() -> None:
         inside.append((intervals[:, 0] <= TRUE) & (intervals[:, 1] >= TRUE))
         gain.append(relative(plain) / relative(found))
     one, covered = (np.abs(away) < 1).mean(axis=0), np.mean(inside, axis=0)
-    print(f"{SEEDS} seeds, J1 to J6: within one std {one.round(2)}, in the 95 % interval {covered.round(2)}")
-    print(f"std without over with the encoders of q2 and q4: {np.median(gain, axis=0).round(2)}")
     assert covered.min() >= 0.86  # of 50 draws at 95 %: less in one of 100
     assert one.min() >= 0.5
     assert (np.median(gain, axis=0)[[1, 3]] > 2).all()
@@ -104,7 +102,6 @@ def test_springs_in_series_that_the_tool_cannot_separate_are_known_by_one_encode
         within.append(np.abs(found.stiffness - TRUE)[[3, 5]] < 2 * (relative(found) * TRUE)[[3, 5]])
         assert np.isfinite(relative(found)).all()
     share = np.mean(within, axis=0)
-    print(f"series: J4, J6 within two std in {share} of {SEEDS}; std {relative(found)[[3, 5]].round(3)}")
     assert (share >= 0.86).all()
 
 
@@ -117,7 +114,6 @@ def test_errors_of_the_loads_count_for_the_wind_up_too() -> None:
         found = identify(ROBOT, replace(rows, wrench=read, sigma_load=30.0), folds=0)
         away.append((found.stiffness - TRUE) / (relative(found) * TRUE))
     size = np.sqrt(np.mean(np.square(away), axis=0))
-    print(f"loads to 2 %: RMS error over stated std {size.round(2)}")
     assert (size < 1.35).all()  # of 50 draws: more in one of a thousand
 
 

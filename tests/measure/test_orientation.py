@@ -57,15 +57,6 @@ def test_at_the_pole_the_first_angle_stays(a: float, c: float, b: float) -> None
     np.testing.assert_allclose(numbers, like, atol=1e-7)
 
 
-def test_kuka_angles_turn_about_z_then_the_new_y_then_the_new_x() -> None:
-    # A 30, B 0, C 0: x points 30 deg to the left; B 90: the tool's x looks down, its z forward
-    np.testing.assert_allclose(
-        KUKA.rotations(np.radians([[30.0, 0, 0]]))[0, :, 0], [np.sqrt(0.75), 0.5, 0.0], atol=1e-15
-    )
-    down = KUKA.rotations(np.radians([[0.0, 90.0, 0.0]]))[0]
-    np.testing.assert_allclose(down[:, [0, 2]].T, [[0, 0, -1], [1, 0, 0]], atol=1e-15)
-
-
 def test_rapid_puts_the_scalar_first() -> None:
     # [0, 0, 1, 0]: half a turn about y, the tool looks down
     half = Quaternion().rotations(np.array([[0.0, 0.0, 1.0, 0.0]]))[0]

@@ -10,10 +10,8 @@ import pytest
 from beamstiff.measure.doubts import doubts
 from beamstiff.measure.reader import parse_measurements, read_measurements
 from beamstiff.measure.rows import history_order
-from beamstiff.measure.table import Measurements
 from beamstiff.measure.writer import measurements_to_csv
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array
 
 
 def practice_sets(shared_path: Callable[[str], Path]) -> dict[Path, dict[str, object]]:
@@ -65,42 +63,6 @@ def test_practice_sets_survive_writing(kr240: Robot, shared_path: Callable[[str]
         np.testing.assert_array_equal(back.q, table.q)
         np.testing.assert_allclose(back.measured, table.measured, rtol=1e-15)
         assert back.sigma_position == table.sigma_position
-
-
-def of_repeats(rows: Measurements) -> tuple[Array, Array]:
-    """Return the standard deviation pooled over rows of the same configuration and load, and its freedom."""
-    names = [np.unique(one, return_inverse=True)[1] for one in (rows.point, rows.load_point, rows.target)]
-    inputs = np.column_stack([rows.q, rows.wrench, *names])
-    size = np.abs(inputs).max(axis=0)
-    same = np.unique(np.round(inputs / np.where(size > 0, size * 1e-6, 1.0)), axis=0, return_inverse=True)[1]
-    groups = [rows.measured[same.reshape(-1) == one] for one in range(same.max() + 1)]
-    freedom = sum(np.maximum((~np.isnan(group)).sum(axis=0) - 1, 0) for group in groups)
-    squares = sum(np.nansum((group - group.mean(axis=0)) ** 2, axis=0) for group in groups)
-    return np.sqrt(squares / freedom), np.asarray(freedom)
-
-
-def test_the_noise_of_a_header_shows_in_the_repeats_of_its_file(
-    kr240: Robot, shared_path: Callable[[str], Path]
-) -> None:
-    repeated = 0
-    for path, label in practice_sets(shared_path).items():
-        if label["effect"] != "backlash":  # sets that go through every load twice
-            continue
-        rows = read_measurements(path, kr240)
-        sigma, freedom = of_repeats(rows)
-        assert freedom.min() > 30
-        assert (np.abs(sigma / np.repeat([3e-5, 5e-5], 3) - 1) < 4 / np.sqrt(2 * freedom)).all()
-        repeated += 1
-    assert repeated
-
-
-def test_hysteresis_shows_in_repeats_by_loading_and_unloading(
-    kr240: Robot, shared_path: Callable[[str], Path]
-) -> None:
-    [path] = [p for p, label in practice_sets(shared_path).items() if label["effect"] == "hysteresis"]
-    rows = read_measurements(path, kr240)
-    sigma, _ = of_repeats(rows)
-    assert np.sqrt((sigma[:3] ** 2).mean()) > 1.5 * 3e-5
 
 
 def test_the_published_surface_of_the_ir663(shared_path: Callable[[str], Path]) -> None:

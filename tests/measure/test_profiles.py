@@ -134,14 +134,6 @@ def test_orientations_are_carried_along() -> None:
     np.testing.assert_allclose(list(map(float, row[4:])), [0.1, 0.2, -0.5], atol=1e-12)
 
 
-def test_files_are_read_and_named(tmp_path: Path) -> None:
-    (tmp_path / "sa.yaml").write_text(SA_PROFILE)
-    (tmp_path / "sa.txt").write_text(SA)
-    (tmp_path / "q.csv").write_text(JOINTS)
-    made = convert_points(tmp_path / "sa.txt", read_profile(tmp_path / "sa.yaml"), tmp_path / "q.csv")
-    assert made.count == 2
-
-
 GOOD = "columns: {point: 1, x: 2, y: 3, z: 4}\nunits: {length: mm}\n"
 
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.samples import average_samples, difference_of_states
-from beamstiff.measure.table import make_measurements
 
 
 @given(st.integers(1, 60), st.integers(1, 3), st.integers(0, 10_000), st.booleans())
@@ -37,14 +36,6 @@ def test_states_are_averaged_as_numpy_would_one_by_one(n: int, d: int, seed: int
             else:
                 assert np.isnan(found.spread[at, column])
     assert (found.rejected == 0).all()
-
-
-def test_the_sigma_of_a_mean_is_the_spread_of_means() -> None:
-    random = np.random.default_rng(1)
-    states, each = 2000, 100
-    found = average_samples(random.normal(0, 8e-5, (states * each, 1)), np.repeat(np.arange(states), each))
-    assert np.std(found.mean) == pytest.approx(8e-6, rel=0.05)
-    assert np.mean(found.sigma) == pytest.approx(8e-6, rel=0.01)
 
 
 def test_outliers_are_left_out_when_asked() -> None:
@@ -97,21 +88,6 @@ def test_loaded_less_unloaded_has_both_errors() -> None:
         difference_of_states(states, [20], [30])
     with pytest.raises(BeamstiffError, match="2 loaded and 1 unloaded"):
         difference_of_states(states, [20, 20], [10])
-
-
-def test_states_become_measurements_with_their_own_sigma() -> None:
-    random = np.random.default_rng(5)
-    samples = np.concatenate(
-        [random.normal(m, s, (100, 3)) for m, s in ((1, 1e-5), (1.001, 1e-5), (1.002, 1e-4))]
-    )
-    states = average_samples(samples, np.repeat([0, 1, 2], 100))
-    d, sigma = difference_of_states(states, [1, 2], [0, 0])
-    own = np.hstack([sigma, np.full((2, 3), np.nan)])
-    table = make_measurements(
-        ["q1"], [[0.0], [0.0]], tcp="n", displacement=d, sigma=own, shared_unloaded=True
-    )
-    assert table.sigma[0, 0] == pytest.approx(np.sqrt(2) * 1e-6, rel=0.3)
-    assert table.sigma[1, 0] == pytest.approx(1e-5, rel=0.3)
 
 
 @pytest.mark.parametrize(

@@ -212,17 +212,13 @@ def test_planted_exchanges_are_mended_and_none_is_made_in_random_tables() -> Non
         orders = planted(rng, states, points, rng.uniform(0.1, 0.6 if seed % 2 else 0.45))
         try:
             found = mend_labels(exchanged(right, orders, points), known)[0].point.reshape(states, points)
-        except BeamstiffError as error:
-            print(seed, points, states, str(error))
+        except BeamstiffError:
             refused += 1
         else:
             count += len(orders)
             mended_right += sum(found[state].tolist() == right.point[:points].tolist() for state in orders)
         untouched = mend_labels(right, known)[0]
         false += int((untouched.point != right.point).sum()) + len(right) - len(untouched)
-    print(
-        f"{TABLES} tables: {mended_right} of {count} exchanges mended, {refused} tables refused, {false} made"
-    )
     assert (mended_right, false) == (count, 0)
     assert refused <= 2
 
@@ -246,11 +242,7 @@ def test_exchanges_planted_in_real_readings_are_mended(
     states = len(right) // 3
     assert list(label_doubts(right, SOMEWHERE)) == []
     assert mend_labels(right, SOMEWHERE)[0].point.tolist() == right.point.tolist()
-    mended = 0
     for seed in range(10):  # 13 of 21 states, as in a public set
         orders = planted(np.random.default_rng(seed), states, 3, 13 / 21)
         point = mend_labels(exchanged(right, orders), SOMEWHERE)[0].point.reshape(-1, 3)
-        same = (point == right.point[:3]).all(axis=1)
-        mended += int(same[list(orders)].sum())
-        assert same.all(), seed
-    print(f"{readings.__name__[1:]}: {mended} exchanges mended in 10 copies of {states} states")
+        assert (point == right.point[:3]).all(), seed

@@ -137,27 +137,6 @@ def test_derivatives_are_differences_of_the_whole_structure(name: str) -> None:
         assert np.abs(derivatives[..., at] - expected).max() <= 1e-8 * size
 
 
-@settings(max_examples=10)
-@given(seed=seeds)
-def test_derivative_of_the_compliance_is_minus_w_w_transposed(seed: int) -> None:
-    """dC/dk of one spring: symmetric, of rank one, and stiffer is never softer."""
-    robot = load_robot("ir663")
-    low, high = ROBOTS["ir663"]
-    q = np.random.default_rng(seed).uniform(low, high)
-    table = make_measurements(
-        ["q2", "q8"], [q] * 6, tcp="n7", wrench=np.eye(6), displacement=np.zeros((6, 6))
-    )
-    model = reduce_to_ports(robot, table, ["J12.torsional", "J18.torsional"])
-    stiffness = values(model, seed)
-    C, derivatives = model.derivatives(stiffness)
-    assert relative_error(C, C.T) <= 1e-12
-    inverse = np.linalg.inv(model.port_stiffness[0] + np.diag(stiffness))
-    for parameter in range(2):
-        w = inverse[parameter] @ model.force.T  # the port's displacement under each unit wrench
-        assert relative_error(derivatives[:, :, parameter], -np.outer(w, w)) <= 1e-10
-        assert np.linalg.eigvalsh(derivatives[:, :, parameter])[-1] <= 1e-12 * np.abs(derivatives).max()
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_candidates_at_once_are_those_one_by_one(name: str) -> None:
     model = reduce_to_ports(load_robot(name), rows(load_robot(name), 3), LISTED[name])

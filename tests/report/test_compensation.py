@@ -14,6 +14,7 @@ from beamstiff.compensation.path import Frames
 from beamstiff.compensation.path_correction import DEFORMATION, EFFECTS, GEOMETRY
 from beamstiff.compensation.process.load import Constant
 from beamstiff.compensation.rewrite import Compensated, compensate_program, size_of
+from beamstiff.compensation.taught_base import TaughtBase
 from beamstiff.report.compensation import (
     compensation_figure,
     compensation_table,
@@ -22,6 +23,7 @@ from beamstiff.report.compensation import (
     uncorrected_table,
 )
 from beamstiff.robot.reader import load_robot
+from beamstiff.se3 import rotation_from_vector, transform
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +55,25 @@ def test_the_text_counts_what_could_be_followed(result: Compensated) -> None:
     assert text.startswith("Predicted error of the tool at 2 targets: RMS 0.")
     assert "99." in text
     assert "position alone" not in text
-    assert "are in the base frame of the robot" in text
+    assert text.endswith(
+        ". The corrected positions are in the base frame of the robot, like the original ones."
+    )
     shifted = Frames(base=np.diag([1.0, -1.0, -1.0, 1.0]))
     moved = replace(result, machine=replace(result.machine, frames=shifted))
-    assert "are in the program's base, which --base or the program places" in compensation_text(moved)
+    assert "positions are in the frame of the path, like the original ones." in compensation_text(moved)
+
+
+def test_the_text_says_how_far_off_the_real_robot_taught_the_base(result: Compensated) -> None:
+    turn = rotation_from_vector(np.array([0.0, 0.0, np.radians(0.5)]))
+    still = np.tile(np.eye(4), (3, 1, 1))
+    base = TaughtBase(still, np.zeros((3, 6)), transform(turn, np.array([0.003, 0.004, 0.0])))
+    taught = replace(result, correction=replace(result.correction, taught_base=base))
+    said = "from the base as the real robot taught it, which is 5.0 mm (at its origin) and 0.50 deg from"
+    assert said in compensation_text(taught)
+    np.testing.assert_allclose(
+        taught.to_dict()["base_taught"], [0.003, 0.004, 0, 0, 0, np.radians(0.5)], atol=1e-15
+    )
+    assert "base_taught" not in result.to_dict()
 
 
 def test_the_headline_says_what_the_error_comes_from(result: Compensated) -> None:

@@ -90,19 +90,6 @@ def test_loops_of_the_four_bar_are_found(everything: str) -> None:
     assert len(loops) == graph.number_of_edges() - graph.number_of_nodes() + 1
 
 
-def test_what_hangs_on_what(everything: str) -> None:
-    robot = parse_robot(everything)
-    tree = support_tree(structure_graph(robot), robot.fixed)
-    assert nx.is_arborescence(tree)
-    assert list(tree.predecessors("n0")) == []
-    path = nx.shortest_path(tree, "n0", "tip")
-    # over the swing or over the rod: both are three elements from n1 to n3b
-    assert path[:3] == ["n0", "n0b", "n1"]
-    assert path[3] in ("n2", "n8")
-    assert path[4:] == ["n3", "n3b", "tip"]
-    assert tree.nodes["tip"]["tcp"]
-
-
 connected = st.integers(2, 12).flatmap(
     lambda nodes: st.tuples(
         st.just(nodes),

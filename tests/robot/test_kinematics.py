@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from beamstiff import BeamstiffError, Frame, Node, Robot, Variable
+from beamstiff import BeamstiffError, Frame, Robot
 from beamstiff.robot.frames import MOTIONS
 from beamstiff.robot.kinematics import (
     actuated_values,
@@ -258,17 +258,3 @@ def test_an_unknown_node_is_named() -> None:
     kinematics = compile_kinematics(kr240())
     with pytest.raises(BeamstiffError, match=r"no node 'tol' \(did you mean 'tool'\?\)"):
         pose_of(kinematics, posture(kinematics, {}), "tol")
-
-
-def test_nodes_move_with_their_frames() -> None:
-    robot = machine(
-        [Variable(name="q1", type="revolute")],
-        [Frame(name="f1", alpha="90 deg", theta="q1", r=0.5)],
-        tool=("f1", (1, 0, 0)),
-        nodes=[Node(name="back", frame="f1", at=(-1, 0, 0))],
-    )
-    kinematics = compile_kinematics(robot)
-    # rot(x, 90 deg) lays z along -y; a quarter turn about it takes x to z
-    places = posture(kinematics, [np.pi / 2]).node_positions[0]
-    assert np.abs(places[kinematics.node_index["tool"]] - [0, -0.5, 1]).max() < 1e-15
-    assert np.abs(places[kinematics.node_index["back"]] - [0, -0.5, -1]).max() < 1e-15

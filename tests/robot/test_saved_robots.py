@@ -1,14 +1,13 @@
-"""Whatever is saved loads, and predicts the same."""
+"""Whatever is saved loads, and is the same robot."""
 
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from beamstiff import compile_structure, load_robot, posture, robot_names, save_robot, tcp_compliance
+from beamstiff import load_robot, robot_names, save_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
@@ -21,16 +20,6 @@ def saved(robot: Robot) -> Robot:
     with tempfile.TemporaryDirectory() as folder:
         save_robot(robot, Path(folder) / "robot.yaml")
         return load_robot(Path(folder) / "robot.yaml")
-
-
-def compliance(robot: Robot) -> np.ndarray | str:
-    """Return the compliance in mid-range, or why there is none: what is free may move."""
-    structure = compile_structure(robot)
-    middle = [np.mean(item.limits) if item.limits else item.guess for item in robot.actuated]
-    try:
-        return np.asarray(tcp_compliance(structure, posture(structure.kinematics, np.array([middle]))))
-    except BeamstiffError as error:
-        return str(error)
 
 
 @st.composite
@@ -46,16 +35,10 @@ def changed(draw: st.DrawFn) -> tuple[str, dict[str, float]]:
 
 @settings(max_examples=20, deadline=None)
 @given(changed())
-def test_a_robot_with_other_stiffness_loads_and_predicts_the_same(what: tuple[str, dict[str, float]]) -> None:
+def test_a_robot_with_other_stiffness_loads_as_the_same_robot(what: tuple[str, dict[str, float]]) -> None:
     name, values = what
     robot = BUNDLED[name].with_parameters(values)
-    again = saved(robot)
-    assert again == robot
-    expected, found = compliance(robot), compliance(again)
-    if isinstance(expected, str) or isinstance(found, str):
-        assert found == expected
-    else:
-        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    assert saved(robot) == robot
 
 
 # a beam is never rigid: robots whose first value is that of a joint

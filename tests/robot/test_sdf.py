@@ -1,11 +1,9 @@
 """SDF in: the same machine as its URDF twin, written out by hand."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from beamstiff import BeamstiffError, load_robot
+from beamstiff import BeamstiffError
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.sdf import parse_sdf
@@ -61,11 +59,6 @@ def test_a_joint_beside_the_origin_of_its_link_turns_about_its_own_axis() -> Non
     np.testing.assert_allclose(placed, [[0, 0, 0.4], [0.3, -0.3, 0.4]], atol=1e-12)
     joint, nodes = robot.joints[0], {node.name: node for node in robot.nodes}
     assert nodes[joint.nodes[0]].frame == nodes[joint.nodes[1]].frame == joint.frame
-
-
-def test_load_robot_takes_sdf(tmp_path: Path) -> None:
-    (tmp_path / "arm.sdf").write_text(SDF)
-    assert load_robot(tmp_path / "arm.sdf").tcp == "tip"
 
 
 @pytest.mark.parametrize(

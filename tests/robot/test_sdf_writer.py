@@ -2,7 +2,6 @@
 
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.sdf import parse_sdf
 from beamstiff.robot.sdf_writer import robot_to_sdf
-from beamstiff.robot.urdf.reader import parse_urdf, read_urdf
+from beamstiff.robot.urdf.reader import parse_urdf
 from beamstiff.se3 import Array
 from tests.robot.test_sdf import SDF
 from tests.robot.urdf_texts import EVERYTHING, trees
@@ -96,13 +95,6 @@ def test_what_sdf_cannot_say_is_told() -> None:
     told = " ".join(robot_to_sdf(load_robot("ir663")).lost)
     for part in ("loops (1)", "beams (6)", "stiffness of J1010", "passive joints"):
         assert part in told
-
-
-def test_the_trailblazer_goes_through_sdf(shared_path: Callable[[str], Path]) -> None:
-    robot = read_urdf(shared_path("real/hilti_trailblazer/trailblazer.urdf"), tcp="prism")
-    again = parse_sdf(robot_to_sdf(robot).text, tcp="prism")
-    assert again.variables == robot.variables
-    check_same_links(robot, again, ["prism"])
 
 
 def test_names_are_escaped() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from beamstiff import BeamstiffError, Robot, load_robot, robot_names, save_robot
+from beamstiff import BeamstiffError, Robot, load_robot, robot_names
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.reader import parse_robot
@@ -247,13 +247,6 @@ def test_an_extension_and_a_tree_that_tell_of_two_machines_are_refused() -> None
     at = text.index('xyz="', text.index('<joint name="q2"')) + 5
     with pytest.raises(BeamstiffError, match=r"stands .* beside the link of this name"):
         parse_urdf(text[:at] + "9" + text[at:])
-
-
-def test_load_robot_and_save_take_urdf(tmp_path: Path) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(EVERYTHING.replace("</robot>", f'<beamstiff tcp="{TCP}"/></robot>'), encoding="utf-8")
-    save_robot(load_robot(file), tmp_path / "arm.yaml")
-    assert load_robot(tmp_path / "arm.yaml") == load_robot(file)
 
 
 LINKS = '<link name="a"/><link name="b"/>'

@@ -207,20 +207,6 @@ def test_rows_read_as_an_engineer_would_write_them(row: str, everything: str) ->
     assert row in robot_to_yaml(parse_robot(everything)).splitlines()
 
 
-def test_a_passive_joint_that_is_rigid_on_purpose_stays_so(everything: str) -> None:
-    robot = parse_robot(everything.replace("torsional: free", "torsional: rigid"))
-    assert robot.joints[2].stiffness.torsional == math.inf
-    assert parse_robot(robot_to_yaml(robot)) == robot
-
-
-def test_identified_values_are_written_back(everything: str) -> None:
-    robot = parse_robot(everything).with_parameters({"J2.torsional": 1.0 / 3.0, "screw": 123456789.125})
-    again = parse_robot(robot_to_yaml(robot))
-    assert again == robot
-    assert again.parameter("J2.torsional") == 1.0 / 3.0
-    assert again.parameter("screw") == 123456789.125
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
     [

@@ -11,6 +11,8 @@ Frames (`krl_frames`): of a literal those that hold where it stands; of a declar
 else those that hold at the motions to it. S and T choose the posture, but of targets that only LIN, CIRC and
 the like go to, where the controller does not look at them.
 
+A literal in a motion is called by both, with its line: ``LIN 14``. Others have the names that they are given.
+
 The points of a ``.src`` may stand in the ``.dat`` beside it: then both are one text with a seam, the targets
 are those that its motions go to, in the order of these, and both are written.
 """
@@ -136,7 +138,7 @@ def _base_name(place: Place) -> str:
 
 def _as_reached(place: Place, reached: dict[str, list[tuple[str, FrameState]]], end: FrameState) -> Place:
     """Return a named target with the frames of its data, else of the motions to it; a literal as it is."""
-    if place.name in MOTIONS:
+    if place.name.partition(" ")[0] in MOTIONS:
         return place
     name = _base_name(place)
     motions = reached.get(name, [])
@@ -233,7 +235,8 @@ def _target(
         fail(source, line, name, f"found no {', '.join(missing)}, expected all of X, Y, Z, A, B, C{why}")
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
     position = tuple(slots[key] for key in POSITION)
-    return Place(name, line, position, rotation, inherited, posture=_stated(stated))
+    own = f"{name} {line}" if motion else name  # a literal in a motion has no other name
+    return Place(own, line, position, rotation, inherited, posture=_stated(stated))
 
 
 def _stated(bits: dict[str, int]) -> StatedPosture | None:

@@ -15,7 +15,6 @@ from scipy.optimize import nnls
 
 from beamstiff import load_robot
 from beamstiff.errors import BeamstiffError
-from beamstiff.identification.identify import identify
 from beamstiff.identification.methods.linear import bounded_step
 from beamstiff.identification.minimise import GLOBAL, METHODS, Effort, minimise
 from beamstiff.identification.objective import Objective
@@ -212,14 +211,3 @@ def test_what_nlopt_itself_raises_keeps_the_best_so_far(monkeypatch: pytest.Monk
     found = minimise(objective, "slsqp")
     assert found.message.startswith("stopped by NLopt")
     assert found.cost < objective.cost(objective.parameters.begin)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_identify_takes_every_method(method: str) -> None:
-    robot, table = kr240(), rows(kr240(), 8)
-    data = measured(robot, table, white(table, 1))
-    effort = Effort(evaluations=500) if method in GLOBAL else None
-    found = identify(robot, data, method=method, folds=0, effort=effort)
-    expected = identify(robot, data, folds=0)
-    assert found.method == method
-    assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
