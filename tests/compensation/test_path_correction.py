@@ -47,15 +47,17 @@ def path_of(robot: Robot, count: int = 6, turns: bool = True) -> ToolPath:
     return ToolPath("path", names, np.arange(1, count + 1), poses, np.full(count, turns))
 
 
+BACKLASH = AddedEffect(
+    effect="backlash",
+    component="q3",
+    shape="flank within 0.03",
+    parameters={"half_width": "0.1 mrad"},
+    scales={"torque": 2000.0},
+)
+
+
 def heavy() -> Robot:
     """Return a KR500 with a tool, backlash and an encoder that is off."""
-    backlash = AddedEffect(
-        effect="backlash",
-        component="q3",
-        shape="flank within 0.03",
-        parameters={"half_width": "0.1 mrad"},
-        scales={"torque": 2000.0},
-    )
     robot = load_robot("kr500")
     frames = tuple(
         frame.model_copy(update={"theta": "q2 + 0.0005"}) if frame.name == "f2" else frame
@@ -65,7 +67,7 @@ def heavy() -> Robot:
         update={
             "frames": frames,
             "masses": (Mass(node="n6b", mass=180.0, at=(0.05, 0.0, 0.2)), Mass(node="n3b", mass=300.0)),
-            "effects": (backlash,),
+            "effects": (BACKLASH,),
         }
     )
 

@@ -15,6 +15,7 @@ from beamstiff.robot.parts import AddedEffect, Frame, Mass
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, transform, vector_from_rotation
+from tests.compensation.test_path_correction import BACKLASH
 
 TEXT = "".join(f"LIN {{X {x},Y {y},Z 20,A 10,B 30,C 180}}\n" for x, y in ((0, 0), (250, 40), (400, 300)))
 BASE = transform(rotation_from_vector(np.array([0.02, -0.03, 0.4])), np.array([1.3, -0.2, 0.8]))
@@ -100,14 +101,7 @@ def test_the_error_is_what_forward_kinematics_alone_say(tmp_path: Path) -> None:
 
 
 def heavy() -> Robot:
-    slack = AddedEffect(
-        effect="backlash",
-        component="q3",
-        shape="flank within 0.03",
-        parameters={"half_width": "0.1 mrad"},
-        std={"half_width": "0.01 mrad"},
-        scales={"torque": 2000.0},
-    )
+    slack = AddedEffect(**{**BACKLASH.model_dump(), "std": {"half_width": "0.01 mrad"}})
     spindle = Mass(node="n6b", mass=300.0, at=(0.0, 0.0, 0.3))
     return shifted(load_robot("kr500")).model_copy(update={"effects": (slack,), "masses": (spindle,)})
 

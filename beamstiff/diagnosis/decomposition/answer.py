@@ -51,8 +51,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     forms = list(forms_in(choice, step).values())
     total = float(errors[0].sum())
     theta, covariance = solved_beside(folds.carrying or model, forms)
-    scatter = float(np.sqrt(step.squares / max(choice.freedom - step.determined, 1.0)))
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(scatter, 1.0)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * max(step.scatter, 1.0)
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
@@ -105,7 +104,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         noise=float(np.sqrt(noise2 / folds.rows)),
         # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
         change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
-        scatter=scatter,
+        scatter=step.scatter,
         bic=least,
         largest=_largest(errors),
     )
@@ -156,7 +155,7 @@ def _without_cancelling(
         explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
         shown = [own / explainable for own in _shown(folds, order)]
         shares = closed(errors, noise2)
-        free = {at for at, cause in enumerate(order) if not folds.choice.kept.intersection(cause)}
+        free = {at for at, cause in enumerate(order) if not folds.choice.keeps(cause)}
         negative = {at for at in free if shares[at] <= -MINOR}
         cancelling = {at for at in free if shown[at] < MINOR <= abs(shares[at])}
         if max(error.sum() for error in errors) > errors[0].sum():
@@ -207,7 +206,7 @@ def _judged(
     alike = [rival.indistinguishable for rival in rivals]
     odds = np.array(discrepancy_odds(choice, step, order, alike))
     if folds.stated is not None:  # without errors of loads what is compliant is not under them either
-        kept = np.array([bool(choice.kept.intersection(cause)) for cause in order], dtype=bool)
+        kept = np.array([choice.keeps(cause) for cause in order], dtype=bool)
         bare = folds.stated.choice
         odds[kept] = np.array(discrepancy_odds(bare, fit_step(bare, step.chosen), order, alike))[kept]
     return {
@@ -230,7 +229,7 @@ def _judged(
 
 def _rival_of(folds: Folds, step: Step, cause: Numbers, replaced: Sequence[tuple[int, Step]]) -> Rival:
     """Return how sure a cause is, the error of a load among all causes under loads as stated."""
-    if folds.stated is not None and folds.choice.kept.intersection(cause):
+    if folds.stated is not None and folds.choice.keeps(cause):
         folds = folds.stated
         step = fit_step(folds.choice, step.chosen)
     return rival_of(folds.choice, step, cause, folds.squared_errors, replaced)
@@ -279,7 +278,7 @@ def without_weak(folds: Folds, step: Step) -> Step:
             for at, fit in enumerate(fits)
             if (sure[at] < PRESENT or gains[at] <= 0.0)
             and np.isfinite(fit.bic)
-            and not choice.kept.intersection(causes[at])
+            and not choice.keeps(causes[at])
         ]
         if not weak:
             break
@@ -291,7 +290,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
     """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
     choice = folds.choice
     for _ in range(ROUNDS):
-        causes = [cause for cause in causes_of(choice, step) if not choice.kept.intersection(cause)]
+        causes = [cause for cause in causes_of(choice, step) if not choice.keeps(cause)]
         replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)

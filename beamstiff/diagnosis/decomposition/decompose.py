@@ -17,16 +17,9 @@ from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, QUARTER, Caus
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes
-from beamstiff.diagnosis.decomposition.loads import (
-    follows_drives,
-    has_loads,
-)
+from beamstiff.diagnosis.decomposition.loads import follows_drives, has_loads
 from beamstiff.diagnosis.decomposition.nested import nested, promised
-from beamstiff.diagnosis.decomposition.open_model import (
-    OpenModel,
-    open_as_determined,
-    open_stiffness,
-)
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_as_determined, open_stiffness
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
@@ -227,11 +220,9 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
 
 def _beside(settings: Settings, folds: Folds, step: Step, chosen: Sequence[Form]) -> OpenModel:
     """Return the open model that is calibrated beside causes, errors of loads as they settle if they do."""
-    if has_loads(folds.model, chosen):
-        scatter = float(np.sqrt(step.squares / max(folds.choice.freedom - step.determined, 1.0)))
-        if (model := settle(settings, folds.model, scatter, chosen)) is not None:
-            return model
-    return settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
+    loads = has_loads(folds.model, chosen)
+    model = settle(settings, folds.model, step.scatter, chosen) if loads else None
+    return model or settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
 
 
 def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
@@ -246,10 +237,10 @@ def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tup
                 continue
             others, same = settings.folds(model, chosen)
             fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
-        best = min(fits, key=lambda fit: fit[1].bic, default=(folds, step))
-        if best[1].bic > step.bic or best[1] is step:
+        fits = [fit for fit in fits if fit[1].bic <= step.bic]
+        if not fits:
             break
-        folds, step = best
+        folds, step = min(fits, key=lambda fit: fit[1].bic)
     return folds, step
 
 

@@ -11,7 +11,7 @@ smooth law, not what the tracker reads to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -134,6 +134,10 @@ class Choice:
         """Return the columns (n, C) as long as those of another choice of the same forms."""
         return self.columns * (other.units / self.units)
 
+    def keeps(self, numbers: Iterable[int]) -> bool:
+        """Return whether some forms are errors of loads that others are under."""
+        return not self.kept.isdisjoint(numbers)
+
     def products_of(self, number: int) -> Array:
         """Return the products (c, C) of a form's columns, or the drives', with all columns; they are kept."""
         if number not in self.products:
@@ -178,6 +182,11 @@ class Step:
     squares: float
     determined: float
     bic: float
+
+    @property
+    def scatter(self) -> float:
+        """What is left over the stated noise."""
+        return float(np.sqrt(self.squares / max(self.choice.freedom - self.determined, 1.0)))
 
     @property
     def columns(self) -> Array:

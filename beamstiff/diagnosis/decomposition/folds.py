@@ -86,7 +86,7 @@ class Folds:
         basis = orthonormal(columns[:, :drives])
         ends = drives + np.cumsum([sum(step.free_count(k) for k in cause) for cause in order], dtype=int)
         deformed = self.deformed(step)
-        loads = [at for at, cause in enumerate(order) if self.choice.kept.intersection(cause)]
+        loads = [at for at, cause in enumerate(order) if self.choice.keeps(cause)]
         told = max(loads, default=len(order))
         left = np.zeros((len(ends), self.model.count))
         for out, root in self.parts:
@@ -217,7 +217,7 @@ def _largest_first(folds: Folds, causes: Sequence[tuple[int, ...]]) -> list[tupl
     step = fit_step(choice, [number for cause in causes for number in cause])
     drives = orthonormal(step.columns[:, : int(step.drives.sum())])
     deformed = step.by_form(folds.deformed(step))
-    loads = [cause for cause in causes if choice.kept.intersection(cause)]
+    loads = [cause for cause in causes if choice.keeps(cause)]
 
     def beside_drives(moved: dict[int, Array], cause: tuple[int, ...]) -> Array:
         part = np.sum([moved[number] for number in cause], axis=0)

@@ -276,7 +276,7 @@ def _rises(choice: Choice, step: Step) -> list[float]:
 def _exchangeable(choice: Choice, step: Step) -> list[tuple[int, ...]]:
     """Return what may be exchanged: each form by itself, and all of a cause."""
     every = dict.fromkeys([(k,) for k in step.chosen] + causes_of(choice, step))
-    free = [numbers for numbers in every if not choice.kept.intersection(numbers)]
+    free = [numbers for numbers in every if not choice.keeps(numbers)]
     return [numbers for numbers in free if choice.forms[numbers[0]].effect not in REPEATED]
 
 

@@ -101,14 +101,15 @@ class Settings:
         model = without_errors(model)  # a fit without these errors is one on drives under stated loads
         choice, names = build_choice(model, all_forms(model, self.prior)), set(map(_name, chosen))
         same = [number for number, form in enumerate(choice.forms) if _name(form) in names]
+        folds = replace(folds_of(model, choice, self.seed), carrying=carrying)
         if model.stated is None:
-            return replace(folds_of(model, choice, self.seed), carrying=carrying), same
+            return folds, same
         choice = replace(choice, kept=frozenset(k for k in same if choice.forms[k].key in model.under))
         stated = replace(model, baseline=model.stated, under=frozenset(), stated=None)
         known = {(*_name(form), form.sizes.size): form for form in all_forms(stated, self.prior)}
         forms = [known.get((*_name(form), form.sizes.size), form) for form in choice.forms]
-        bare = folds_of(stated, build_choice(stated, forms), self.seed)
-        return replace(folds_of(model, choice, self.seed), carrying=carrying, stated=bare), same
+        bare = replace(folds, model=stated, choice=build_choice(stated, forms), carrying=None)
+        return replace(folds, choice=choice, stated=bare), same
 
 
 def settle(settings: Settings, model: OpenModel, scatter: float, chosen: Sequence[Form]) -> OpenModel | None:
