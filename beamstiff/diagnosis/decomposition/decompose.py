@@ -210,8 +210,11 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
         folds, same = settings.folds(model, chosen)
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
-        fits = (select(choice, folds.squared_errors, start=one, exchange=False) for one in starts)
-        better = min(fits, key=lambda fit: fit.bic)
+        fits = [select(choice, folds.squared_errors, start=one, exchange=False) for one in starts]
+        # about another calibration causes may follow the postures that they are fitted to, and no others
+        nothing = float(folds.errors_with(()).sum())
+        sound = [fit for fit in fits if float(folds.squared_errors(fit).sum()) <= nothing]
+        better = min(sound or fits[:1], key=lambda fit: fit.bic)
         step = select(choice, folds.squared_errors, start=better.chosen)
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break

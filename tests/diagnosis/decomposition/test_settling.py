@@ -29,3 +29,13 @@ def test_the_compliance_of_a_base_is_found_beside_the_payload_that_it_carries() 
     found = diagnose(drawn.robot, drawn.measured(np.random.default_rng([20270501, 49, 4]))).decomposition
     assert {"base-compliance:null", "link-bending:link2"} <= {one.key for one in found.every}
     assert found.scatter < 2.0
+
+
+@pytest.mark.slow
+def test_a_fit_that_is_worse_than_no_cause_on_other_postures_is_no_start() -> None:
+    """Displacements about another calibration: its criterion was the least, and then no cause was told."""
+    drawn = draw_crowded_case(CrowdedExam(seed=20270501), 74)
+    found = diagnose(drawn.robot, drawn.measured(np.random.default_rng([20270501, 74, 4]))).decomposition
+    ground = {"base-compliance:null", "bearing-tilt:q1"}
+    assert ground & {found.every[0].key, *found.every[0].indistinguishable}
+    assert found.scatter < 10.0
