@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step, prior_of
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.selection import (
@@ -30,8 +30,11 @@ from beamstiff.diagnosis.decomposition.selection import (
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED, REVERSED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
+from beamstiff.se3 import Array
 
 MOST_RIVALS = 12  # that are looked at: the best by the criterion
+MOST = 0.5  # of the squares that a cause moves: what another has to do of it
+RANK = 1e-6  # of the largest singular value: what is less is rounding
 PLAUSIBLE = 0.05  # of the likeliest: less is told from it
 MOST_LOG_ODDS = 690.0  # of which the exponential is finite
 SEARCHES = 3  # for what explains the rows without a cause
@@ -117,7 +120,8 @@ def rival_of(
         if key not in (own, "none:null") and weight[key] >= PLAUSIBLE * weight[own]
     ]
     same = (*choice.alike.get(own, ()), *_curve_of(choice, own))  # whatever the forms of the model say
-    alike += [key for key in same if key != own and key not in alike and key not in taken]
+    inside = doing_most(choice, step, cause)
+    alike += [key for key in (*same, *inside) if key not in (own, *alike, *taken)]
     total = sum(weight.values())
     named = sum(value for key, value in weight.items() if key == own or key in same)
     return Rival(
@@ -126,6 +130,48 @@ def rival_of(
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
     )
+
+
+def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
+    """Return causes with fewer parameters that may do most of what a cause does, and it the rest beside them.
+
+    A base that is compliant in all directions holds a compliant first drive: both together fit no worse, and
+    nothing says that it is the base that turns about the axis of that drive. What the other does at most of
+    what the cause does, m, costs ``|m - P m|^2``, P onto what the cause can do, and its own parameters.
+    """
+    without = fit_step(choice, [number for number in step.chosen if number not in cause])
+    basis = without.basis
+    does = _beyond(basis, np.sum([step.moved[number] for number in cause], axis=0)[:, None])[:, 0]
+    used = [choice.columns[:, choice.at[k]][:, step.free[step.chosen.index(k)]] for k in cause]
+    reach = _range_of(_beyond(basis, np.concatenate(used, axis=1)))
+    now = bic(step.squares, 0, choice.independent, 0.0)
+    no_rivals = {choice.forms[cause[0]].key, ALL_DRIVES, ALL_REVERSED}
+    found: dict[str, float] = {}
+    for form, at in zip(choice.forms, choice.at, strict=True):
+        fewer = at.stop - at.start < reach.shape[1]
+        if not fewer or form.effect == UNMODELLED or form.key in no_rivals:
+            continue
+        other = _range_of(_beyond(basis, choice.columns[:, at]))
+        most = other @ (other.T @ does)
+        if most @ most < MOST * float(does @ does):
+            continue
+        left = step.squares + float(np.square(most - reach @ (reach.T @ most)).sum())
+        prior = form.log_prior + form.cause_log_prior
+        worse = float(bic(left, other.shape[1], choice.independent, prior) - now)
+        found[form.key] = min(worse, found.get(form.key, np.inf))
+    least = -2.0 * tempering_of(step, without) * np.log(PLAUSIBLE)
+    return [key for key in sorted(found, key=lambda key: found[key]) if found[key] <= least]
+
+
+def _beyond(basis: Array, columns: Array) -> Array:
+    """Return columns (n, c) without what an orthonormal basis (n, b) reaches of them."""
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def _range_of(columns: Array) -> Array:
+    """Return what columns (n, c) reach, as orthonormal columns."""
+    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, sizes > RANK * sizes.max(initial=0.0)])
 
 
 def _curve_of(choice: Choice, key: str) -> list[str]:

@@ -73,6 +73,21 @@ def test_a_balancer_and_a_curve_of_its_joint_move_positions_alike(curve: str, pa
     assert rival.indistinguishable == ((f"angle-curve:{curve}",) if pair else ())
 
 
+@pytest.mark.parametrize(("sizes", "pair"), [((30.0, 3.0), True), ((3.0, 30.0), False)])
+def test_a_part_of_a_free_cause_may_do_most_of_it(sizes: tuple[float, float], pair: bool) -> None:
+    """Of a base that mostly turns about the first joint's axis, most may be that joint's drive."""
+    rng = np.random.default_rng(7)
+    turning, tilting = rng.standard_normal((2, VALUES))
+    size = Quantity("size", "N", 1.0)
+    base = replace(form(np.column_stack([turning, tilting]), size, size), effect="base-compliance")
+    drive = replace(form(turning[:, None], size), effect="joint-compliance", component="q1")
+    gap = sizes[0] * turning + sizes[1] * tilting + rng.standard_normal(VALUES)
+    choice = choice_of(gap, base, drive)
+    rival = rival_of(choice, fit_step(choice, (0,)), (0,), held_out)
+    assert rival.indistinguishable == (("joint-compliance:q1",) if pair else ())
+    assert rival.probability > 0.99  # it is there, however much of it
+
+
 def test_the_more_a_cause_explains_the_less_a_difference_says(made: Choice) -> None:
     """By log odds over ``T + E / R``, E half of what the criterion falls by the cause."""
     step = fit_step(made, (0, 3))
