@@ -15,6 +15,7 @@ from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
 from beamstiff.diagnosis.verify import verify
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -42,7 +43,9 @@ class Change:
 class Recalibration:
     """The geometry beside the causes, against the one that the robot's file describes.
 
-    `before`: m; RMS position gap of the robot as described, the measuring frame fitted alone.
+    `rigid`: m; RMS position gap of the geometry as described on rigid drives and links, as a controller
+        computes; the measuring frame fitted alone. None where an instrument's set-ups or stations are sought.
+    `before`: m; the same of the robot as described.
     `placed`: m; the same with the reflectors placed anew, as they are set up: what is left is the geometry's.
     `after`: m; the same with geometry and drives fitted and no cause, on held-out postures.
     `stiff`: m; that with the drives as described; None where none are fitted.
@@ -51,6 +54,7 @@ class Recalibration:
     `together`: reflectors of one link that moved alike, which their mounts hardly did: the link is off.
     """
 
+    rigid: float | None
     before: float
     placed: float
     after: float
@@ -61,6 +65,7 @@ class Recalibration:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: gaps in mm, changes in SI."""
         return {
+            "rigid_mm": None if self.rigid is None else 1e3 * self.rigid,
             "before_mm": 1e3 * self.before,
             "reflectors_placed_mm": 1e3 * self.placed,
             "after_mm": 1e3 * self.after,
@@ -80,6 +85,7 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
         return None
     before, changes = _described(found), tuple(_told(found, robot))
     return Recalibration(
+        rigid=_rigid(found),
         before=before,
         placed=min(_placed(found, before), before),
         after=found.rms,
@@ -140,6 +146,22 @@ def _told(found: Decomposition, robot: Robot) -> list[Change]:
     moved = _changes(found.model.given, robot, problem.parameters)
     changes = [Change(item, by, std.get(item.name, 0.0)) for item, by in moved]
     return sorted(changes, key=lambda one: -abs(one.by) / one.parameter.size)
+
+
+def _rigid(found: Decomposition) -> float | None:
+    """Return the gap of the geometry as described, nothing deformed, laid over the readings, m."""
+    model, rows = found.model, found.model.baseline.rows
+    assert model.problem is not None
+    if rows.targets or rows.camera or model.problem.geometry.stations > 1:
+        return None
+    kinematics = compile_kinematics(model.given)
+    where, places = posture(kinematics, rows.q), np.zeros((len(rows), 3))
+    for name in np.unique(rows.point).tolist():
+        own = rows.point == name
+        places[own] = pose_of(kinematics, where, name)[own, :3, 3]
+    whole = rows.measured_mask[:, :3].all(axis=1)
+    residuals = fit_rigid_motion(places[whole], rows.position[whole]).residuals
+    return float(np.sqrt((residuals**2).sum() / whole.sum()))
 
 
 def _described(found: Decomposition) -> float:

@@ -59,8 +59,11 @@ def steps(result: Diagnosis) -> list[Step]:
 
 def _fitted(changed: Recalibration, start_values: Sequence[str]) -> list[Step]:
     """Return what the file leaves, and what its calibration leaves step by step."""
-    guessed = " with its start values of stiffness" if start_values else ""
-    made = [Step(f"robot file{guessed}, measuring frame fitted", changed.before)]
+    made, fitted = [], ", measuring frame fitted"
+    if changed.rigid is not None and rounded(changed.rigid) != rounded(changed.before):
+        made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
+    guessed = ", its guessed stiffness" if start_values else ", its stiffness" if made else ""
+    made.append(Step(f"robot file{guessed}{fitted}", changed.before))
     if reflectors_moved(changed):
         made.append(Step("and places of the reflectors", changed.placed))
     if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):

@@ -188,11 +188,12 @@ def remainder_text(found: Decomposition) -> str:
         said += f"\nToo small or too uncertain to be named as causes: {names} ({share} of the gap)."
         if found.causes:
             share, past = words.percent(written_share(found)), of_the_campaign(found)
+            left = f"{1e3 * found.unclear[-1].rms_after:.3f} mm"
             alone = f"what is of this campaign alone ({in_words([one.key for one in past])})"
             said += (
                 f" --apply leaves out {alone}; what it writes closes {share} of the rest of the gap."
                 if past
-                else f" --apply writes these too: {share} of the gap then closes."
+                else f" --apply writes these too; {left} are then left: {share} of the gap closes."
             )
     if found.unmodelled:
         each = [
@@ -256,7 +257,8 @@ def summary(result: Diagnosis) -> str:
     meaning = f" {EFFECTS[verdict.effect].meaning}"
     if also is not None and also.effect != verdict.effect:
         meaning = f"\n{verdict.effect}:{meaning}\n{also.effect}: {EFFECTS[also.effect].meaning}"
-    text = f"{first}\n{head} (probability {certain}).{meaning}"
+    others = [key for key in result.indistinguishable if key != UNKNOWN]
+    text = f"{first}\n{head} ({_probable(result, others if also is None else ())}).{meaning}"
     if verdict.shrink is not None and words.one_posture(result):
         text += "\nThe reduction cannot be tested: it needs held-out postures, and all rows are of one."
     elif verdict.shrink is not None:
@@ -267,9 +269,8 @@ def summary(result: Diagnosis) -> str:
             f"held-out postures: {share} of the gap above noise is closed{interval}. This holds for postures "
             f"and load directions as measured.{_weak(result)}"
         )
-    others = [key for key in result.indistinguishable if key != UNKNOWN]
     if others and also is None:
-        text += f"\nIndistinguishable with these data: {in_words(others)}."
+        text += f"\nLook-alikes, which these data do not distinguish from it: {in_words(others)}."
     elif others:
         text += f"\nPossible in place of one of the two: {in_words(others)}."
     if UNKNOWN in result.indistinguishable:
@@ -280,6 +281,23 @@ def summary(result: Diagnosis) -> str:
     if result.outliers:
         text += f"\nOutliers, excluded from the fit: {', '.join(_by_line(result.outliers))}."
     return text
+
+
+def _probable(result: Diagnosis, others: Sequence[str]) -> str:
+    """Return, in words, how probable a named cause is, and how probable it or one of its look-alikes."""
+    own = words.sure(result)
+    if not others:
+        return f"probability {own}"
+    found = result.decomposition
+    if found is not None and found.verdict is not None:
+        together = words.chance(found.verdict.present)
+    else:
+        keys = {result.verdict.key, *others}
+        together = words.chance(
+            min(sum(one.probability for one in result.candidates if one.key in keys), 1.0)
+        )
+    either = f"it or a look-alike: {together}"
+    return either if together == own else f"probability {own}; {either}"
 
 
 def _perhaps(result: Diagnosis) -> str:

@@ -31,6 +31,9 @@ def test_drives_that_are_softer_than_described_are_told_beside_the_geometry() ->
     found = diagnose(robot, rows)
     changed = found.recalibration
     assert changed.stiff is not None
+    table = tilt.apply([0, 0, ARM])  # the file places no reflector elsewhere
+    a, b = table - table.mean(axis=0), position - position.mean(axis=0)
+    assert changed.rigid == pytest.approx(Rotation.align_vectors(b, a)[1] / np.sqrt(60), rel=1e-6)
     assert changed.after == pytest.approx(np.sqrt(3) * NOISE, rel=0.15)
     # what 0.9 of the sag is, less what zeros and frames take up of it
     sag = 0.9 * np.hypot(*SEEN[:2]) * np.std(torque / 5e3)

@@ -163,8 +163,9 @@ def test_start_values_of_stiffness_are_guesses_and_no_statement_of_the_file() ->
     assert result.decomposition is not None
     assert result.start_values
     assert not far_stiffness(result)
-    first = steps(result)[0].model
-    assert first == "robot file with its start values of stiffness, measuring frame fitted"
+    first, second = (step.model for step in steps(result)[:2])
+    assert first == "robot file, drives and links rigid, measuring frame fitted"
+    assert second == "robot file, its guessed stiffness"
     assert "before" not in verdict(result).headline
     page = diagnosis_html(result, provenance([], 0, []))
     assert "Uncalibrated" not in page
@@ -173,7 +174,7 @@ def test_start_values_of_stiffness_are_guesses_and_no_statement_of_the_file() ->
     stated = given.model_copy(update={"unmeasured": ()})
     other = replace(result, baseline=replace(result.baseline, given=stated))
     assert far_stiffness(other)
-    assert steps(other)[0].model == "robot file, measuring frame fitted"
+    assert steps(other)[1].model == "robot file, its stiffness"
     assert "Uncalibrated" in diagnosis_html(other, provenance([], 0, []))
 
 

@@ -294,12 +294,19 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
         replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)
-        errors = folds.squared_errors(step)
         better = with_usual_name(choice, without_weak(folds, best)) if best.bic <= step.bic - ENOUGH else step
-        if better.bic > step.bic - ENOUGH or gain(errors, folds.squared_errors(better)) <= 0.0:
+        if better.bic > step.bic - ENOUGH or not _no_worse(folds, step, better):
             break
         step = better
     return step, replaced
+
+
+def _no_worse(folds: Folds, step: Step, other: Step) -> bool:
+    """Return whether another fit helps on held-out postures; if it is simpler, whether it does no harm."""
+    errors, of_other = folds.squared_errors(step), folds.squared_errors(other)
+    if other.determined < step.determined:
+        return gain(of_other, errors) <= 0.0
+    return gain(errors, of_other) > 0.0
 
 
 def _largest(errors: Sequence[Array]) -> float:

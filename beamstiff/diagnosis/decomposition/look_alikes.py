@@ -145,19 +145,23 @@ def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
     used = [choice.columns[:, choice.at[k]][:, step.free[step.chosen.index(k)]] for k in cause]
     reach = _range_of(_beyond(basis, np.concatenate(used, axis=1)))
     now = bic(step.squares, 0, choice.independent, 0.0)
-    no_rivals = {choice.forms[cause[0]].key, ALL_DRIVES, ALL_REVERSED}
+    of = choice.forms[cause[0]]
+    no_rivals = {of.key, ALL_DRIVES, ALL_REVERSED}
+    if of.key in (ALL_DRIVES, ALL_REVERSED):  # it holds that of each joint
+        no_rivals.update(form.key for form in choice.forms if form.effect == of.effect)
     found: dict[str, float] = {}
     for form, at in zip(choice.forms, choice.at, strict=True):
         fewer = at.stop - at.start < reach.shape[1]
         if not fewer or form.effect == UNMODELLED or form.key in no_rivals:
             continue
-        other = _range_of(_beyond(basis, choice.columns[:, at]))
-        most = other @ (other.T @ does)
-        if most @ most < MOST * float(does @ does):
+        columns = _beyond(basis, choice.columns[:, at])
+        theta = np.linalg.lstsq(columns, does, rcond=RANK)[0]
+        most = columns @ theta
+        if (theta[choice.positive[at]] < 0.0).any() or most @ most < MOST * float(does @ does):
             continue
         left = step.squares + float(np.square(most - reach @ (reach.T @ most)).sum())
         prior = form.log_prior + form.cause_log_prior
-        worse = float(bic(left, other.shape[1], choice.independent, prior) - now)
+        worse = float(bic(left, at.stop - at.start, choice.independent, prior) - now)
         found[form.key] = min(worse, found.get(form.key, np.inf))
     least = -2.0 * tempering_of(step, without) * np.log(PLAUSIBLE)
     return [key for key in sorted(found, key=lambda key: found[key]) if found[key] <= least]
