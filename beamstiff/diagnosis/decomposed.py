@@ -32,7 +32,7 @@ from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
-from beamstiff.errors import BeamstiffError, listed, optional
+from beamstiff.errors import BeamstiffError, UnusableError, listed, optional
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
@@ -54,13 +54,16 @@ def beside_calibration(
     Needless is a calibration where causes, a few errors of the geometry among them, leave hardly more without
     one: then the geometry is what the robot's description says.
 
-    Raises BeamstiffError where there are too few readings to calibrate by, or the robot has effects.
+    Raises BeamstiffError where there are too few readings to calibrate by, or the robot has effects;
+    UnusableError where the loads are other than the table states.
     """
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
+    if doubt := misread_loads(found.model):
+        raise UnusableError(doubt)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
     rows = without_rows(rows, found.apart)
-    if stations or robot.calibrated or found.behind or misread_loads(found.model):
+    if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
         return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
@@ -122,7 +125,7 @@ def _simplest(
 def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis:
     """Return the diagnosis that a decomposition says; of another robot's readings, none."""
     found = _told_alone(found)
-    if doubt := unlike(found) or misread_loads(found.model):
+    if doubt := unlike(found):
         found, notes = _undecided(found), (doubt, *notes)
     verdict = found.verdict
     baseline = found.model.baseline  # its geometry was fitted beside the causes; nobody has such a model

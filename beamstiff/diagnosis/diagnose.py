@@ -43,7 +43,7 @@ from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
 from beamstiff.diagnosis.shared_reading import shared_reading
-from beamstiff.errors import BeamstiffError, optional
+from beamstiff.errors import BeamstiffError, UnusableError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
 from beamstiff.measure.rows import in_runs, without_rows
@@ -115,6 +115,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     beside, why = None, None
     try:
         beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
+    except UnusableError:
+        raise
     except BeamstiffError as error:
         if stations or rows.targets or rows.camera:  # whose readings say nothing without a calibration
             raise

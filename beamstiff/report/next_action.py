@@ -6,7 +6,6 @@ import numpy as np
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
-from beamstiff.diagnosis.misread_loads import misread_loads
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.prior import key_of
@@ -49,9 +48,6 @@ def _one(result: Diagnosis, head: str) -> str:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if result.decomposition is not None and unlike(result.decomposition):
         return "Check that robot file and table are of one robot, and each joint column of its joint."
-    found = result.decomposition
-    if found is not None and not found.causes and misread_loads(found.model):  # then none is named
-        return "Correct the columns of the loads as the note says, and diagnose again."
     if overstated(result):
         return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
     if (apart := unstated_loads(result.baseline)) > 0.0:
