@@ -28,7 +28,8 @@ def diagnose(
         None,
         "--next",
         help="Write the measurements that distinguish the causes best, as a table to fill in. The tool stays "
-        "near where it was measured, or in --region.",
+        "near where it was measured, or in --region; joints may go beyond what was measured. Check its "
+        "postures for collisions.",
         metavar="CSV",
     ),
     region: Region = None,

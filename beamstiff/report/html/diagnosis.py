@@ -231,7 +231,9 @@ def _next(result: Diagnosis) -> Section:
         joints = ", ".join(f"{name} = {number(value)}" for name, value in q.items())
         wrench = ", ".join(number(value + 0.0) for value in item["wrench"])
         following.append([joints, wrench, item["point"], in_words(item["separates"])])
-    columns = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
+    columns: tuple[str, ...] = ("joint variables, deg or mm", "wrench, N and N m", "reflector", "separates")
+    if not any(item["separates"] for item in result.next):
+        columns, following = columns[:-1], [row[:-1] for row in following]
     wanted = bool(following) and result.verdict.effect != "none"
     title = proposed(result).replace("the", "The", 1) if wanted else ""
     tables = [Table(title, columns, following, 4, open=False)] if wanted else []
