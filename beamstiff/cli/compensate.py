@@ -70,8 +70,9 @@ def compensate(
     ),
     base_taught: list[str] | None = option(
         "NAME=VALUE,...",
-        "The real robot taught the frame of the path, unloaded: its origin, a point on x, a point in the xy "
-        "plane, each by x, y, z (give three times). Targets count from where its tool was then.",
+        "The real robot itself taught the frame of the path, unloaded: its origin, a point on x, a point in "
+        "the xy plane, or any three points of the workpiece that it touched; each by x, y, z in the frame of "
+        "the path (give three times). Targets count from where its tool was then.",
     ),
     positions_only: bool = flag("--positions-only", "Leave the orientations as they are."),
     unreachable: str = option(
@@ -245,10 +246,12 @@ def _steps(text: str | None) -> tuple[float, float] | None:
 
 
 def _refusal(result: Compensated) -> BeamstiffError:
+    from beamstiff.report.compensation import uncorrected_action
+
     found = result.correction
     path, reasons = found.path, found.reasons
-    each = [f"line {path.line(row)} {path.names[row]} ({reason})" for row, reason in reasons.items()]
+    each = [f"line {path.line(row)}, {path.names[row]} ({reason})" for row, reason in reasons.items()]
     return BeamstiffError(
-        f"{path.source}: {len(reasons)} of {len(path)} targets cannot be corrected: {listed(each, 5)}; "
-        "no path is written, --unreachable keep leaves them as they are"
+        f"{path.source}: {len(reasons)} of {len(path)} targets cannot be corrected: {listed(each, 2)}; "
+        f"no path is written. {uncorrected_action(result).rstrip('.')}"
     )

@@ -33,6 +33,7 @@ TOLERANCE = 1e-9  # m, rad
 NEARLY = 2e-7  # m, rad: where an arm is stretched, the last digits cost more steps than they are worth
 AT_LIMIT = 1e-6
 MOST = 200_000  # targets
+NO_POSTURE = "no posture within the joints' ranges is"  # how the reason begins where a posture is misstated
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +138,9 @@ def follow(
         if lost == 0:  # else the way there may be short again
             wanted = stated[row] if stated and arm is not None else None
             chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted)
-            if wanted is not None and not len(chosen):
-                q[row], reasons[row] = found.q[0], f"no posture within the joints' ranges is {wanted.text}"
+            if arm is not None and wanted is not None and not len(chosen):
+                q[row] = found.q[0]
+                reasons[row] = f"{NO_POSTURE} {wanted.text}{_reachable(arm, poses[row], q[row], wanted)}"
                 row += 1
                 continue
             q[row], reached[row] = chosen, True
@@ -161,8 +163,7 @@ def _convenient(
 
     Where a posture is stated: of those that are as stated; nothing (0,) where none is.
     """
-    limits = [variable.limits or (-np.pi, np.pi) for variable in kinematics.robot.actuated]
-    low, high = np.array(limits).T
+    low, high = _ranges(kinematics)
     count = TRIED if arm is None or stated is None else POOL
     starts = np.random.default_rng(0).uniform(low, high, (count, len(low)))
     if arm is not None and stated is not None:  # on its side of the singularities, whatever the turns
@@ -181,6 +182,28 @@ def _convenient(
     wanted = 0.5 * (low + high) if near is None else near
     off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
     return np.asarray(q[int(np.argmin(off))])
+
+
+def _ranges(kinematics: Kinematics) -> tuple[Array, Array]:
+    """Return the lowest and the highest joint values, (A,) each, rad or m."""
+    limits = [variable.limits or (-np.pi, np.pi) for variable in kinematics.robot.actuated]
+    low, high = np.array(limits).T
+    return low, high
+
+
+def _reachable(arm: Arm, pose: Array, known: Array, stated: StatedPosture) -> str:
+    """Return, in words, in which configurations a pose (4, 4) is reachable that is not in the stated one."""
+    kinematics = arm.kinematics
+    low, high = _ranges(kinematics)
+    starts = np.random.default_rng(0).uniform(low, high, (POOL, len(low)))
+    mine = arm.fits(replace(stated, turns=()), starts)  # the sides as stated, and any
+    starts = np.vstack([starts[mine][:TRIED], starts[:TRIED]])
+    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
+    q = np.vstack([known, found.q[found.reached]])
+    turned = arm.turned(stated, q)
+    inside = (turned >= low - AT_LIMIT) & (turned <= high + AT_LIMIT)
+    said = arm.reachable_as(stated, np.where(inside, turned, q))
+    return f"; reachable as {said}" if said else ""
 
 
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:

@@ -3,8 +3,10 @@
 Data alone: the correction is in `compensation.path_correction`.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -68,6 +70,15 @@ class ToolPath:
     def place(self, row: int) -> str:
         """Return what a message calls a target: its file, line and name."""
         return f"{self.files[row] if self.files else self.source}:{self.lines[row]}: {self.names[row]}"
+
+    def called(self, row: int) -> str:
+        """Return the name of a target, with its line where others have the same name: a RAPID motion's."""
+        name = self.names[row]
+        return name if self._counts[name] == 1 else f"line {self.line(row)}, {name}"
+
+    @cached_property
+    def _counts(self) -> Counter[str]:
+        return Counter(self.names)
 
     def line(self, row: int) -> str:
         """Return the line of a target, with its file where it is another than the path's."""

@@ -9,6 +9,7 @@ their programs see to that. Signs and zeros of the robot file's own variables fo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,18 @@ MEET = 0.01  # of the machine's size: as near the axes of a spherical wrist have
 PARALLEL = 0.02  # rad
 WHOLE = 2 * np.pi
 TURNING = (0, 3, 5)  # axes 1, 4 and 6
+DECIDING = (None, 2, 4, *TURNING)  # the axis behind each column of `Arm.misfits`; None: no axis by itself
+NAMED = 2  # configurations that a message offers
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What a posture is, as `StatedPosture` says it: sides of the three singularities, angles of the axes."""
+
+    front: bool
+    elbow_up: bool
+    wrist_down: bool
+    angles: tuple[float, ...]  # (6,), rad; those of axes 2 and 3 from wherever the robot file counts
 
 
 @dataclass(frozen=True)
@@ -36,6 +49,8 @@ class StatedPosture:
     wrist_down: bool | None = None  # axis 5 is positive
     turns: tuple[tuple[int, float, float], ...] = ()  # axis (0 to 5), lowest and highest angle, rad
     flange_up: bool = False  # at the zero of axis 6 the flange's x points up (FANUC), else down
+    # how the language of the program writes another configuration in place of this one
+    write: Callable[[StatedPosture, Configuration], str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +64,60 @@ class Arm:
 
     def fits(self, stated: StatedPosture, q: Array) -> NDArray[np.bool_]:
         """Tell which postures (K, 6) are as stated, (K,)."""
+        return np.logical_not(self.misfits(stated, q).any(axis=1))
+
+    def misfits(self, stated: StatedPosture, q: Array) -> NDArray[np.bool_]:
+        """Tell what of postures (K, 6) is not as stated, (K, 6).
+
+        The sides of axis 1, of the lower arm and of axis 5, then the turns of axes 1, 4 and 6.
+        """
         angle = self._angles(stated, q)
+        result = np.zeros((len(q), len(DECIDING)), dtype=np.bool_)
+        elbow_up = stated.elbow_up if self.bends else None
+        sides = (stated.front, elbow_up, stated.wrist_down)
+        for column, (said, value) in enumerate(zip(sides, self._sides(q, angle), strict=True)):
+            if said is not None:
+                result[:, column] = ~((value if said else -value) > -EXCEED)
+        for axis, low, high in stated.turns:
+            within = (angle[:, axis] > low - EXCEED) & (angle[:, axis] < high + EXCEED)
+            result[:, DECIDING.index(axis, len(sides))] = ~within
+        return result
+
+    def configuration(self, stated: StatedPosture, q: Array) -> Configuration:
+        """Return the configuration of a posture (6,), its angles counted as the `stated` one counts them."""
+        angle = self._angles(stated, q[None])
+        front, elbow_up, wrist_down = (bool(side[0] > 0) for side in self._sides(q[None], angle))
+        return Configuration(front, elbow_up, wrist_down, tuple(angle[0].tolist()))
+
+    def reachable_as(self, stated: StatedPosture, q: Array) -> str:
+        """Return, in words, which configurations postures (K, 6) have, those most like the stated one.
+
+        With the value of the joint that keeps it from being the stated one.
+        """
+        if stated.write is None:
+            return ""
+        misfits = self.misfits(stated, q)
+        sides, turns = misfits[:, : -len(TURNING)].sum(axis=1), misfits[:, -len(TURNING) :].sum(axis=1)
+        off = sides * len(DECIDING) + turns  # another side is another posture of the arm
+        told: dict[str, str] = {}
+        for row in np.flatnonzero(off == off.min()).tolist():
+            one = self.configuration(stated, q[row])
+            told.setdefault(stated.write(stated, one), self._deciding(misfits[row], one, q[row]))
+        return " or ".join(f"{text}{why}" for text, why in [*told.items()][:NAMED])
+
+    def _deciding(self, misfit: NDArray[np.bool_], found: Configuration, q: Array) -> str:
+        """Return, in words, what decides that a posture is not as stated."""
+        parts: dict[str, None] = {}
+        for column in np.flatnonzero(misfit).tolist():
+            if (axis := DECIDING[column]) is None:
+                parts[f"the wrist {'in front of' if found.front else 'behind'} axis 1"] = None
+            else:
+                name = self.kinematics.robot.actuated[axis].name
+                parts[f"{name} = {round(np.degrees(q[axis]), 3) + 0.0:.3g} deg"] = None
+        return "".join(f", {part}" for part in parts)
+
+    def _sides(self, q: Array, angle: Array) -> tuple[Array, Array, Array]:
+        """Return how far postures are on the positive sides, (K,) each: front, elbow up, wrist down."""
         lines = _Lines.of(self.kinematics, q)
         forward, side = _turned(angle[:, 0])
         before = np.sum((lines.wrist - lines.point(0)) * forward, axis=1) / self.kinematics.size
@@ -59,15 +127,7 @@ class Arm:
         lower = whole - fore
         sizes = np.linalg.norm(lower, axis=1) * np.linalg.norm(fore, axis=1)
         bend = np.sum(np.cross(lower, fore) * side, axis=1) / np.maximum(sizes, 1e-12)
-        down = _wrapped(angle[:, 4])
-        result = np.ones(len(q), dtype=np.bool_)
-        elbow_up = stated.elbow_up if self.bends else None
-        for said, value in ((stated.front, before), (elbow_up, bend), (stated.wrist_down, down)):
-            if said is not None:
-                result &= (value if said else -value) > -EXCEED
-        for axis, low, high in stated.turns:
-            result &= (angle[:, axis] > low - EXCEED) & (angle[:, axis] < high + EXCEED)
-        return result
+        return before, bend, _wrapped(angle[:, 4])
 
     def turned(self, stated: StatedPosture, q: Array) -> Array:
         """Return postures (K, 6) with whole turns of axes 1, 4 and 6 added where the turns stated need it."""

@@ -25,6 +25,8 @@ from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
+COMMON = 0.5  # of the error: what differs along the path is less where the mean is most of it
+
 
 @dataclass(frozen=True)
 class Size:
@@ -62,6 +64,8 @@ class Compensated(Shown):
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
     # (N, 6) each, `error_parts`: where the real robot is another one than the controller's
     parts: Mapping[str, Array] = field(default_factory=dict)
+    # whether the path has a base that the robot itself may have taught, and nothing says by which points
+    base_open: bool = False
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -73,6 +77,22 @@ class Compensated(Shown):
     def extrapolated(self) -> tuple[str, ...]:
         """Which targets are beyond what the real robot's file was fitted at, in sentences."""
         return extrapolation_notes(self.machine.real, self.correction.q[self.known], "targets")
+
+    @property
+    def differs_mm(self) -> float | None:
+        """RMS of what of the error before differs from target to target, mm, where most of it does not.
+
+        A base that the robot itself taught has the rest in it. None where most of the error differs, and
+        where no robot may have taught the base, or the points are given.
+        """
+        errors = self.correction.before[self.known, :3]
+        if not self.base_open or len(errors) < 2:
+            return None
+        rms, differs = (
+            float(1e3 * np.sqrt((part**2).sum(axis=1).mean()))
+            for part in (errors, errors - errors.mean(axis=0))
+        )
+        return differs if differs < COMMON * rms else None
 
     @property
     def sizes_by_part(self) -> dict[str, Size]:

@@ -1,7 +1,9 @@
 """A base that the real robot taught by the 3-point method: its own errors are in where the workpiece stands.
 
 The controller takes the commanded points for the frame of the path; the real tool was elsewhere. What it
-touched, an origin, a point on x and one in the xy plane, is where the workpiece stands.
+touched, an origin, a point on x and one in the xy plane, is where the workpiece stands. Any three points off
+one line do: the workpiece moves as a body, the first point is met, the second gives a direction, the third a
+plane.
 """
 
 from collections.abc import Callable
@@ -26,6 +28,11 @@ class TaughtBase:
     poses: Array  # (3, 4, 4), m: commands, base frame
     q: Array  # (3, A): joint values of the controller at these
     motion: Array  # (4, 4): from where the controller has the workpiece to where it stands, base frame
+
+    @property
+    def moved(self) -> Array:
+        """How far the workpiece stands from where the controller has it, (6,), m at the first point, rad."""
+        return np.asarray(difference(self.motion @ self.poses[:1], self.poses[:1])[0])
 
     def motion_to(self, positions: Array) -> Array:
         """Return the motion (4, 4) of a workpiece whose three points are at positions (3, 3), m."""
@@ -61,8 +68,18 @@ def taught_base(
     poses = transform(turn, points @ base[:3, :3].T + base[:3, 3])
     found = follow(machine.kinematics, machine.frames.node_poses(poses), start)
     for row, reason in found.reasons.items():
-        raise OptionError("base_taught", f"{POINTS[row]} is {reason}")
+        raise OptionError("base_taught", f"{POINTS[row]} is {reason}. {_right(base)}")
     return TaughtBase(poses, found.q, _motion(poses, reached(found.q, poses)[:, :3, 3]))
+
+
+def _right(base: Array) -> str:
+    """Return, in words, which points are right for a frame of the path (4, 4)."""
+    own = np.array_equal(base, np.eye(4))
+    frame = "The program counts from the robot's own base frame. In it" if own else "In the frame of the path"
+    return (
+        f"{frame}, give three points at which the robot touched the workpiece, off one line, each within its "
+        "reach in the orientation of the first target"
+    )
 
 
 def _motion(poses: Array, positions: Array) -> Array:

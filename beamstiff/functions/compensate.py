@@ -20,10 +20,12 @@ from beamstiff.compensation.stream import OnlineTargets, prepared
 from beamstiff.compensation.taught_base import check_points
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
-from beamstiff.functions.checks import names_of, six_numbers
-from beamstiff.functions.compensation_notes import compensation_notes
+from beamstiff.functions.checks import names_of, shown_value, six_numbers
+from beamstiff.functions.compensation_notes import base_may_be_taught, compensation_notes
 from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
+from beamstiff.maps.reach import within
+from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import actuated_values
 from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
@@ -78,9 +80,10 @@ def compensate(
     taught : bool
         Targets were taught on the unloaded robot: correct the load's part.
     base_taught : (3, 3) array, optional
-        Three points of the frame of the path, m, by which the real robot taught it without process load
-        (3-point method: origin, a point on x, a point in the xy plane). Targets count from where its tool was
-        then, in the orientation of the first target.
+        Three points in the frame of the path, m, by which the real robot taught it without process load
+        (3-point method: origin, a point on x, a point in the xy plane; or any three of the workpiece that it
+        touched, off one line). Targets count from where its tool was then, in the orientation of the first
+        target.
     positions_only : bool
         Leave the orientations as they are.
     steps : (float, float), optional
@@ -111,7 +114,7 @@ def compensate(
     if steps is not None and machine.frames.base.ndim > 2:
         raise OptionError("steps", "found a path of several frames, expected one: see only")
     points = None if base_taught is None else _base_points(base_taught, machine, taught, bool(measured))
-    start = None if q is None else actuated_values(machine.controller, q)[0]
+    start = _start(machine.controller, q)
     constant, own, learned = _constant(wrench), _process(process), None
     if measured:
         program, learned = learned_from(program, machine, own, constant, measured, ran, start)
@@ -131,7 +134,9 @@ def compensate(
         load_std=None if load_std is None else six_numbers("load_std", load_std),
         leave_doubtful=leave_doubtful,
     )
-    result, given = replace(result, learned=learned), {"base": base is not None, "tool": tool is not None}
+    given = {"base": base is not None, "tool": tool is not None}
+    base_open = not taught and points is None and base_may_be_taught(program, machine)
+    result = replace(result, learned=learned, base_open=base_open)
     return replace(result, notes=tuple(compensation_notes(result, program, given, q is not None, taught)))
 
 
@@ -179,7 +184,7 @@ def compensate_online(
     (True, 0.5)
     """
     program, machine = _placed(robot, actual, path, only, base, tool)
-    start = None if q is None else actuated_values(machine.controller, q)[0]
+    start = _start(machine.controller, q)
     spread = np.zeros(6) if load_std is None else six_numbers("load_std", load_std)
     online = OnlineCompensation(machine, dict(std or {}), spread, leave_doubtful)
     return prepared(program, online, _sum(_constant(wrench), _process(process)), start)
@@ -214,6 +219,20 @@ def _placed(
         program = program.only(names)
     frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
     return program, Machine(controller, real, frames=frames)
+
+
+def _start(robot: Robot, q: Mapping[str, float] | ArrayLike | None) -> Array | None:
+    """Return the posture (A,) that chooses the branch, within the limits of the joints that it names."""
+    if q is None:
+        return None
+    values: Array = actuated_values(robot, q)[0]
+    for variable, value in zip(robot.actuated, values.tolist(), strict=True):
+        if isinstance(q, Mapping) and variable.name not in q:
+            continue  # 0 by default, which need not be within
+        if variable.limits is not None and not within(np.array(value), *variable.limits).all():
+            low, high, found = (shown_value(robot, variable.name, one) for one in (*variable.limits, value))
+            raise OptionError("q", f"{variable.name}: found {found}, expected one within {low} to {high}")
+    return values
 
 
 def _base_points(given: ArrayLike, machine: Machine, taught: bool, measured: bool) -> Array:

@@ -16,8 +16,6 @@ from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.units import in_unit
 
-SAME = 0.5  # of the error: what differs along the path is less where the mean is most of it
-
 
 def compensation_notes(
     result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
@@ -52,8 +50,7 @@ def compensation_notes(
                 f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
                 "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
             )
-    if not taught:
-        said += _measured_base(result, program)
+    said += _where_from(result)
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
@@ -69,11 +66,17 @@ def compensation_notes(
                 f"{postures[0]} and the like in the program are not followed: robot "
                 f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
             )
-    if not branch:
+    if not branch and found.corrected.any():  # of a refused target no posture is its own
+        first = int(np.argmax(found.corrected))
         names = [variable.name for variable in machine.controller.actuated]
-        first = zip(names, found.q[0].round(6).tolist(), strict=True)
-        posture = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in first)
-        said.append(f"the path begins at {', '.join(posture)}; --q chooses another posture")
+        values = zip(names, found.q[first].round(6).tolist(), strict=True)
+        posture = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in values)
+        begins = (
+            "the path begins"
+            if first == 0
+            else f"the first target that is reached, {found.path.place(first)}, is"
+        )
+        said.append(f"{begins} at {', '.join(posture)}; --q chooses another posture")
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
         said.append(
@@ -91,14 +94,14 @@ def compensation_notes(
                 f"its targets, of which {1e3 * learned.unexplained:.3f} mm are not explained"
             )
     if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
-        names = [found.path.names[row] for row in partly]
+        names = [found.path.called(row) for row in partly]
         left = size_of(np.array([*partly.values()]))
         said.append(
             f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
             f"jumps there: at most {left.max_mm:.3g} mm and {left.max_deg:.3g} deg remain: {listed(names, 5)}"
         )
     if result.left_alone:
-        names = [found.path.names[row] for row in result.left_alone]
+        names = [found.path.called(row) for row in result.left_alone]
         said.append(
             f"{len(names)} of {len(found.path)} targets stay as they are, because their correction is below "
             f"twice its standard deviation: {listed(names, 5)}"
@@ -128,20 +131,28 @@ def _stated(program: Program, what: str) -> list[StatedFrame]:
     return [one for place in program.places if (one := getattr(place, what)) is not None]
 
 
-def _measured_base(result: Compensated, program: Program) -> list[str]:
-    """Return what it means that a base may be taught, where the error is nearly the same along the path."""
-    errors = result.correction.before[result.known, :3]
-    one = result.machine.frames.base.ndim == 2
-    if not (_stated(program, "base") and one and result.taught_base is None and len(errors) > 1):
+def base_may_be_taught(program: Program, machine: Machine) -> bool:
+    """Return whether the targets count from one base that the program names: a robot may have taught it."""
+    return machine.frames.base.ndim == 2 and bool(_stated(program, "base"))
+
+
+def _where_from(result: Compensated) -> list[str]:
+    """Return where the errors count from, where that decides how large they are."""
+    if (differs := result.differs_mm) is not None:
+        rms = size_of(result.correction.before[result.known]).rms_mm
+        return [
+            f"the error of {rms:.2g} mm is the same at every target but for {differs:.2g} mm: a base that "
+            "the robot itself taught contains the common part already (--base-taught), a base that was "
+            "measured by other means does not"
+        ]
+    taught = result.correction.taught_base
+    if taught is None or not np.array_equal(result.machine.frames.base, np.eye(4)):
         return []
-    rms, differs = (
-        1e3 * np.sqrt((part**2).sum(axis=1).mean()) for part in (errors, errors - errors.mean(axis=0))
-    )
-    if differs >= SAME * rms:
-        return []
+    far, turned = 1e3 * np.linalg.norm(taught.moved[:3]), np.degrees(np.linalg.norm(taught.moved[3:]))
     return [
-        f"the error counts against a measured base: {rms:.2g} mm, of which {differs:.2g} mm differs along "
-        "the path; if the robot itself taught the base, give the points with --base-taught"
+        "the program counts from the robot's own base frame, so the points of --base-taught are taken for "
+        "places on the workpiece that the tool touched: the targets are meant on this workpiece, "
+        f"{far:.2g} mm (at the first point) and {turned:.2g} deg from where the base frame has them"
     ]
 
 
@@ -190,8 +201,9 @@ def _from_start_values(result: Compensated, taught: bool) -> list[str]:
     most = int(np.argmax(size))
     if size[most] < VISIBLE:
         return []
+    where = found.path.called(int(rows[most]))
     return [
-        f"up to {1e3 * size[most]:.2g} mm of the predicted error (at {found.path.names[rows[most]]}) comes "
+        f"up to {1e3 * size[most]:.2g} mm of the predicted error (at {where}) comes "
         f"from start values: no measurement determined {listed(machine.real.unmeasured, 6)} of robot "
         f"{machine.real.name!r}; measure under loads that twist these joints and identify them"
     ]

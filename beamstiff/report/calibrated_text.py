@@ -8,11 +8,12 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import stiffness_in_words
 from beamstiff.report.identification import far_off
-from beamstiff.report.tables import Column, Table, scale_of, table, worth
+from beamstiff.report.tables import Table, table, worth
 from beamstiff.report.verdict import level_of, rounded
 from beamstiff.robot.stiffness import parameter_unit
 
-NAMED = 3  # changes that are told
+NAMED = 3  # changes of each kind that are told
+KINDS = {"rad": ("angle", "mrad"), "m": ("length", "mm")}
 MOST_DRIVES = 12  # that a terminal lists
 ABOUT = {"alpha": "turn about x", "beta": "turn about y", "theta": "turn about z", "gamma": "turn about z"}
 ABOUT |= {"d": "shift along x", "r": "shift along z", "b": "shift along z"}
@@ -62,8 +63,13 @@ def calibrated_worse(result: Diagnosis) -> str:
 
 def changes_text(changed: Recalibration, others: str = "in --json and --apply") -> str:
     """Return what the geometry beside the causes changed most; the `others` stand elsewhere."""
-    each = ", ".join(_in_words(one) for one in changed.changes[:NAMED])
-    rest = len(changed.changes) - NAMED
+    kinds = _by_kind(changed)
+    each = "; ".join(
+        f"{kind}s: {', '.join(f'{_in_words(one)} {unit}' for one in some[:NAMED])}"
+        for (kind, unit), some in kinds.items()
+    )
+    each = each[:1].upper() + each[1:]
+    rest = sum(max(len(some) - NAMED, 0) for some in kinds.values())
     more = f" ({rest} more {others})" if rest > 0 else ""
     alike = (
         f" {listed(changed.together)} moved alike, which mounts of their own hardly do: their link is off, "
@@ -71,30 +77,44 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
         if changed.together
         else ""
     )
-    return f"Largest changes of the geometry, with standard deviations: {each}{more}.{alike}"
+    return f"Largest changes of the geometry, with standard deviations. {each}{more}.{alike}"
 
 
 def changes_table(changed: Recalibration, title: str) -> Table:
-    """Return all that the calibration changed, the largest first."""
-    rows = map(_change, changed.changes)
-    made = table(title, "parameter", "change", "std", Column("unit", left=True), rows=rows)
+    """Return all that the calibration changed: angles and lengths in a column each, the largest first."""
+    kinds = _by_kind(changed)
+    made = table(title, "parameter", *(head for kind, unit in kinds for head in (f"{kind}, {unit}", "std")))
+    for place, some in enumerate(kinds.values()):
+        for one in some:
+            made.add_row(_named(one), *[""] * (2 * place), *_size(one))
     made.most = NAMED
     return made
 
 
+def _by_kind(changed: Recalibration) -> dict[tuple[str, str], list[Change]]:
+    """Return the changes by what they are and its unit, in the order of their sizes: a mrad is no mm."""
+    kinds: dict[tuple[str, str], list[Change]] = {}
+    for one in changed.changes:
+        kinds.setdefault(KINDS[one.parameter.unit], []).append(one)
+    return kinds
+
+
 def _in_words(one: Change) -> str:
-    name, value, std, unit = _change(one)
-    return f"{name} {value}{f' ± {std}' if std else ''} {unit}"
+    value, std = _size(one)
+    return f"{_named(one)} {value}{f' ± {std}' if std else ''}"
 
 
-def _change(one: Change) -> tuple[str, str, str, str]:
-    """Return a change for people: name, value with its sign, standard deviation if it has one, unit."""
-    factor, unit = scale_of([one.by], one.parameter.unit)
-    value, std = worth(factor * one.by, factor * one.std)
+def _named(one: Change) -> str:
+    """Return what changed, for people."""
     zero = "zero of " if one.parameter.group == "offset" else ""
     about = ABOUT.get(one.parameter.name.rpartition(".")[2], "") if one.parameter.group == "frame" else ""
-    what = f" ({about})" if about else ""
-    return f"{zero}{one.parameter.name}{what}", f"{'+' * (one.by > 0.0)}{value}", std if one.std else "", unit
+    return f"{zero}{one.parameter.name}{f' ({about})' if about else ''}"
+
+
+def _size(one: Change) -> tuple[str, str]:
+    """Return a change with its sign and its standard deviation, if it has one, in mrad or mm."""
+    value, std = worth(1e3 * one.by, 1e3 * one.std)
+    return f"{'+' * (one.by > 0.0)}{value}", std if one.std else ""
 
 
 def moved_load(result: Diagnosis) -> str:

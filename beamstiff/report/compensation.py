@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import RenderableType
 
+from beamstiff.compensation.follow import NO_POSTURE
 from beamstiff.compensation.learn import Fitted, Learned
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import difference
@@ -51,7 +52,8 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
     moved = difference(found.commands, path.poses)
     places = [Column(f"{axis}, mm", only="page") for axis in "xyz"]
     shifts = [Column(f"moved {axis}, mm", only="page") for axis in "xyz"]
-    errors = ("before, mm", "before, deg", "after, mm", "after, deg")
+    # on a console in two lines each: these are narrow columns of numbers
+    errors = ("before,\nmm", "before,\ndeg", "after,\nmm", "after,\ndeg")
     sizes = [
         factor * np.linalg.norm(gap[:, part], axis=1)
         for gap in (found.before, result.after)
@@ -65,13 +67,13 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
         "target",
         "line",
         *places,
-        "force, N",
+        "force,\nN",
         Column("moment, N m", only="page"),
         *errors,
         *shifts,
-        Column("moved, mm", only="console"),
-        "turned, deg",
-        Column("", left=True),
+        Column("moved,\nmm", only="console"),
+        "turned,\ndeg",
+        Column("", left=True, only="page"),  # a console has the table of uncorrected targets
         rows=(
             [path.names[row], path.line(row), *map(_seen, numbers[row]), found.reasons.get(row, "")]
             for row in (range(len(path)) if some is None else some)
@@ -119,21 +121,45 @@ def compensation_verdict(result: Compensated) -> Verdict:
     data = f"{Path(found.path.source).name}, {targets}; {robots_text(machine)}"
     if found.reasons:
         said = f"{len(found.reasons)} of {targets} cannot be corrected"
-        action = "Move these targets, or keep them as they are (--unreachable keep)."
-        return Verdict(said, data=data, action=action)
+        return Verdict(said, data=data, action=uncorrected_action(result))
     before, after = size_of(found.before[known]), size_of(result.after[known])
     left = machine.real.fitted_error
     what = "what the real robot's file leaves (beamstiff verify)"
     if left is not None:
         what = f"{rounded(1e3 * left)} mm that the real robot's file left on held-out postures"
     assumed = f", plus {what}" if before.rms_mm > NOTHING else ""
-    errors = f"{told(before.rms_mm)} mm, after correction {told(after.rms_mm)} mm"
-    said = f"Predicted error along the path: {errors}{assumed}"
+    was, then = f"{told(before.rms_mm)} mm", f"{told(after.rms_mm)} mm{assumed}"
+    said = f"Predicted error along the path: {was}, after correction {then}"
     doubt, action = "", "Run the corrected path and measure a few targets."
+    if result.differs_mm is not None:
+        differs = f"{told(result.differs_mm)} mm"
+        said = (
+            f"Predicted error along the path: {was} against a measured base; {differs} differ along the "
+            f"path, roughly what remains if the robot itself taught the base. After correction {then}"
+        )
+        action = (
+            "If the robot itself taught the base (touched the workpiece), give the three points with "
+            f"--base-taught and run this again: commands then move by roughly {differs} instead of {was}. "
+            f"If the base was measured by other means, use this result. {action}"
+        )
     if result.extrapolated:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."
         action = "Measure postures of this path and diagnose or calibrate with them before you use it."
     return Verdict(said, data=data, action=action, causes=parts_text(result), doubt=doubt)
+
+
+def uncorrected_action(result: Compensated) -> str:
+    """Return what to do about targets that cannot be corrected."""
+    reasons = result.correction.reasons.values()
+    misstated = sum(reason.startswith(NO_POSTURE) for reason in reasons)
+    keep = "--unreachable keep leaves them as they are."
+    if not misstated:
+        return f"Move these targets; {keep}"
+    others = ", and move the others" if misstated < len(reasons) else ""
+    which = f"{misstated} of these targets" if others else "these targets"
+    return (
+        f"Correct the configuration of {which} in the program, or choose the posture with --q{others}; {keep}"
+    )
 
 
 def told(size: float) -> str:
@@ -191,12 +217,11 @@ def frame_text(result: Compensated) -> str:
     base = result.machine.frames.base
     where = "base frame of the robot" if np.array_equal(base, np.eye(4)) else "frame of the path"
     text = f"The corrected positions are in the {where}, like the original ones"
-    if (real := result.taught_base) is not None:
-        off = difference(real[None], base[None])[0]
-        far, turned = (factor * float(np.linalg.norm(off[part])) for part, factor in PARTS)
+    if (taught := result.correction.taught_base) is not None:
+        far, turned = (factor * float(np.linalg.norm(taught.moved[part])) for part, factor in PARTS)
         text += (
-            f". Errors count from the base as the real robot taught it, which is {told(far)} mm (at its "
-            f"origin) and {told(turned)} deg from the controller's"
+            f". Errors count from the base as the real robot taught it, which is {told(far)} mm (at the "
+            f"first point) and {told(turned)} deg from the controller's"
         )
     return text
 

@@ -85,7 +85,7 @@ def test_a_target_out_of_reach_leaves_nothing_written(cell: Path, run: Run) -> N
     result = run("compensate kr500 far.src --out new.src --json r.json", *figure)
     assert result.exit_code == 2
     assert result.stderr.count("error:") == 1
-    assert "far.src: 1 of 3 targets cannot be corrected: line 5 LIN 5 (out of reach by" in result.stderr
+    assert "far.src: 1 of 3 targets cannot be corrected: line 5, LIN 5 (out of reach by" in result.stderr
     assert not (cell / "new.src").exists()
     assert not (cell / "p.png").exists()
     assert not (cell / "p.html").exists()
@@ -135,10 +135,11 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     real = robot_to_yaml(load_robot("kr500")) + SAGGING
     (cell / "real.yaml").write_text(real)
     arguments = "compensate kr500 cell.src --actual real.yaml"
-    said = succeed(arguments).stderr
+    shown, said = (result := succeed(arguments)).stdout, result.stderr
     note = re.search(
-        r"note: the error counts against a measured base: (\S+) mm, of which (\S+) mm differs along the path"
-        "; if the robot itself taught the base, give the points with --base-taught",
+        r"note: the error of (\S+) mm is the same at every target but for (\S+) mm: a base that the robot "
+        r"itself taught contains the common part already \(--base-taught\), a base that was measured by "
+        "other means does not",
         said,
     )
     assert note is not None, said
@@ -146,10 +147,20 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     facts = told(arguments)
     error = 1e3 * np.array([target["before"][:3] for target in facts["targets"]])
     assert whole == pytest.approx(facts["before"]["rms_mm"], rel=0.05)  # two digits
+    headline = (
+        f"Predicted error along the path: {note[1]} mm against a measured base; {note[2]} mm differ along "
+        "the path, roughly what remains if the robot itself taught the base. After correction"
+    )
+    assert headline in " ".join(shown.split())
+    assert (
+        "Next: If the robot itself taught the base (touched the workpiece), give the three points with"
+        in shown
+    )
     assert differing == pytest.approx(np.sqrt(((error - error.mean(0)) ** 2).sum(1).mean()), rel=0.05)
     assert facts["before"]["rms_mm"] > 1
     taught = succeed(arguments, *TAUGHT, "--json", "r.json", "--out", "new.src")
-    assert "measured base" not in taught.stderr
+    assert "the same at every target" not in taught.stderr
+    assert "measured base" not in taught.stdout
     assert "Errors count from the base as the real robot taught it, which is" in " ".join(
         taught.stdout.split()
     )
@@ -157,15 +168,102 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     assert 1e-3 < less["before"]["rms_mm"] < 0.3 * facts["before"]["rms_mm"]
     assert less["after"]["max_mm"] < 1e-3
     assert len(less["base_taught"]) == 6
-    assert "measured base" not in succeed(arguments, "--taught").stderr
+    assert "measured base" not in succeed(arguments, "--taught").stdout
 
 
 def test_a_measured_base_is_mentioned_only_where_most_of_the_error_is_alike(cell: Path, succeed: Run) -> None:
     (cell / "one.src").write_text(PROGRAM.replace("  LIN {X 1500,", "  ;LIN {X 1500,"))
-    assert "measured base" not in succeed("compensate kr500 one.src --wrench fz=-900N").stderr
+    assert "measured base" not in succeed("compensate kr500 one.src --wrench fz=-900N").stdout
     load = ("--process", "p.yaml")
     (cell / "p.yaml").write_text("kind: cutting-table\nvariable: y\nvalues: [-1, 1]\nfz: [-9000, 9000]\n")
-    assert "measured base" not in succeed("compensate kr500 cell.src", *load).stderr
+    assert "measured base" not in succeed("compensate kr500 cell.src", *load).stdout
+
+
+def test_points_of_a_program_in_the_robots_own_base_frame_are_places_of_the_workpiece(
+    cell: Path, succeed: Run, refused: Refused
+) -> None:
+    (cell / "real.yaml").write_text(robot_to_yaml(load_robot("kr500")) + SAGGING)
+    arguments = ("compensate", "kr500", "cell.src", "--actual", "real.yaml")
+    foot = ("--base-taught", "x=0", "--base-taught", "x=300mm", "--base-taught", "y=300mm")
+    refused(
+        [*arguments, *foot],
+        "The program counts from the robot's own base frame. In it, give three points at which the robot "
+        "touched the workpiece",
+    )
+    said = succeed(" ".join(arguments), *TAUGHT, "--json", "r.json").stderr
+    note = re.search(
+        r"taken for places on the workpiece that the tool touched: the targets are meant on this workpiece, "
+        r"(\S+) mm \(at the first point\)",
+        said,
+    )
+    assert note is not None, said
+    # the first point is the first target, under the same weight: its own error against a measured base
+    measured = json.loads(succeed(" ".join(arguments), "--json", "-").stdout)["targets"][0]["before"]
+    assert float(note[1]) == pytest.approx(1e3 * np.linalg.norm(measured[:3]), rel=0.05)  # two digits
+    elsewhere = PROGRAM.replace("{FRAME: X 0,", "{FRAME: X 100,")
+    (cell / "cell.src").write_bytes(elsewhere.encode("latin-1"))
+    refused([*arguments, *foot], "In the frame of the path, give three points at which the robot touched")
+    assert "own base frame" not in succeed(" ".join(arguments), *TAUGHT).stderr
+
+
+RAPID = "MODULE m\n{}ENDMODULE\n"
+MOVE = "MoveL [[{},{},1700],[0.7071068,0,0.7071068,0],[{},0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\n"
+
+
+def test_a_target_that_is_reachable_in_another_configuration_says_in_which(cell: Path, run: Run) -> None:
+    """ABB turns axis 1 counterclockwise: at y < 0 it is in the quarter -1, whatever robconf says."""
+    wrong, right = MOVE.format(2300, -400, "0,0,0"), MOVE.format(2300, 400, "0,-2,1")
+    (cell / "a.mod").write_text(RAPID.format(wrong + right))
+    result = run("compensate kr500 a.mod --wrench fz=-900N --out new.mod")
+    assert result.exit_code == 2
+    told = " ".join(result.stdout.split())
+    found = re.search(
+        r"is configuration \[0,0,0,0\]; reachable as \[-1,(\S+),(\S+),0\], q1 = (\S+) deg", told
+    )
+    assert found is not None, told
+    assert float(found[3]) == pytest.approx(np.degrees(np.arctan2(400, 2300 - 290)), rel=0.005)
+    assert "a.mod: 1 of 2 targets cannot be corrected: line 2, MoveL (no posture within" in result.stderr
+    assert "Next: Correct the configuration of these targets in the program, or choose" in told
+    assert "Move these targets" not in told + result.stderr
+    # of the refused target no posture is told as that of the path
+    assert "note: the first target that is reached, a.mod:3: MoveL, is at q1 = -11.2" in result.stderr
+    # as told, it is reached
+    (cell / "a.mod").write_text(RAPID.format(MOVE.format(2300, -400, f"-1,{found[1]},{found[2]}") + right))
+    assert run("compensate kr500 a.mod --wrench fz=-900N --out new.mod").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.mod", RAPID.format(MOVE.format(9300, 0, "0,0,0")), "a.mod: 1 of 1 {}: line 2, MoveL (out of"),
+        (
+            "a.script",
+            "def p():\n  movel(p[9,0,1,0,2,0])\n  movej(get_inverse_kin(p[9,1,1,0,2,0]))\nend\n",
+            "a.script: 2 of 2 {}: line 2, movel (out of",
+        ),
+        ("a.mod", RAPID.format(MOVE.format("b", 0, "0,0,0")), "a.mod:2: MoveL: found 'b', expected a number"),
+        (
+            "a.script",
+            "movel(p[0.4,9000.1,0.3,0,3.14,0])\n",
+            "a.script:1: movel: found a position 9e+03 m away",
+        ),
+    ],
+)
+def test_errors_name_line_and_motion_in_the_language_of_the_program(
+    cell: Path, run: Run, name: str, text: str, told: str
+) -> None:
+    (cell / name).write_text(text)
+    result = run("compensate", "kr500", name)
+    assert result.exit_code == 2
+    assert told.format("targets cannot be corrected") in result.stderr
+
+
+def test_targets_of_one_name_are_told_with_their_lines(cell: Path, run: Run) -> None:
+    moves = "".join(MOVE.format(2300, y, "-1,0,0") for y in (-400, -300))
+    (cell / "a.mod").write_text(RAPID.format(moves))
+    # nothing moves the tool, which any standard deviation doubts
+    result = run("compensate kr500 a.mod --q q2=-30deg,q3=60deg,q5=40deg --leave-doubtful --load-std fz=20N")
+    assert "twice its standard deviation: line 2, MoveL, line 3, MoveL" in result.stderr
 
 
 def test_a_process_file_and_a_path_table(folder: Path, told: Run) -> None:
@@ -227,6 +325,9 @@ def test_a_path_without_load_and_weight_stays_as_it_is(cell: Path, succeed: Run)
         (["cell.src", "--out", "o.csv"], "--out o.csv: found the ending .csv, expected .src as of cell.src"),
         (["cell.src", "--figure", "p.gif"], "p.gif: found the ending 'gif', expected a figure"),
         (["cell.src", "--q", "q9=1"], "--q: unknown joint variable 'q9'"),
+        (["cell.src", "--q", "q1=200deg"], "--q: q1: found 200 deg, expected one within -185 deg to 185 deg"),
+        (["cell.src", "--q", "q1=9000deg"], "--q: q1: found 9000 deg, expected one within -185 deg to"),
+        (["cell.src", "--stream", "--q", "q1=-3.3"], "--q: q1: found -189.076 deg, expected one within"),
         (["broken.src"], "broken.src:2: LIN: Y: found 'abc', expected a number"),
         (["cell.src", "--base-taught", "x=0"], "--base-taught: found 1 point, expected three: the origin, a"),
         (["cell.src", "--base-taught", "a=0"], "--base-taught: found 'a=0', expected coordinates such as"),
@@ -326,7 +427,13 @@ def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run
     (cell / "steep.src").write_text(PROGRAM.replace("B 110", "B 90"))
     result = run("compensate kr500 steep.src --wrench fz=-900N --json said.json")
     facts = json.loads((cell / "said.json").read_text())
-    assert "turned, deg" in result.stdout
+    heads = [
+        line.split() for line in result.stdout.splitlines() if line.split()[-1:] in (["turned,"], ["deg"])
+    ]
+    assert [(*line[:1], *line[-2:]) for line in heads] == [
+        ("force,", "moved,", "turned,"),
+        ("target", "mm", "deg"),
+    ]
     assert 0 < facts["before"]["max_deg"] < 0.5
     rows = [line.split() for line in result.stdout.splitlines() if line.startswith("LIN")]
     assert [float(row[-1]) for row in rows] == pytest.approx([float(row[5]) for row in rows], abs=0.01)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.compensation.follow import follow
+from beamstiff.compensation.follow import NO_POSTURE, follow
 from beamstiff.compensation.formats import fanuc, krl, rapid
 from beamstiff.compensation.posture import Arm, StatedPosture, arm_of
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -70,6 +70,50 @@ def test_a_posture_beyond_the_ranges_is_told() -> None:
     poses = pose_of(KINEMATICS, posture(KINEMATICS, q), KINEMATICS.robot.tcp)
     found = follow(KINEMATICS, poses, None, arm_of(KINEMATICS), [StatedPosture("S 1", front=False)])
     assert found.reasons == {0: "no posture within the joints' ranges is S 1"}
+
+
+@pytest.mark.parametrize("stated", [kuka, abb])
+def test_where_no_posture_is_as_stated_the_one_that_is_possible_is_written_in_the_programs_language(
+    stated,
+) -> None:
+    """Axis 1 is said to be on the other side, everything else as it is."""
+    arm = arm_of(KINEMATICS)
+    q = postures(12, 2)
+    poses = pose_of(KINEMATICS, posture(KINEMATICS, q), KINEMATICS.robot.tcp)
+    for one, pose, front in zip(q, poses, in_front(q, poses), strict=True):
+        right, mirrored = stated(one, front), one.copy()
+        mirrored[0] = -one[0] - np.copysign(np.pi / 2, one[0]) * (stated is abb)
+        wrong = stated(mirrored, front)
+        assert wrong != right
+        found = follow(KINEMATICS, pose[None], None, arm, [wrong])
+        [said] = found.reasons.values()
+        told = right.text.removeprefix("configuration ")
+        assert said.startswith(f"{NO_POSTURE} {wrong.text}; reachable as {told}, q1 = ")
+        assert float(said.split("q1 = ")[1].split()[0]) == pytest.approx(np.degrees(one[0]), rel=6e-3)
+
+
+def test_what_decides_is_named_axis_by_axis() -> None:
+    arm = arm_of(KINEMATICS)
+    assert arm is not None
+    home = np.radians([[20.0, -90, 90, 0, 90, 0]])
+    text = (
+        "/POS\nP[1]{{\n GP1:\n UF : 0, UT : 0, CONFIG : '{}',\n X = 1 mm, Y = 2 mm, Z = 3 mm,\n"
+        " W = 0 deg, P = 0 deg, R = 0 deg\n}};\n/END\n"
+    )
+
+    def told(config: str) -> str:
+        [place] = fanuc.read(text.format(config), "a.ls").places
+        return arm.reachable_as(place.posture, home)
+
+    right = "CONFIG 'N U T, 0, 0, 0'"
+    assert told("N U T, 1, 0, 0") == f"{right}, q1 = 20 deg"
+    assert told("F U T, 0, 0, 0") == f"{right}, q5 = 90 deg"
+    assert told("N D T, 0, 0, 0") == f"{right}, q3 = 90 deg"
+    assert told("N U B, 0, 0, 0") == f"{right}, the wrist in front of axis 1"
+    assert told("N U T, 0, 0, 1") == f"{right}, q6 = 0 deg"
+    [place] = krl.read("PTP {X 1,Y 2,Z 3,A 0,B 0,C 0,S 1,T 6}", "a.src").places
+    # the arm on the other side: the signs of A2 and A3 are not told
+    assert arm.reachable_as(place.posture, home) == "S 2, the wrist in front of axis 1, q3 = 90 deg"
 
 
 def test_fanuc_counts_turns_of_axis_6_from_a_flange_with_x_upwards() -> None:

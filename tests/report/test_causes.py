@@ -1,5 +1,6 @@
 """The causes of a gap that has several, and its remainder, as people read them."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Candidate, Estimate
-from beamstiff.report.calibrated_text import calibrated_worse, changes_text
+from beamstiff.report.calibrated_text import calibrated_worse, changes_table, changes_text
 from beamstiff.report.diagnosis import (
     by_causes,
     diagnosis_figure,
@@ -298,6 +299,19 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert f": {along} {'+' * (first.by > 0)}{value} ± {std} mm, " in largest
     held = replace(changed, changes=(replace(first, std=0.0),))
     assert "±" not in changes_text(held)  # it was not sought
+    by = {unit: [one for one in changed.changes if one.parameter.unit == unit] for unit in ("m", "rad")}
+    assert min(map(len, by.values())) > 3
+    assert largest.count(" mm") == largest.count(" mrad") == 3
+    assert re.search(r"deviations\. Lengths: [^;]* mm; angles: [^;]* mrad \(", largest)
+    rest = len(changed.changes) - 6
+    assert f"({rest} more in --json and --apply)" in largest
+    table = changes_table(changed, "title")
+    assert [*table.columns] == ["parameter", "length, mm", "std", "angle, mrad", "std"]
+    for kind, own in enumerate(by.values()):
+        rows = [row for row in table.rows if row[1 + 2 * kind]]
+        assert [float(row[1 + 2 * kind]) for row in rows] == pytest.approx(
+            [1e3 * one.by for one in own], rel=0.06
+        )
     told = result.to_dict()["calibration"]
     assert told["before_mm"] == 1e3 * changed.before
     assert told["changes"][first.parameter.name]["std"] == first.std

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from beamstiff.compensation.follow import NO_POSTURE
 from beamstiff.compensation.formats import krl
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import Frames
@@ -22,6 +23,8 @@ from beamstiff.report.compensation import (
     compensation_verdict,
     uncorrected_table,
 )
+from beamstiff.report.html.compensation import compensation_html
+from beamstiff.report.html.provenance import provenance
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import rotation_from_vector, transform
 
@@ -68,8 +71,12 @@ def test_the_text_says_how_far_off_the_real_robot_taught_the_base(result: Compen
     still = np.tile(np.eye(4), (3, 1, 1))
     base = TaughtBase(still, np.zeros((3, 6)), transform(turn, np.array([0.003, 0.004, 0.0])))
     taught = replace(result, correction=replace(result.correction, taught_base=base))
-    said = "from the base as the real robot taught it, which is 5.0 mm (at its origin) and 0.50 deg from"
+    said = "from the base as the real robot taught it, which is 5.0 mm (at the first point) and 0.50 deg from"
     assert said in compensation_text(taught)
+    away = still.copy()  # where the turn moves it by 100 mm * 0.5 deg more
+    away[:, 0, 3] = 0.1
+    farther = replace(result, correction=replace(result.correction, taught_base=replace(base, poses=away)))
+    assert "is 5.7 mm (at the first point) and 0.50 deg" in compensation_text(farther)
     np.testing.assert_allclose(
         taught.to_dict()["base_taught"], [0.003, 0.004, 0, 0, 0, np.radians(0.5)], atol=1e-15
     )
@@ -90,6 +97,64 @@ def test_the_headline_says_what_the_error_comes_from(result: Compensated) -> Non
     assert {*told} == {"geometry", "weight_and_load", "effects"}
     still = replace(reached, parts={GEOMETRY: 0.5 * size, DEFORMATION: 0.3 * size})
     assert "cancel" not in compensation_verdict(still).causes
+
+
+def common(result: Compensated, far: float, differs: float) -> Compensated:
+    """Return a path all of whose targets are reached, `far` off, and so much in another way each, m."""
+    before = np.zeros((3, 6))
+    before[:, 2], before[:, 0] = -far, differs * np.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
+    after = np.zeros((3, 6))
+    correction = replace(result.correction, before=before, reasons={})
+    return replace(result, correction=correction, after=after, base_open=True)
+
+
+def test_the_headline_says_how_much_differs_along_the_path_where_the_robot_may_have_taught_the_base(
+    result: Compensated,
+) -> None:
+    found = common(result, 8.3e-3, 0.54e-3)
+    assert found.differs_mm == pytest.approx(0.54)
+    said = compensation_verdict(found)
+    assert said.headline.startswith(
+        "Predicted error along the path: 8.3 mm against a measured base; 0.54 mm differ along the path, "
+        "roughly what remains if the robot itself taught the base. After correction 0 mm, plus "
+    )
+    assert "give the three points with --base-taught" in said.action
+    assert (
+        "roughly 0.54 mm instead of 8.3 mm. If the base was measured by other means, use this" in said.action
+    )
+    assert said.action.endswith("Run the corrected path and measure a few targets.")
+    page = compensation_html(found, found.machine.controller, provenance([], 0, []))
+    assert "RMS, against a measured base; at most" in page
+    assert "0.54 mm differ along the path" in page
+    assert "of it differ along the path: roughly what remains if the robot itself taught the base" in page
+    for other in (replace(found, base_open=False), common(result, 1e-3, 1e-3)):
+        assert other.differs_mm is None
+        assert "base" not in compensation_verdict(other).headline + compensation_verdict(other).action
+
+
+def test_what_is_reachable_in_another_configuration_is_not_to_be_moved(result: Compensated) -> None:
+    def action(*reasons: str) -> str:
+        refused = replace(result.correction, reasons=dict(enumerate(reasons)))
+        return compensation_verdict(replace(result, correction=refused)).action
+
+    misstated, far = f"{NO_POSTURE} S 2; reachable as S 6", "out of reach by 3 mm"
+    keep = "; --unreachable keep leaves them as they are."
+    assert action(far, far) == f"Move these targets{keep}"
+    posture = "Correct the configuration of {} in the program, or choose the posture with --q"
+    assert action(misstated, misstated) == posture.format("these targets") + keep
+    assert action(misstated, far) == posture.format("1 of these targets") + f", and move the others{keep}"
+
+
+def test_the_table_fits_a_terminal_of_100_columns(result: Compensated) -> None:
+    names = tuple(f"weld_seam_{row}" for row in range(3))
+    correction = replace(result.correction, path=replace(result.correction.path, names=names))
+    lines = shown(compensation_table(replace(result, correction=correction))).splitlines()
+    assert max(len(line.rstrip()) for line in lines if "─" not in line) <= 100
+    assert all(name in "".join(lines) for name in names)
+    assert re.findall(r"[a-z]+,", lines[1]) == [
+        *("force,", "before,", "before,", "after,", "after,", "moved,", "turned,")
+    ]
+    assert lines[2].split() == ["target", "line", "N", *["mm", "deg"] * 3]
 
 
 def test_every_target_that_is_not_corrected_stands_in_a_table(result: Compensated) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.compensation.editing import NUMBER, Slot, line_of
 from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.path import StatedFrame
-from beamstiff.compensation.posture import StatedPosture
+from beamstiff.compensation.posture import Configuration, StatedPosture
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import EulerAngles
@@ -119,6 +119,12 @@ def _stated(text: str) -> StatedPosture:
         if re.fullmatch(r"\s*[-+]?\d+\s*", number):
             middle = sign * 2 * np.pi * int(number)
             turns.append((axis, middle - np.pi, middle + np.pi))
-    return StatedPosture(
-        f"CONFIG '{text.strip()}'", either("T", "B"), either("U", "D"), either("N", "F"), tuple(turns), True
-    )
+    sides = either("T", "B"), either("U", "D"), either("N", "F")
+    return StatedPosture(f"CONFIG '{text.strip()}'", *sides, tuple(turns), flange_up=True, write=_config)
+
+
+def _config(_: StatedPosture, found: Configuration) -> str:
+    """Return a configuration as CONFIG."""
+    sides = "N" if found.wrist_down else "F", "U" if found.elbow_up else "D", "T" if found.front else "B"
+    turns = [round(sign * found.angles[axis] / (2 * np.pi)) for axis, sign in TURNED]
+    return f"CONFIG '{', '.join([' '.join(sides), *map(str, turns)])}'"

@@ -25,7 +25,7 @@ from functools import partial
 from beamstiff.compensation.editing import NUMBER, Slot, lines, masked
 from beamstiff.compensation.formats.krl_frames import FrameState, Literals
 from beamstiff.compensation.formats.program import SEAM, Place, Program, make_program
-from beamstiff.compensation.posture import TURNING, WHOLE, StatedPosture
+from beamstiff.compensation.posture import TURNING, WHOLE, Configuration, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import KUKA
@@ -252,8 +252,20 @@ def _stated(bits: dict[str, int]) -> StatedPosture | None:
     if turn is not None:  # KUKA's axes 1, 4 and 6 turn the other way
         turns = tuple((axis, 0.0, WHOLE) if turn >> axis & 1 else (axis, -WHOLE, 0.0) for axis in TURNING)
     if status is None:
-        return StatedPosture(text, turns=turns)
-    return StatedPosture(text, not status & 1, bool(status & 2), not status & 4, turns)
+        return StatedPosture(text, turns=turns, write=_status_and_turn)
+    sides = not status & 1, bool(status & 2), not status & 4
+    return StatedPosture(text, *sides, turns, write=_status_and_turn)
+
+
+def _status_and_turn(stated: StatedPosture, found: Configuration) -> str:
+    """Return a configuration as S and T; as S alone where the arm's side changes the signs of A2 and A3."""
+    text = f"S {1 * (not found.front) + 2 * found.elbow_up + 4 * (not found.wrist_down)}"
+    turn = re.search(r"T (\d+)", stated.text)
+    if turn is None or (found.front, found.elbow_up) != (stated.front, stated.elbow_up):
+        return text
+    bits = {axis: found.angles[axis] > 0 for axis in TURNING} | {4: not found.wrist_down}
+    kept = int(turn[1]) & ~sum(1 << axis for axis in bits)
+    return f"{text}, T {kept + sum(1 << axis for axis, on in bits.items() if on)}"
 
 
 def _lines(numbers: list[str]) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.formats.rapid_frames import Motions
-from beamstiff.compensation.posture import TURNING, StatedPosture
+from beamstiff.compensation.posture import EXCEED, TURNING, Configuration, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Quaternion
@@ -167,8 +167,15 @@ def _stated(configuration: tuple[int, ...]) -> StatedPosture:
     kind = configuration[3]
     text = f"configuration [{','.join(map(str, configuration))}]"
     if not 0 <= kind <= 7:
-        return StatedPosture(text, turns=turns)
-    return StatedPosture(text, not kind & 4, not kind & 2, not kind & 1, turns)
+        return StatedPosture(text, turns=turns, write=_confdata)
+    return StatedPosture(text, not kind & 4, not kind & 2, not kind & 1, turns, write=_confdata)
+
+
+def _confdata(_: StatedPosture, found: Configuration) -> str:
+    """Return a configuration as confdata."""
+    quarters = [int(np.floor((found.angles[axis] + EXCEED) / (0.5 * np.pi))) for axis in TURNING]
+    kind = 4 * (not found.front) + 2 * (not found.elbow_up) + (not found.wrist_down)
+    return f"[{','.join(map(str, [*quarters, kind]))}]"
 
 
 def _fail(source: str, code: str, at: int, name: str, message: str) -> NoReturn:
