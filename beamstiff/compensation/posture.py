@@ -84,9 +84,20 @@ class Arm:
         return result
 
     def configuration(self, stated: StatedPosture, q: Array) -> Configuration:
-        """Return the configuration of a posture (6,), its angles counted as the `stated` one counts them."""
-        angle = self._angles(stated, q[None])
-        front, elbow_up, wrist_down = (bool(side[0] > 0) for side in self._sides(q[None], angle))
+        """Return the configuration of a posture (6,), its angles counted as the `stated` one counts them.
+
+        What passes for as stated, at the border or since the arm cannot do otherwise, is as stated.
+        """
+        angle, [misfit] = self._angles(stated, q[None]), self.misfits(stated, q[None])
+        sides = [bool(side[0] > 0) for side in self._sides(q[None], angle)]
+        said = (stated.front, stated.elbow_up, stated.wrist_down)
+        for column, as_stated in enumerate(said):
+            if as_stated is not None and not misfit[column]:
+                sides[column] = as_stated
+        for axis, low, high in stated.turns:
+            if not misfit[DECIDING.index(axis, len(sides))]:
+                angle[0, axis] = np.clip(angle[0, axis], low + EXCEED, high - EXCEED)
+        front, elbow_up, wrist_down = sides
         return Configuration(front, elbow_up, wrist_down, tuple(angle[0].tolist()))
 
     def reachable_as(self, stated: StatedPosture, q: Array) -> str:

@@ -111,6 +111,11 @@ def test_what_decides_is_named_axis_by_axis() -> None:
     assert told("N D T, 0, 0, 0") == f"{right}, q3 = 90 deg"
     assert told("N U B, 0, 0, 0") == f"{right}, the wrist in front of axis 1"
     assert told("N U T, 0, 0, 1") == f"{right}, q6 = 0 deg"
+    # axis 4 at the border of two quarters: as stated, on either side
+    for quarter in (0, -1):
+        said = f"p:=[[1,2,3],[1,0,0,0],[0,{quarter},0,0],[0,0,0,0,0,0]];"
+        [place] = rapid.read(said, "a.mod").places
+        assert arm.reachable_as(place.posture, home) == f"[-1,{quarter},0,0], q1 = 20 deg"
     [place] = krl.read("PTP {X 1,Y 2,Z 3,A 0,B 0,C 0,S 1,T 6}", "a.src").places
     # the arm on the other side: the signs of A2 and A3 are not told
     assert arm.reachable_as(place.posture, home) == "S 2, the wrist in front of axis 1, q3 = 90 deg"

@@ -15,7 +15,7 @@ import numpy as np
 from beamstiff.compensation.editing import NUMBER, Slot, line_of, masked
 from beamstiff.compensation.formats.program import Place, Program, make_program
 from beamstiff.compensation.formats.rapid_frames import Motions
-from beamstiff.compensation.posture import EXCEED, TURNING, Configuration, StatedPosture
+from beamstiff.compensation.posture import TURNING, Configuration, StatedPosture
 from beamstiff.errors import BeamstiffError, shown
 from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Quaternion
@@ -173,7 +173,7 @@ def _stated(configuration: tuple[int, ...]) -> StatedPosture:
 
 def _confdata(_: StatedPosture, found: Configuration) -> str:
     """Return a configuration as confdata."""
-    quarters = [int(np.floor((found.angles[axis] + EXCEED) / (0.5 * np.pi))) for axis in TURNING]
+    quarters = [int(np.floor(found.angles[axis] / (0.5 * np.pi))) for axis in TURNING]
     kind = 4 * (not found.front) + 2 * (not found.elbow_up) + (not found.wrist_down)
     return f"[{','.join(map(str, [*quarters, kind]))}]"
 

@@ -62,11 +62,10 @@ def _facts(result: Compensated) -> Iterator[Fact]:
     found, known = result.correction, result.known
     if known.any():
         before, after = size_of(found.before[known]), size_of(result.after[known])
-        against = "" if result.differs_mm is None else ", against a measured base"
-        yield Fact("Before", f"{told(before.rms_mm)} mm", f"RMS{against}; at most {told(before.max_mm)} mm")
-        if result.differs_mm is not None:
-            remains = "of it differ along the path: roughly what remains if the robot itself taught the base"
-            yield Fact("Differs", f"{told(result.differs_mm)} mm", remains)
+        meaning, differs = f"RMS; at most {told(before.max_mm)} mm", result.differs_mm
+        if differs is not None:
+            meaning = f"RMS against a measured base; {told(differs)} mm of it differ along the path"
+        yield Fact("Before", f"{told(before.rms_mm)} mm", meaning)
         rounded = f"RMS; at most {told(after.max_mm)} mm, numbers rounded"
         yield Fact("After", f"{told(after.rms_mm)} mm", rounded)
         moved = 1e3 * np.linalg.norm(found.commands[:, :3, 3] - found.path.poses[:, :3, 3], axis=1)
