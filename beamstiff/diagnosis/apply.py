@@ -164,7 +164,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
     which are 0.
     """
     found = _found(diagnosis)
-    fitted = diagnosis.fitted_stiffness
+    fitted = diagnosis.linear_stiffness
     found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
     found = found.with_unmeasured(fitted, diagnosis.kept)
     ranges = ranges_of(diagnosis.baseline.rows)
@@ -177,7 +177,7 @@ def written_stiffness(diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
     robot = diagnosis.calibrated if diagnosis.decomposition is not None else _refitted(diagnosis)
     return {
         name: (given, given if name in diagnosis.kept else robot.parameter(name))
-        for name, (given, _) in diagnosis.fitted_stiffness.items()
+        for name, (given, _) in diagnosis.linear_stiffness.items()
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
@@ -27,10 +28,11 @@ from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.misread_loads import misread_loads
 from beamstiff.diagnosis.next_measurement.between_causes import propose_between
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain
-from beamstiff.diagnosis.notes import chosen_for, in_words, unloaded
+from beamstiff.diagnosis.notes import OF_ALL_AXES, SURE, chosen_for, in_words, unloaded
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
+from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.errors import BeamstiffError, UnusableError, listed, optional
 from beamstiff.measure.registration import fit_rigid_motion
@@ -43,6 +45,7 @@ from beamstiff.stages import stage
 AS_DESCRIBED = 2.0  # times the noise, where a calibration leaves but noise: forms of causes are not exact
 OWN_FRAME = 20.0  # times a middling misalignment: twice the largest realistic one
 SINGLE_ERRORS = 2  # of a geometry as described: its causes come alone or in pairs
+STEADIER = 0.7  # of the stated noise, below which what is stated is doubted
 LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in for the verdict
 
 
@@ -143,13 +146,29 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
         outliers=found.apart,
-        notes=(*notes, *unloaded(baseline), *_left_out(found), *(one.text for one in found.behind)),
+        notes=(
+            *notes,
+            *unloaded(baseline),
+            *_overclaimed(found),
+            *_left_out(found),
+            *(one.text for one in found.behind),
+        ),
         fits=(),
         ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.every)]),
         where=where(calibrated, baseline.used, _components(found)),
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,
     )
+
+
+def _overclaimed(found: Decomposition) -> Iterator[str]:
+    """Yield that the readings scatter less than stated, by more than chance does."""
+    own = sum(theta.size for cause in (*found.every, *found.unmodelled) for theta in cause.theta)
+    freedom = max(found.model.count - found.model.determined - own, 1.0)
+    by_chance = float(chi2.cdf(found.scatter**2 * freedom, freedom))
+    if found.model.baseline.claimed and found.scatter < STEADIER and by_chance < SURE:
+        asks = f", which counts per axis: {OF_ALL_AXES}" if found.scatter >= SILENCE else ""
+        yield f"the readings scatter by {found.scatter:.2g} times the stated noise{asks}"
 
 
 def _left_out(found: Decomposition) -> Iterator[str]:

@@ -18,6 +18,7 @@ OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
 SURE = 0.001  # probability of what repeats show by chance
+OF_ALL_AXES = "is the stated value that of all three axes together (divide it by 1.7)?"
 MASSLESS = (
     "the robot file has no masses: gravity cannot load its drives, and what the robot's own weight bends is "
     "taken for other causes; give it masses, estimates are enough"
@@ -40,7 +41,8 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
     else:
         for name, factor in zip(("position", "rotation"), screened.noise.tolist(), strict=True):
             if factor > OFF or factor < 1.0 / OFF:
-                yield f"the noise of the {name}s is {factor:.2g} times the stated noise"
+                asks = f", which counts per axis: {OF_ALL_AXES}" if factor < 1.0 else ""
+                yield f"the noise of the {name}s is {factor:.2g} times the stated noise{asks}"
     if screened.below_claim:
         yield (
             "the rows scatter by less than a third of the stated noise, as simulated rows do: effects "

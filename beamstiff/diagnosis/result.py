@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.apply import written_stiffness
+from beamstiff.diagnosis.apply import extended, readable, written_stiffness
 from beamstiff.diagnosis.decomposition.applied import (
     VAGUE,
     absorbed_changes,
@@ -177,7 +177,7 @@ class Diagnosis(Shown):
     def start_values(self) -> tuple[str, ...]:
         """Stiffness that was fitted and that the robot file marks as start values: guesses, no statements."""
         described = self.baseline.given or self.baseline.nominal
-        return tuple(name for name in described.unmeasured if name in self.fitted_stiffness)
+        return tuple(name for name in described.unmeasured if name in self.linear_stiffness)
 
     @cached_property
     def recalibration(self) -> Recalibration | None:
@@ -192,13 +192,41 @@ class Diagnosis(Shown):
 
     @cached_property
     def applied(self) -> Robot:
-        """The same with the causes as its effects."""
+        """The same with the causes as its effects: a step on the way to `robot`, which is what to save."""
         assert self.decomposition is not None
         return applied(self.decomposition, self.calibrated)
 
     @property
+    def robot(self) -> Robot:
+        """The robot with the fitted geometry, stiffness and effects, as ``diagnose --apply`` writes it.
+
+        `save_robot` writes it to a file.
+        """
+        return readable(extended(self), self.known)
+
+    @property
+    def causes(self) -> list[dict[str, Any]]:
+        """The named causes as in the JSON, each beside those before it; empty where none is named.
+
+        Each has `effect`, `component` (None for the machine as a whole), `probability`, `closes` (share of
+        the gap's square above noise on held-out postures, 0 to 1), `closes_interval` (90 %), `rms_after_mm`,
+        `parameters` (`value`, `std` and `unit` by name, SI), `shape`, and `indistinguishable`, names of its
+        look-alikes.
+        """
+        named: list[dict[str, Any]] = self.explained()["causes"]
+        return named
+
+    @property
     def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
-        """Stiffness values that were fitted beside or before the causes: as given, and as fitted, SI."""
+        """Stiffness values that were fitted: as given, and as `robot` has them, SI.
+
+        Those in `kept` are as given.
+        """
+        return written_stiffness(self)
+
+    @property
+    def linear_stiffness(self) -> dict[str, tuple[float, float]]:
+        """The same of the linear step in which causes are weighed, some percent off where that is long."""
         given, found = self.baseline.nominal, self.baseline.robot
         names: Sequence[str] = self.baseline.fitted
         if self.decomposition is not None:
@@ -222,7 +250,7 @@ class Diagnosis(Shown):
         model = found.model
         problem = model.problem
         names = baseline.fitted if problem is None else [*problem.values(problem.expected)]
-        fitted = self.fitted_stiffness  # a calibration leaves out what it does not feel
+        fitted = self.linear_stiffness  # a calibration leaves out what it does not feel
         return model.tangent, {name: at for at, name in enumerate(names) if name in fitted}
 
     @cached_property
@@ -249,7 +277,7 @@ class Diagnosis(Shown):
 
         Beside the causes, or in the calibration that is written.
         """
-        fitted = self.fitted_stiffness
+        fitted = self.linear_stiffness
         vague = {name for name, std in self.compliance_std.items() if std * fitted[name][1] > VAGUE}
         return vague | self._as_described
 
@@ -268,7 +296,7 @@ class Diagnosis(Shown):
         moved = np.abs(columns).max(axis=0, initial=0.0)
         return tuple(
             name
-            for name, ends in self.fitted_stiffness.items()
+            for name, ends in self.linear_stiffness.items()
             if max(ends) < np.inf and (name not in at or moved[at[name]] < UNTOUCHED * min(ends))
         )
 
@@ -282,12 +310,12 @@ class Diagnosis(Shown):
         found = self.decomposition
         if found is not None and found.model.problem is not None:
             own = {*self.untouched, *self._as_described}
-            return tuple(name for name in self.fitted_stiffness if name in own)
+            return tuple(name for name in self.linear_stiffness if name in own)
         columns, at = self.open_compliances
         vague = self.undetermined.difference(self.untouched)
         return tuple(
             name
-            for name, (given, value) in self.fitted_stiffness.items()
+            for name, (given, value) in self.linear_stiffness.items()
             if name in self.untouched
             or (name in vague and np.linalg.norm(columns[:, at[name]]) * abs(1 / given - 1 / value) < 2.0)
         )
@@ -360,7 +388,7 @@ class Diagnosis(Shown):
                     "std": self.stiffness_std(name, value),
                     "touched": name not in self.untouched,
                 }
-                for name, (given, value) in written_stiffness(self).items()
+                for name, (given, value) in self.fitted_stiffness.items()
             },
             "next": [dict(item) for item in self.next],
             "untestable": [

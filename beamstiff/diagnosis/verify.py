@@ -16,19 +16,21 @@ from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 MODEL = "model:"  # before its kind, among the causes
 FRAME = 6  # parameters of a measuring frame
 MOST = 0.75  # share of the gap's square that a rigid motion closes where the measuring frame is another one
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(Shown):
     """Position errors of a robot on rows, RMS of the norm, m.
 
     `before`, `after`: without the robot's model and effects, calibrated without them, and with them.
     `noise`: what the stated noise alone makes; 0 where none is stated.
-    `promised`: share of the gap that the effects closed on held-out postures when they were found.
+    `promised`: share of the gap that the effects closed on held-out postures when they were found, at most 1:
+        the sum of `closes` in the robot file, of which noise makes a little more than all.
     `true`: share of the explainable gap that they close here, at most 1; negative where they make it worse.
     `causes`: effect and component (first the model, ``model:grid``), the error with all up to this one, and
         the share that it closes.
@@ -128,7 +130,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         before=errors[0],
         after=errors[-1],
         noise=noise,
-        promised=float(sum(stated)) if stated else None,
+        promised=min(float(sum(stated)), 1.0) if stated else None,
         true=min(share(errors[0], errors[-1]), 1.0),
         rows=int(used.any(axis=1).sum()),
         causes=tuple(

@@ -10,6 +10,7 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.functions.robots import check_known, load_robot
 from beamstiff.measure.bags import is_bag, read_bag
+from beamstiff.measure.foreign_tables import refuse_points
 from beamstiff.measure.logs import LogTable, table_of_log
 from beamstiff.measure.plateaus import SHORTEST
 from beamstiff.measure.point_lists import signals_of
@@ -68,6 +69,7 @@ def read_any(
         read = read_mjcf(file, tcp=tcp)
         return read.robot, list(read.lost)
     if ending == ".csv":
+        refuse_points(read_text(file), str(file))
         robot = read_table(file, convention)
     else:
         text = read_text(file) if ending in (".yaml", ".yml") else ""

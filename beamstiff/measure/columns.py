@@ -56,6 +56,7 @@ KUKA_HINT = (
     "Euler angles of a KUKA A B C table are not rotation vectors: declare '# orientation: KUKA ABC' "
     "before the header to have them converted, or '# orientation: rotation vector' if that is what they are"
 )
+_BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*\Z")
 _CELL = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 
 Wrong = Callable[[str, str], NoReturn]  # raises the error of a column
@@ -104,6 +105,25 @@ def name_and_unit(cell: str, at: int, wrong: Wrong) -> tuple[str, str | None]:
     if match is None or not match["name"]:
         wrong(f"column {at}", f"found {shown(cell)}, expected a name and its unit, like dx [mm]")
     return match["name"], match["unit"]
+
+
+def bare_name(cell: str) -> str:
+    """Return the name of a header cell without its unit in brackets.
+
+    >>> bare_name("J1 [deg]"), bare_name("X (mm)"), bare_name("t")
+    ('J1', 'X', 't')
+    """
+    return _BRACKETED.sub("", cell).strip() or cell
+
+
+def unit_in(cell: str) -> str | None:
+    """Return what stands in brackets behind the name of a header cell; None where nothing does.
+
+    >>> unit_in("J1 [deg]"), unit_in("X (mm)"), unit_in("t")
+    ('deg', 'mm', None)
+    """
+    match = _BRACKETED.search(cell)
+    return match[1] if match else None
 
 
 def unit_fault(unit: str, kinds: Sequence[str]) -> str:
@@ -171,7 +191,7 @@ def _unknown(name: str, robot: Robot, missing: Sequence[str], wrong: Wrong) -> N
         wrong("", f"found {shown(name)}, expected a line with the names of the columns before the numbers")
     if ";" in name or "\t" in name:
         wrong("", f"found {shown(name)} as one column, expected one separator throughout, a comma")
-    if hint := _unit_outside(name, robot):
+    if hint := unit_outside(name, robot):
         wrong(shown(name), f"unknown column (did you mean {hint!r}?): a unit stands in square brackets")
     lower = {candidate.lower(): candidate for candidate in known}
     for spelling in (name.lower(), _SYNONYMS.get(name.lower(), ""), bare, bare.lower()):
@@ -195,7 +215,7 @@ def _unknown(name: str, robot: Robot, missing: Sequence[str], wrong: Wrong) -> N
     )
 
 
-def _unit_outside(name: str, robot: Robot) -> str:
+def unit_outside(name: str, robot: Robot) -> str:
     """Return a column with its unit in brackets of a name that ends in it: x_mm, x (mm); else nothing."""
     match = re.fullmatch(r"(\w+?)[\s_]*[(_\s]\s*([A-Za-zµ°*/]+)\s*\)?", name.strip())
     kinds = QUANTITIES | {variable.name: variable.kind for variable in robot.actuated}

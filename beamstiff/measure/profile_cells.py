@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, listed, shown, suggest
+from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si, unit_fault
 from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
+from beamstiff.measure.profile_headers import named_places
 from beamstiff.measure.profiles import ANGLES, QUATERNION, SEPARATORS, Profile
 from beamstiff.measure.text import RowError, numbers
 from beamstiff.measure.wrench import STANDARD_GRAVITY
@@ -37,22 +38,20 @@ def profile_cells(text: str, profile: Profile, name: str) -> Cells:
     cut = _cutter(profile.separator)
     lines: list[int] = []
     rows: list[list[str]] = []
+    first = ""
     for number, line in enumerate(text.splitlines(), start=1):
         plain = line.strip()
         if number <= profile.skip or not plain or plain.startswith(profile.comment):
             continue
+        first = first or plain
         lines.append(number)
         rows.append([cell.strip() for cell in cut(plain)])
     if not rows:
         raise BeamstiffError(f"{name}: found no points, expected rows with {listed(profile.columns)}")
-    wanted: list[int] = []
     if any(isinstance(column, str) for column in profile.columns.values()):
         line_of_header, header = lines.pop(0), rows.pop(0)
-        for ours, column in profile.columns.items():
-            if isinstance(column, str) and column not in header:
-                missing = f"there is no column {column!r} in the header{suggest(column, header)}"
-                fail(name, line_of_header, ours, missing)
-            wanted.append(header.index(column) if isinstance(column, str) else column - 1)
+        cutters = {separator: _cutter((separator,)) for separator in SEPARATORS}
+        wanted = named_places(profile, header, first, cutters, name, line_of_header)
         _check_surplus(rows, lines, header, profile, name)
     else:
         wanted = [int(column) - 1 for column in profile.columns.values()]

@@ -35,6 +35,7 @@ from beamstiff.files import read_text
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.camera import corner_noise, robot_poses
 from beamstiff.measure.columns import NODES, READINGS, RESERVED, Column, kind_of, read_header, to_si
+from beamstiff.measure.foreign_tables import refuse_foreign
 from beamstiff.measure.instrument_cells import read_instruments
 from beamstiff.measure.instruments import COLUMNS
 from beamstiff.measure.orientation import EulerAngles, Orientation, named_orientation, with_rotation_vectors
@@ -102,6 +103,7 @@ def parse_measurements(
     raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
     choices = {key: choice(key, raw) for key in CHOICES}
     turns = _declared_orientation(raw)
+    refuse_foreign(raw, robot)
     columns = read_header(raw.header, robot, turns is not None, name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
     if not raw.cells:

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from beamstiff.diagnosis.apply import written_stiffness
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
@@ -139,7 +138,7 @@ def moved_load(result: Diagnosis) -> str:
 def far_stiffness(result: Diagnosis) -> dict[str, float]:
     """Return which determined stiffness is far from the robot file, and by how many times (`far_off`)."""
     vague = {*result.untouched, *result.undetermined}
-    values = {name: ends for name, ends in written_stiffness(result).items() if name not in vague}
+    values = {name: ends for name, ends in result.fitted_stiffness.items() if name not in vague}
     return far_off(values, result.baseline.given or result.baseline.nominal)
 
 
@@ -149,7 +148,7 @@ def drives_table(result: Diagnosis, title: str) -> Table:
     robot = result.baseline.nominal
     axes = {one.name: one.variable for one in robot.joints}
     rows, far = [], far_stiffness(result)
-    for name, (given, value) in written_stiffness(result).items():
+    for name, (given, value) in result.fitted_stiffness.items():
         joint = name.rpartition(".")[0]
         of = f" (of {axes[joint]})" if axes.get(joint) not in (None, joint) else ""
         std = result.compliance_std.get(name, np.inf)

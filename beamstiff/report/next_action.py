@@ -105,7 +105,7 @@ def _drives(result: Diagnosis) -> str:
     base = result.baseline
     felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
     rigid = [] if not felt or _compliant(result) else rigid_drives(base.nominal)
-    fitted, guessed = result.fitted_stiffness, {*result.untouched, *result.undetermined}
+    fitted, guessed = [*result.linear_stiffness], {*result.untouched, *result.undetermined}
     # nothing is fitted where no row loads a drive
     unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
     return " ".join(

@@ -16,6 +16,7 @@ from rich.text import Text
 from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
 from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.diagnosis.verify import Verification
 from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
@@ -37,6 +38,7 @@ from beamstiff.report.residuals import residual_figure
 from beamstiff.report.skeleton import draw_in_space
 from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.report.tables import Table, spaced
+from beamstiff.report.verification import verification_summary
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import reference_posture
 
@@ -211,3 +213,4 @@ told.register(Prediction, deflection_told)
 told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(Calibration, calibration_told)
+told.register(Verification, verification_summary)

@@ -38,6 +38,15 @@ def verification_told(
         yield from _sentences(found, refitted)
 
 
+def verification_summary(found: Verification) -> Iterator[RenderableType]:
+    """Yield what a verification says of itself, whatever its files are called."""
+    yield _judged(found, "ROBOT", ["ROWS"]).headline  # its action would need their names
+    if found.other_frame is None:
+        yield verification_table(found)
+        yield from _sentences(found, refitted=False)
+    yield from (f"Mind: {note}." for note in found.notes)
+
+
 def fresh(found: Verification) -> bool:
     """Return whether any of the rows can test the robot file: it was not fitted to them all."""
     return found.fitted < found.rows

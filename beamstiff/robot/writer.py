@@ -18,6 +18,8 @@ from beamstiff.robot.fitted_model import FittedModel
 from beamstiff.robot.parts import AXES, AddedEffect, Joint, JointStiffness
 from beamstiff.robot.reader import VERSION, parse_robot
 
+ENDINGS = (".yaml", ".yml", ".urdf")  # of files that are written whole, nothing lost
+CONVERTED = (".sdf", ".xml", ".csv")  # what loses something, which `convert` notes
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
 # lines that YAML keeps as they are in a block: the first not blank, at most one line end at the end
 _BLOCK = re.compile(r"[^\s\x85\u2028\u2029\ufeff](?:[\t\x20-\x7e\xa0-\u2027\u202a-\ud7ff]|\n)*?[^\s]\n?")
@@ -37,16 +39,33 @@ def fragment_to_yaml(robot: Robot, keys: Iterable[str]) -> str:
 
 
 def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
-    """Write a robot to a YAML file, in one step: an old file stays as it is when anything goes wrong.
+    """Write a robot to a file, in one step: an old file stays as it is when anything goes wrong.
+
+    Parameters
+    ----------
+    robot : Robot
+    path : path of the file
+        Its ending says the format: ``.yaml``, ``.yml`` or ``.urdf``. A robot that was read from a URDF is
+        written into that text; what URDF cannot say stands in its ``<beamstiff>`` elements.
 
     Raises
     ------
     BeamstiffError
-        When the file cannot be written, or `load_robot` would refuse it: a robot that was changed by
-        ``model_copy`` has not been checked.
+        When the file cannot be written, its ending is another one, or `load_robot` would refuse it: a robot
+        that was changed by ``model_copy`` has not been checked.
     """
+    ending = Path(path).suffix.lower()
+    if ending not in ENDINGS:
+        other = f"; `beamstiff convert robot.yaml --out {path}` writes others" if ending in CONVERTED else ""
+        raise BeamstiffError(
+            f"{path}: found the ending {ending or 'none'!r}, expected {' or '.join(ENDINGS)}{other}"
+        )
     text = robot_to_yaml(robot)
     parse_robot(text, f"{path}: cannot be written")
+    if ending == ".urdf":
+        from beamstiff.robot.urdf.writer import robot_to_urdf  # which writes its extension with this module
+
+        text = robot_to_urdf(robot)
     write_whole(Path(path), text)
 
 

@@ -92,7 +92,10 @@ def test_repeats_that_contradict_the_claim_or_drift_are_told() -> None:
         ({"q": np.zeros(2)}, "only 1 posture: "),
         ({"sigma_position": None, "sigma_rotation": None}, "states no noise"),
         ({"noise": (2.1, 1.0)}, "the noise of the positions is 2.1 times the stated noise"),
-        ({"noise": (1.0, 0.5)}, "the noise of the rotations is 0.5 times the stated noise"),
+        (
+            {"noise": (1.0, 0.5)},
+            "the noise of the rotations is 0.5 times the stated noise, which counts per axis: is",
+        ),
         ({"wrench": np.zeros((10, 6))}, "no row carries a load"),
         ({"wrench": np.linspace(1, 2, 10)[:, None] * np.eye(6)[1] * 500}, "do not span all directions"),
         ({"wrench": np.tile(np.eye(6)[:3], (4, 1))[:10] * 500}, "one load level only"),

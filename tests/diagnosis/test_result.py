@@ -102,3 +102,17 @@ def test_absolute_rows_are_predicted_as_they_are_measured() -> None:
     rows = rows_of(kr240(), q, np.zeros((10, 6)), position=arm.tip, rotation=np.zeros((10, 3)))
     before, _ = diagnosed(None).predict_shift(rows)
     np.testing.assert_allclose(before[:, :3], arm.tip, atol=1e-9)  # it carries nothing
+
+
+@pytest.mark.parametrize("name", ["link_bending", "backlash"])
+def test_python_has_what_the_terminal_and_the_written_robot_have(name: str) -> None:
+    result = diagnosed(name)
+    report, robot = result.to_dict(), result.robot
+    assert result.causes == report["causes"]
+    assert [one["effect"] for one in result.causes] == [one.effect for one in robot.effects]
+    assert robot.fitted_rows == " ".join(result.fitted_rows)
+    for one, (given, value) in result.fitted_stiffness.items():
+        assert given == result.baseline.nominal.parameter(one)
+        assert value == robot.parameter(one) == report["fitted"][one]["value"]
+    assert all(result.fitted_stiffness[one][0] == result.fitted_stiffness[one][1] for one in result.kept)
+    assert diagnosed(None).causes == []

@@ -81,6 +81,19 @@ def test_rows_that_were_fitted_say_to_measure_fresh_ones() -> None:
         assert ("True: 100 %" in said) == tests
 
 
+def test_no_more_than_the_whole_gap_is_promised_and_a_verification_shows_itself() -> None:
+    effects = [effect.model_copy(update={"closes": 0.7}) for effect in played().effects]
+    robot = played().model_copy(update={"effects": tuple(effects)})
+    found = verify(robot, fresh(robot))
+    assert found.promised == found.to_dict()["promised"] == 1.0
+    assert repr(found).startswith("<Verification: Position error 0")
+    for shown in (str(found), found._repr_html_()):
+        assert "with backlash at q2" in shown
+        assert "Promised: 100 % of the gap closes. True: 100 %." in shown
+        assert "ROWS" not in shown
+    assert "Mind: careful" in str(replace(found, notes=("careful",)))
+
+
 def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() -> None:
     robot = load_robot("kr240-2")
     effect = added("approach-direction:q2", "direction of the last motion", half_lost_motion=1e-3)

@@ -28,6 +28,7 @@ from beamstiff.robot.parts import (
 )
 from beamstiff.robot.reader import load_robot, parse_robot
 from beamstiff.robot.sections import Section
+from beamstiff.robot.urdf.writer import differences
 from beamstiff.robot.writer import robot_to_yaml, save_robot
 
 finite = st.floats(-1e300, 1e300)
@@ -265,6 +266,17 @@ def test_saving_replaces_a_file_and_leaves_nothing_beside_it(everything: str, tm
         assert load_robot(path) == robot
     assert [entry.name for entry in tmp_path.iterdir()] == ["robot.yaml"]
     assert b"\r" not in path.read_bytes()
+
+
+def test_a_file_is_written_as_its_ending_says(everything: str, tmp_path: Path) -> None:
+    robot = parse_robot(everything)
+    save_robot(robot, tmp_path / "robot.urdf")
+    assert (tmp_path / "robot.urdf").read_text(encoding="utf-8").startswith("<?xml")
+    assert differences(robot, load_robot(tmp_path / "robot.urdf")) == []
+    for name, rest in (("robot.sdf", "convert robot.yaml --out"), ("robot.json", ""), ("robot", "")):
+        with pytest.raises(BeamstiffError, match=rf"{name}: found the ending .*expected .yaml.*{rest}"):
+            save_robot(robot, tmp_path / name)
+        assert not (tmp_path / name).exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="permissions and links of POSIX")

@@ -308,3 +308,22 @@ def test_a_stated_noise_far_beyond_the_readings_is_no_agreement() -> None:
     assert told.level == "doubtful"
     assert "times what the readings scatter" in told.headline
     assert told.action.startswith("State the noise of the instrument")
+
+
+def test_a_noise_that_is_stated_of_all_three_axes_is_suspected(monkeypatch: pytest.MonkeyPatch) -> None:
+    def suspected(result: Diagnosis) -> list[str]:
+        return [note for note in result.notes if "times the stated noise" in note]
+
+    robot, rows = table(("gear",))
+    assert not suspected(found("approach", "gear", "slip")[0])
+    result = diagnose(robot, replace(rows, sigma=np.sqrt(3) * rows.sigma))
+    (note,) = suspected(result)
+    assert float(note.split()[4]) == pytest.approx(1 / np.sqrt(3), rel=0.1)
+    assert "per axis: is the stated value that of all three axes together (divide it by 1.7)?" in note
+    several = result.decomposition
+    assert several is not None
+    for scatter, asks in ((0.72, []), (0.2, [False]), (0.69, [True])):
+        told = suspected(diagnosis_of(replace(several, scatter=scatter)))
+        assert ["divide it" in one for one in told] == asks
+    monkeypatch.setattr(type(several.model), "determined", several.model.count - 8.0)
+    assert not suspected(diagnosis_of(several))  # chance leaves so little of a few values

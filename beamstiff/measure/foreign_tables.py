@@ -1,0 +1,148 @@
+"""Tables whose columns are not ours: those of another robot, and exports of other programs."""
+
+import csv
+import json
+import re
+from collections.abc import Sequence
+
+from beamstiff.errors import listed, shown
+from beamstiff.measure.columns import (
+    ALIASES,
+    LABELS,
+    QUANTITIES,
+    READINGS,
+    bare_name,
+    fail,
+    unit_fault,
+    unit_in,
+    unit_outside,
+)
+from beamstiff.measure.profiles import JOINTS, POSITION
+from beamstiff.measure.table import MEASURED
+from beamstiff.measure.text import SEPARATORS, RawTable
+from beamstiff.robot.description import Robot
+from beamstiff.robot.dh_tables import KINDS
+
+# words that other programs name such columns with
+_POSE = {"point", "pose", "pos", "position", "no", "nr", "id", "name", "target"}
+_LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
+_JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
+_PLAIN = re.compile(r"[A-Za-z][\w.]*")
+
+
+def refuse_foreign(raw: RawTable, robot: Robot) -> None:
+    """Refuse a table of another robot, and an export whose columns only a profile can name."""
+    names = [cell.partition("[")[0].strip() for cell in raw.header]
+    unknown = [name for name in names if not _ours(name, robot)]
+    if len(unknown) < 2 or any(re.match(r"[-+.\d]|\Z", name) or re.search("[;\t]", name) for name in unknown):
+        return  # a table without a header, or with two separators
+    joints = [variable.name for variable in robot.actuated]
+    measured = any(name in (*MEASURED[kind], READINGS[kind]) for kind in MEASURED for name in names)
+    if measured and all(re.search(r"\d\Z", name) for name in unknown):
+        if joints and not {*names} & {*joints} and len(unknown) != len(joints):
+            raw.fail_in_header(
+                "",
+                f"found the joints {listed(unknown, 6)} and none of robot {robot.name!r}, expected "
+                f"{listed(joints, 6)}: the table is of another robot",
+            )
+        return  # of as many joints by other names
+    if 2 * len(unknown) > len(names) or (raw.separator != "," and not measured):
+        raw.fail_in_header("", profile_hint(raw.header, raw.source, raw.separator, joints, raw.cells))
+
+
+def refuse_points(text: str, source: str) -> None:
+    """Refuse a list of points where a robot is read, in CSV: a table of frames names other columns."""
+    lines = ((at, line) for at, line in enumerate(text.splitlines(), start=1) if line.strip(" \t,;"))
+    for at, line in lines:
+        if line.lstrip().startswith("#"):
+            continue
+        separator = next((mark for mark in ";\t" if mark in line), ",")
+        header = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        names = {bare_name(cell) for cell in header}
+        if not names & {*KINDS} and guessed_profile(header, separator):
+            if names >= {*POSITION}:
+                fail(source, at, "", "found a table of measurements, expected a robot")
+            fail(source, at, "", profile_hint(header, source, separator))
+        return
+
+
+def profile_hint(
+    header: Sequence[str],
+    file: str,
+    separator: str,
+    joints: Sequence[str] = (),
+    cells: Sequence[Sequence[str]] = (),
+) -> str:
+    """Return that a header is that of another program's export, and the profile that would read it.
+
+    `joints`: variables of the robot, where it is known; else they are called q1, q2, ...
+    """
+    found = f"unknown columns {listed([shown(name) for name in header], 3)}: an export of a controller? "
+    call = f"`beamstiff convert {file} --profile profile.yaml --out data.csv` reads it (docs/files.md)"
+    guess = guessed_profile(header, separator, joints, cells)
+    if not guess:
+        return f"{found}{call}; the profile says which columns hold which values, and their units"
+    node = "NODE is the node at the reflector"
+    return f"{found}{call}, with this in profile.yaml, once it is checked ({node}): {guess}"
+
+
+def guessed_profile(
+    header: Sequence[str], separator: str, joints: Sequence[str] = (), cells: Sequence[Sequence[str]] = ()
+) -> str:
+    """Return a profile, YAML in one line, of the columns that can be guessed; empty without positions.
+
+    >>> guessed_profile(["P", "X [mm]", "Y [mm]", "Z [mm]"], ";")  # doctest: +ELLIPSIS
+    '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE}'
+    """
+    columns: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for cell in header:
+        key, kind = _guessed(bare_name(cell), joints)
+        if key and key not in columns:
+            columns[key] = cell
+            if kind:
+                unit = unit_in(cell)
+                units.setdefault(kind, unit if unit and not unit_fault(unit, _kinds(kind)) else "UNIT")
+    if not {*POSITION} <= {*columns}:
+        return ""
+    comma = separator != "," and any(re.fullmatch(r"[+-]?\d+,\d+", cell) for row in cells[:9] for cell in row)
+    parts = [
+        f"separator: {SEPARATORS[separator]}" if separator != "," else "",
+        "decimal: comma" if comma else "",
+        f"columns: {{{', '.join(f'{key}: {_quoted(cell)}' for key, cell in columns.items())}}}",
+        f"units: {{{', '.join(f'{key}: {_quoted(unit)}' for key, unit in units.items())}}}",
+        "point: NODE",
+    ]
+    return f"{{{', '.join(filter(None, parts))}}}"
+
+
+def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
+    """Return our column of a name, and the key of its unit; empty where it cannot be guessed."""
+    plain = name.casefold().strip()
+    words = re.split(r"[\W_]+", plain)
+    if match := _JOINT.fullmatch(plain):
+        at = int(match[1]) - 1
+        return (joints[at] if at < len(joints) else "" if joints else f"q{at + 1}"), JOINTS
+    if len(axes := [word for word in words if word in POSITION]) == 1:
+        return axes[0], "length"
+    if _LOAD & {*words}:
+        return "fz", "fz"
+    return ("pose", "") if _POSE & {*words} else ("", "")
+
+
+def _kinds(key: str) -> tuple[str, ...]:
+    return {JOINTS: ("angle", "length"), "fz": ("mass", "force")}.get(key, (key,))
+
+
+def _quoted(text: str) -> str:
+    return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+
+
+def _ours(name: str, robot: Robot) -> bool:
+    """Return whether a name is that of a column, or one that is told how it is to be written."""
+    declared = {variable.name for variable in robot.variables}
+    behind = name.removesuffix("_link").removeprefix("tau_")
+    known = name in declared or behind in declared or name in ("A", "B", "C")
+    return (
+        known or ALIASES.get(name.lower(), name) in (*LABELS, *QUANTITIES) or bool(unit_outside(name, robot))
+    )
