@@ -278,8 +278,9 @@ def _reason(error: Exception) -> str:
 
 
 def _neighbour(path: Path) -> str:
-    """Return a hint with the file of the folder whose name is closest."""
+    """Return a hint with the file of the folder whose name is closest, its ending apart."""
     try:
-        return suggest(path.name, [entry.name for entry in path.parent.iterdir() if entry.is_file()])
+        files = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
     except OSError:
         return ""
+    return suggest(path.name, [name for name in files if suggest(path.stem, [Path(name).stem])])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.files import check_writable, write_whole
+from beamstiff.files import check_writable, read_text, write_whole
 
 
 def test_text_is_written_in_utf8_and_bytes_as_they_are(tmp_path: Path) -> None:
@@ -130,3 +130,12 @@ def test_what_goes_wrong_leaves_the_old_file_and_no_other(
         write_whole(path, "new")
     assert path.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["file"]
+
+
+def test_of_a_missing_file_the_one_of_a_close_name_is_suggested_not_of_a_like_ending(tmp_path: Path) -> None:
+    for name in ("taught.mod", "s_trunc.mod", "crane.yaml"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    for name, hint in (("nosuch.mod", ""), ("taugt.mod", "taught.mod"), ("crane.yml", "crane.yaml")):
+        with pytest.raises(BeamstiffError) as caught:
+            read_text(tmp_path / name)
+        assert str(caught.value).endswith(f" (did you mean '{hint}'?)" if hint else "no such file")

@@ -16,10 +16,9 @@ import math
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError
 from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
-from beamstiff.fem.mechanism import BUCKLES
+from beamstiff.fem.mechanism import BUCKLES, PoseError
 from beamstiff.fem.response import Response
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array
@@ -62,9 +61,12 @@ def check_beams(structure: Structure, geometry: Geometry, pull: Array) -> None:
     share = (square / CLAMPED).max(axis=-1)
     if (buckled := np.argwhere(~(share < 1.0))).size:
         pose, beam = buckled[0]
-        raise BeamstiffError(
-            f"robot {structure.robot.name!r} {BUCKLES}: beam {structure.robot.beams[beam].name!r} at pose "
-            f"{geometry.number[pose]}, at {share[pose, beam]:.3g} times what it bears between clamped ends"
+        where = f" at pose {geometry.number[pose]}"
+        raise PoseError(
+            f"robot {structure.robot.name!r} {BUCKLES}: beam {structure.robot.beams[beam].name!r}{where}, at "
+            f"{share[pose, beam]:.3g} times what it bears between clamped ends",
+            int(geometry.number[pose]),
+            where,
         )
 
 

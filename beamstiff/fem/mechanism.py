@@ -96,6 +96,17 @@ def _solve(
     return solution, firm
 
 
+class PoseError(BeamstiffError):
+    """What is wrong with a robot at one of several poses.
+
+    `pose`: its number, of all that were asked for. `where`: how the message calls it; may be empty.
+    """
+
+    def __init__(self, message: str, pose: int, where: str) -> None:
+        super().__init__(message)
+        self.pose, self.where = pose, where
+
+
 @cache
 def _probes(count: int) -> NDArray[np.float64]:
     """Return four random loads, the same every time."""
@@ -152,9 +163,11 @@ def mechanism_error(
         joints += [f"{joint.name}.{kind}" for kind in dict.fromkeys(np.array(JOINT_DIRECTIONS)[gives])]
     moves = f"{'turns about' if turning else 'moves along'} ({direction})"
     through = f", through {listed(joints)}" if joints else ""
-    return BeamstiffError(
+    return PoseError(
         f"robot {robot.name!r} {what}{where}: node {nodes[0]!r} {moves} freely{through}; "
-        f"moving nodes: {listed(nodes)}"
+        f"moving nodes: {listed(nodes)}",
+        int(geometry.number[pose]),
+        where,
     )
 
 

@@ -1,9 +1,9 @@
 """Tables whose columns are not ours: those of another robot, and exports of other programs."""
 
-import csv
 import json
 import re
 from collections.abc import Sequence
+from shlex import quote
 
 from beamstiff.errors import listed, shown
 from beamstiff.measure.columns import (
@@ -57,7 +57,7 @@ def refuse_points(text: str, source: str) -> None:
         if line.lstrip().startswith("#"):
             continue
         separator = next((mark for mark in ";\t" if mark in line), ",")
-        header = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        header = [cell.strip(' \t"') for cell in line.split(separator)]
         names = {bare_name(cell) for cell in header}
         if not names & {*KINDS} and guessed_profile(header, separator):
             if names >= {*POSITION}:
@@ -78,7 +78,7 @@ def profile_hint(
     `joints`: variables of the robot, where it is known; else they are called q1, q2, ...
     """
     found = f"unknown columns {listed([shown(name) for name in header], 3)}: an export of a controller? "
-    call = f"`beamstiff convert {file} --profile profile.yaml --out data.csv` reads it (docs/files.md)"
+    call = f"`beamstiff convert {quote(file)} --profile profile.yaml --out data.csv` reads it (docs/files.md)"
     guess = guessed_profile(header, separator, joints, cells)
     if not guess:
         return f"{found}{call}; the profile says which columns hold which values, and their units"

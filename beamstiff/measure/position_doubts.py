@@ -228,11 +228,12 @@ def _mirrored(table: Measurements, robot: Robot, rows: Index) -> str:
     try:
         found = laid_over(table, robot, rows, table.q[rows], MIRROR * table.position[rows])
     except BeamstiffError:
-        return "x y z mirrored"
+        return "x y z mirrored (two of them swapped?)"
     turn = (MIRROR[:, None] * found.rotation).T  # of what is read to base axes
     along = np.where(np.abs(turn) > ALONG, np.sign(turn), 0.0)
     which = f": {axes_in_words(along, tuple('xyz'))}" if np.abs(along).sum() == len(along) else ""
-    return f"x y z mirrored (a left-handed frame{which})"
+    swapped = "" if "swapped" in which else ", or two of x y z swapped"  # which a turned frame hides
+    return f"x y z mirrored (a left-handed frame{which}{swapped})"
 
 
 def axes_in_words(turn: Array, names: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric_stiffness import loaded_displacement
+from beamstiff.fem.mechanism import PoseError
 from beamstiff.fem.response import respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
@@ -17,6 +18,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.se3 import Array
 
+HEAVY = 2e4  # N; more than robots carry: written in kN by mistake
 HEAVIEST = 20  # rows that are looked at for beams whose K_C is coarse
 
 
@@ -121,8 +123,21 @@ def _loaded(structure: Structure, of_row: Posture, loads: Measurements) -> Array
     wrenches[np.arange(len(loads)), [index[name] for name in loads.load_point.tolist()]] = loads.wrench
     try:
         return loaded_displacement(structure, of_row, wrenches, gravity=True)
+    except PoseError as error:
+        what = str(error).replace(error.where, "", 1)
+        raise BeamstiffError(f"{loads.place(error.pose)}: {what}{_load_of(loads, error.pose)}") from None
     except BeamstiffError as error:
         raise BeamstiffError(f"{loads.source}: {error} (poses are the rows here, the first is 0)") from None
+
+
+def _load_of(loads: Measurements, row: int) -> str:
+    """Return the load of a row, and what may be wrong with it; empty where it has none."""
+    force, moment = (float(np.linalg.norm(part)) for part in np.split(loads.wrench[row], 2))
+    said = [f"{size:.0f} {unit}" for size, unit in ((force, "N"), (moment, "N m")) if size > 0.0]
+    if not said:
+        return ""
+    meant = f" ({force / 1e3:.3g} N meant?)" if force > HEAVY else ""
+    return f". The load of this row is {' and '.join(said)}{meant}: check its columns and their units"
 
 
 def between(first: Array, second: Array) -> Array:

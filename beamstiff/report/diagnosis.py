@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from re import Match
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +49,7 @@ PARTS_OF_GAP = {
     "time": "time",
 }
 MOST_ODDS = 1e6  # beyond which a number says nothing
+LABEL = 30  # characters of a line of a label in the figure
 LEAST = 0.005  # probability of a candidate, or share of a place, that a list still shows: half a percent
 OUTSIDE = "a law outside the library"
 CLOSES = (
@@ -303,6 +305,11 @@ def in_full(one: Candidate, result: Diagnosis) -> str:
     return words.causes(result) if one.key == result.verdict.key else words.named(one)
 
 
+def _broken(name: str) -> str:
+    """Return a label in lines that leave the bars their room."""
+    return "\n".join(wrap(name, LABEL, break_long_words=False))
+
+
 def diagnosis_figure(result: Diagnosis) -> Figure:
     """Draw the candidates, the places and the gap before and after."""
     from beamstiff.report.figures import BLUE, GREEN, ORANGE, new_figure, plain
@@ -317,11 +324,12 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         some = found.causes[::-1]
         closes = np.array([one.closes for one in some])
         error = np.abs(np.array([one.closes_interval for one in some]).T - closes)
-        axes[0].barh([in_words([one.key]) for one in some], closes, xerr=error, color=BLUE)
+        axes[0].barh([_broken(in_words([one.key])) for one in some], closes, xerr=error, color=BLUE)
         axes[0].set(title="Which causes", xlabel="share of the gap that each closes", xlim=(0, 1))
     else:
         shown = likely(result, SHOWN)[::-1]
-        axes[0].barh([in_full(one, result) for one in shown], [one.probability for one in shown], color=BLUE)
+        names = [_broken(in_full(one, result)) for one in shown]
+        axes[0].barh(names, [one.probability for one in shown], color=BLUE)
         axes[0].set(title="Which", xlabel="probability", xlim=(0, 1))
     places = result.where.get("components", [])[:SHOWN][::-1]
     if places:
@@ -335,7 +343,7 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         axes[1].text(0.5, 0.5, "Where: no place accounts for the gap", ha="center")
     bars = steps(result)
     at = range(len(bars))[::-1]
-    names = [step.model for step in bars]
+    names = [_broken(step.model) for step in bars]
     axes[2].barh(at, [1e3 * step.error for step in bars], color=GREEN, tick_label=names)
     axes[2].set(title="How far", xlabel="held-out position gap, RMS, mm")
     worst = result.where.get("poses", [])
@@ -343,6 +351,6 @@ def diagnosis_figure(result: Diagnosis) -> Figure:
         q = np.array([worst[0]["q"][name] for name in result.baseline.rows.variables])
         shares = {item["component"]: item["share"] for item in result.where.get("components", [])}
         draw_shares(axes[3], result.baseline.robot, q, shares)
-        title = f"Where on the robot (worst posture, {worst[0]['rms_mm']:.2f} mm)"
+        title = f"Where on the robot\n(worst posture, {worst[0]['rms_mm']:.2f} mm)"
         axes[3].set(title=title, xlabel="m", ylabel="m")
     return figure

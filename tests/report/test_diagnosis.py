@@ -1,5 +1,6 @@
 """A verdict in words: as sure as its probability, and the rows behind it, allow."""
 
+import io
 import re
 from dataclasses import replace
 
@@ -11,7 +12,8 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
 from beamstiff.measure.rows import subset
 from beamstiff.report.calibrated_text import far_stiffness
-from beamstiff.report.diagnosis import diagnosis_tables, in_full, sized
+from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables, in_full, sized
+from beamstiff.report.diagnosis_tables import Step
 from beamstiff.report.diagnosis_text import headline, summary, verdict
 from beamstiff.report.diagnosis_words import told
 from beamstiff.report.next_action import proposed, separations
@@ -170,6 +172,20 @@ def test_a_drive_that_contradicts_the_robot_file_is_marked() -> None:
     assert far_stiffness(wrong) == {name: pytest.approx(1 / 20, rel=0.2)}  # that of the fit beside the cause
     told = " ".join(map(str, diagnosis_tables(wrong)))
     assert f"(!) Far from the robot file: {name} (" in told
+
+
+def test_no_title_and_no_label_of_the_figure_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    longest = Step("robot file with its start values of stiffness, measuring frame fitted", 1e-3)
+    monkeypatch.setattr("beamstiff.report.diagnosis.steps", lambda _: [longest])
+    figure = diagnosis_figure(diagnosed("backlash"))
+    figure.savefig(io.BytesIO())  # lays it out
+    width, height = figure.get_size_inches() * figure.dpi
+    for axes in figure.axes:
+        for text in (axes.title, *axes.get_yticklabels()):
+            box = text.get_window_extent()
+            assert box.x0 >= 0.0
+            assert box.x1 <= width
+            assert box.y1 <= height
 
 
 def test_names_with_spaces_stand_in_quotation_marks() -> None:

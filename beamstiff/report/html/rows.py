@@ -33,7 +33,12 @@ from beamstiff.report.html.places import (
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
+OFF_UNDEFORMED = (
+    "dx, dy and dz, of readings and predictions alike: from where the robot's geometry has the point, "
+    "without load and weight, along the axes of the base frame."
+)
 ALONG = 0.02  # share of a force from which it acts along an axis as well
+ROUNDED = 1  # decimals, N, to which forces are of one load level
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,8 @@ def row_figures(
     sizes = Sizes(compared.robot, compared.rows, gaps, names)
     norms = ((f"gap {name}, mm", one) for name, one in zip(names, gaps.values(), strict=False))
     table = rows_table(sizes, [*_columns(compared, names), *norms])
-    last = Section("rows", "The rows", tables=[table], open=False)
+    texts = [OFF_UNDEFORMED] if compared.rows.kind == "absolute" else []
+    last = Section("rows", "The rows", texts, tables=[table], open=False)
     sections = [_residuals(compared, sizes), *over_places(sizes), last]
     return [one for one in sections if one.figures or one.tables]
 
@@ -124,12 +130,17 @@ def _over_load(
     ]
     # rows without a load along an axis say nothing of it: they would stand on top of one another at 0
     loaded = np.abs(force) > ALONG * np.linalg.norm(force, axis=1, keepdims=True)
+    seen = used & loaded
+    if np.unique(np.round(force[seen], ROUNDED)).size < 2:  # one vertical line: beside it, rows without load
+        seen = seen | (used & (force == 0.0).all(axis=1, keepdims=True))
+        if np.unique(np.round(force[seen], ROUNDED)).size < 2:
+            return
     lines = [label(line_of(compared.rows, at)) for at in chosen.tolist()]
     most = 1.08 * max(float(np.nanmax(np.abs(gap))) for gap in gaps) or 0.05  # one scale for both
     for gap, name, key in zip(gaps, names, ("before", "after"), strict=False):
         traces = []
         for k, (symbol, colour) in enumerate(MARKS):
-            own = used[:, k] & loaded[:, k]
+            own = seen[:, k]
             if own.any():
                 hover = f"%{{text}}: %{{y}} mm under %{{x}} N along {'xyz'[k]}"
                 x, y = numbers(force[own, k], 4), numbers(gap[own, k], 4)
