@@ -25,8 +25,9 @@ from beamstiff.compensation.formats.program import Program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.rewrite import compensate_program
 from beamstiff.diagnosis.diagnose import diagnose
+from beamstiff.diagnosis.predictions import columns_at
 from beamstiff.diagnosis.residual.baseline import at_rows
-from beamstiff.diagnosis.result import Diagnosis, columns_at
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.exam.names import EFFECTS
 from beamstiff.exam.record import Answer, Label, Record
 from beamstiff.exam.table import table_dict

@@ -32,9 +32,10 @@ from beamstiff import (
     read_measurements,
     tcp_compliance,
 )
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.diagnosis_text import summary, verdict

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.decompose import decompose
@@ -33,7 +34,7 @@ from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.residual.screening import SILENCE
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, UnusableError, listed, optional
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.rows import without_rows

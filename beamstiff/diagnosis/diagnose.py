@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from beamstiff.diagnosis.candidate import Candidate, estimates_of
 from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, SLIGHT, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
@@ -41,7 +42,7 @@ from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
-from beamstiff.diagnosis.result import Candidate, Diagnosis, estimates_of
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.errors import BeamstiffError, UnusableError, optional
 from beamstiff.identification.problem import LEAST_LOAD

@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.inference.search import NONE, UNKNOWN
-from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.diagnosis.result import Diagnosis
 
 NOISE_LEVEL = ("noise_position", "noise_rotation", "scale")  # features: the noise as the rows show it
 

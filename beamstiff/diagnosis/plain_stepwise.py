@@ -17,9 +17,9 @@ from beamstiff.diagnosis.decomposition.forms import REPEATED, SLIP, Form, forms_
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness, orthonormal
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.predictions import as_measured, columns_at
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline
-from beamstiff.diagnosis.result import as_measured, columns_at
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

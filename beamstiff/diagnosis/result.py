@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.apply import extended, readable, written_stiffness
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.decomposition.applied import (
     VAGUE,
     absorbed_changes,
@@ -19,74 +20,22 @@ from beamstiff.diagnosis.decomposition.applied import (
 from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
-from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.places import places_with_look_alikes
-from beamstiff.diagnosis.prior import key_of
+from beamstiff.diagnosis.predictions import as_measured, columns_at
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.diagnosis.smallest import Smallest, smallest_sizes
-from beamstiff.errors import BeamstiffError
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 
 FORMAT = "beamstiff-diagnosis/1"
 UNTOUCHED = 0.01  # of the noise: a joint that moves less at twice its compliance no load touches
-
-
-BEYOND_ALL = 10.0  # times the largest realistic size: no size, however uncertain
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter of an effect: value, standard deviation, unit; realistic sizes it is compared with.
-
-    `positive` is whether it cannot be negative, as a compliant part moves with its load.
-    """
-
-    name: str
-    value: float
-    std: float
-    unit: str
-    realistic: tuple[float, float]
-    positive: bool = False
-
-    @property
-    def plausible(self) -> bool:
-        """Whether it is not larger than realistic, nor negative wrongly, by more than it is uncertain.
-
-        That is two standard deviations; but what is known so badly that it came out ten times too large is no
-        evidence of anything.
-        """
-        if self.positive and self.value < -2 * self.std:
-            return False
-        return abs(self.value) <= min(self.realistic[1] + 2 * self.std, BEYOND_ALL * self.realistic[1])
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An explanation of the gap, with its probability.
-
-    `effect`: name of the effect, ``none`` or ``unknown``.
-    `shape`: the likeliest of its shapes; empty where it has none.
-    """
-
-    effect: str
-    component: str | None
-    probability: float
-    shape: str = ""
-    estimates: tuple[Estimate, ...] = ()
-    shrink: HeldOutError | None = None
-
-    @property
-    def key(self) -> str:
-        """``effect:component``."""
-        return key_of(self.effect, self.component)
 
 
 @dataclass(frozen=True, repr=False)
@@ -453,49 +402,6 @@ class Diagnosis(Shown):
             "shrink": one.shrink.shrink,
             "shrink_interval": list(one.shrink.interval),
         }
-
-
-def as_measured(baseline: Baseline, deviation: Array) -> Array:
-    """Return deviations (N, 6) as the rows measure: for absolute ones, position and rotation vector."""
-    if not baseline.absolute:
-        return deviation
-    positions, rotations = baseline.described
-    turned = vector_from_rotation(rotation_from_vector(deviation[:, 3:]) @ rotations)
-    return np.concatenate([positions + deviation[:, :3], turned], axis=1)
-
-
-def columns_at(baseline: Baseline, hypothesis: Any) -> Array:
-    """Return a hypothesis' columns (N, 6, c) at a baseline's rows.
-
-    Raises BeamstiffError when its shape does not exist there, as that of a closed loop which a changed
-    geometry opens.
-    """
-    name = hypothesis.shape.name
-    shapes = EFFECTS[hypothesis.effect].shapes(baseline, hypothesis.component)
-    found = next((shape.columns for shape in shapes if shape.name == name), None)
-    if found is None:
-        raise BeamstiffError(f"{hypothesis.key}: its shape {name!r} does not exist in these rows")
-    return found
-
-
-def estimates_of(fit: Fitted, which: int = 0) -> tuple[Estimate, ...]:
-    """Return the parameters of one of the shapes of a fit, but those of the postures at hand alone."""
-    start = sum(one.hypothesis.columns.shape[1] for one in fit.shapes[:which])
-    shape = fit.shapes[which].hypothesis.shape
-    factor = shape.realistic or shape.prior_factor
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))[fit.compliance.size :]
-    return tuple(
-        Estimate(
-            name=item.name,
-            value=float(fit.theta[start + k] * item.size),
-            std=float(std[start + k] * item.size),
-            unit=item.unit,
-            realistic=(item.size / factor, item.size * factor),
-            positive=item.positive,
-        )
-        for k, item in enumerate(shape.parameters)
-        if not item.posture_specific
-    )
 
 
 def _plain(value: float) -> float | None:

@@ -12,12 +12,13 @@ import numpy as np
 from rich.console import RenderableType
 from rich.text import Text
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposition.causes import HALF, Decomposition
 from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.places import places_with_look_alikes
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import changes_text, drives_table, far_stiffness

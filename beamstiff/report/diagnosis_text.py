@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposition.applied import of_the_campaign, written_share
 from beamstiff.diagnosis.decomposition.causes import HALF
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, reflectors_moved

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposed import cause_candidate
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.notes import in_words
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted
 from beamstiff.report.tables import number
 from beamstiff.se3 import Array

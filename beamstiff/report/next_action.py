@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
@@ -12,7 +13,7 @@ from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
-from beamstiff.diagnosis.result import Candidate, Diagnosis
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted, listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.candidate import Estimate
 from beamstiff.diagnosis.residual.baseline import predict
-from beamstiff.diagnosis.result import Estimate
 from beamstiff.measure.table import Measurements
 from tests.diagnosis.machines import POSITION, arm_at, at_random, close, kr240, rows_of
 from tests.diagnosis.planted import backlash, diagnosed, plan

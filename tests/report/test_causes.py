@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposition.causes import Cause, RunnerUp
 from beamstiff.diagnosis.notes import in_words
-from beamstiff.diagnosis.result import Candidate, Estimate
 from beamstiff.report.calibrated_text import calibrated_worse, changes_table, changes_text
 from beamstiff.report.diagnosis import (
     by_causes,

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.notes import quoted
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.measure.rows import subset
 from beamstiff.report.calibrated_text import far_stiffness
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables, in_full, sized

@@ -11,9 +11,10 @@ from rich.console import Console
 from rich.text import Text
 
 from beamstiff.diagnosis.apply import extended
+from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.residual.baseline import predict
-from beamstiff.diagnosis.result import Candidate, Diagnosis, Estimate
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import smallest_sizes
 from beamstiff.functions.checks import start_values
 from beamstiff.report.calibrated_text import drives_table, far_stiffness

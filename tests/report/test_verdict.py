@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from beamstiff import calibrate, identify, load_robot, read_measurements
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
-from beamstiff.diagnosis.result import Candidate
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.calibrated_text import moved_load
 from beamstiff.report.diagnosis_text import _or_alike, summary, verdict

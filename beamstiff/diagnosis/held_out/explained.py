@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 
+from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.decision.attribution import Explanation
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.held_out.score import Fitted
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.diagnosis.result import Candidate
 
 
 def explanations(

@@ -29,8 +29,8 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     most_cycles,
     ways_to_load,
 )
+from beamstiff.diagnosis.predictions import columns_at
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
-from beamstiff.diagnosis.result import columns_at
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements

@@ -33,8 +33,9 @@ from beamstiff.diagnosis.next_measurement.candidates import (
     reflector_nodes,
     short_way,
 )
+from beamstiff.diagnosis.predictions import columns_at
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows
-from beamstiff.diagnosis.result import Diagnosis, columns_at
+from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
