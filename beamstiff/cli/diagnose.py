@@ -29,7 +29,7 @@ def diagnose(
         "--next",
         help="Write the measurements that distinguish the causes best, as a table to fill in. The tool stays "
         "near where it was measured, or in --region; joints may go beyond what was measured. Check its "
-        "postures for collisions.",
+        "postures for collisions, or state obstacles in the robot file.",
         metavar="CSV",
     ),
     region: Region = None,
