@@ -21,7 +21,7 @@ from beamstiff.compensation.taught_base import TaughtBase, taught_base
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
-from beamstiff.se3 import Array, rotation_from_vector
+from beamstiff.se3 import Array, rotation_from_vector, skew
 
 CLOSE, ENOUGH = 1e-8, 4e-7  # m and rad: what remains of the error; at most, beside a singular posture
 PARTLY = 0.1  # of the error: what the best command may leave where none is exact, since the machine jumps
@@ -90,7 +90,7 @@ def correct_path(
     were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
     `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
     six joints. `base_taught` (3, 3): points of the frame of the path, m, by which the real robot taught it,
-    in the orientation of the first target: the workpiece stands where its unloaded tool was then.
+    in the orientation of the nearest target: the workpiece stands where its unloaded tool was then.
     """
     load = load or Together()
     whole = six_freedoms(machine.kinematics)
@@ -119,8 +119,7 @@ def correct_path(
         if taught:
             targets[rows] = _unloaded(machine, first.q[rows], some.poses)
         if base_taught is not None:
-            near = some.poses[0, :3, :3], first.q[rows[0]]
-            base = taught_base(machine, base_taught, *near, partial(_unloaded, machine))
+            base = taught_base(machine, base_taught, some.poses, first.q[rows], partial(_unloaded, machine))
             targets[rows] = base.motion @ some.poses
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
         before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
@@ -147,6 +146,22 @@ def correct_path(
         partly=partly,
         taught_base=base,
     )
+
+
+def base_errors(machine: Machine, correction: Correction) -> Array:
+    """Return what a base has in it that the robot itself taught on the path, (N, 3), m; NaN: nothing follows.
+
+    The small motion of a workpiece as a body that is nearest to the errors without process load.
+    """
+    errors = np.full((len(correction.path), 3), np.nan)
+    rows = np.flatnonzero(~np.isnan(correction.before[:, 0]))
+    if rows.size:
+        meant = correction.targets[rows]
+        moved = difference(_unloaded(machine, correction.q_before[rows], meant), meant)[:, :3]
+        turns = -skew(meant[:, :3, 3] - meant[:, :3, 3].mean(axis=0))
+        motions = np.concatenate([np.tile(np.eye(3), (rows.size, 1, 1)), turns], axis=2).reshape(-1, 6)
+        errors[rows] = (motions @ np.linalg.lstsq(motions, moved.ravel(), rcond=None)[0]).reshape(-1, 3)
+    return errors
 
 
 def error_parts(

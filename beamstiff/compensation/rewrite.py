@@ -25,7 +25,7 @@ from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
-COMMON = 0.5  # of the error: what differs along the path is less where the mean is most of it
+COMMON = 0.5  # of the error: what remains is less where most of it is in a taught base
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,9 @@ class Compensated(Shown):
     left_alone: tuple[int, ...] = ()  # targets whose correction is below twice that, where these are to stay
     # (N, 6) each, `error_parts`: where the real robot is another one than the controller's
     parts: Mapping[str, Array] = field(default_factory=dict)
-    # whether the path has a base that the robot itself may have taught, and nothing says by which points
-    base_open: bool = False
+    # of the known targets, `base_errors`; None where it is known how the robot taught the base, or there are
+    # several
+    common: Array | None = None
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -80,17 +81,15 @@ class Compensated(Shown):
 
     @property
     def differs_mm(self) -> float | None:
-        """RMS of what of the error before differs from target to target, mm, where most of it does not.
+        """RMS of what of the error before is not in a base that the robot itself taught, mm.
 
-        A base that the robot itself taught has the rest in it. None where most of the error differs, and
-        where no robot may have taught the base, or the points are given.
+        It bends the path, or comes from the process load. None where that is most of the error.
         """
-        errors = self.correction.before[self.known, :3]
-        if not self.base_open or len(errors) < 2:
+        if self.common is None:
             return None
+        errors = self.correction.before[self.known, :3]
         rms, differs = (
-            float(1e3 * np.sqrt((part**2).sum(axis=1).mean()))
-            for part in (errors, errors - errors.mean(axis=0))
+            float(1e3 * np.sqrt((part**2).sum(axis=1).mean())) for part in (errors, errors - self.common)
         )
         return differs if differs < COMMON * rms else None
 

@@ -57,16 +57,19 @@ def check_points(points: Array) -> None:
 
 
 def taught_base(
-    machine: Machine, points: Array, turn: Array, start: Array, reached: Callable[[Array, Array], Array]
+    machine: Machine, points: Array, targets: Array, q: Array, reached: Callable[[Array, Array], Array]
 ) -> TaughtBase:
     """Return the base that the real robot taught at points (3, 3), m, of the frame of the path.
 
-    `turn` (3, 3): orientation of the tool there, base frame. `start` (A,): a posture near. `reached`: returns
-    the poses (3, 4, 4) of the real tool at joint values (3, A) for commands (3, 4, 4).
+    `targets` (N, 4, 4), base frame, at joint values `q` (N, A): the tool touched each point as it stands at
+    the nearest of them. `reached`: returns the poses (3, 4, 4) of the real tool at joint values (3, A) for
+    commands (3, 4, 4).
     """
     base = machine.frames.base
-    poses = transform(turn, points @ base[:3, :3].T + base[:3, 3])
-    found = follow(machine.kinematics, machine.frames.node_poses(poses), start)
+    places = points @ base[:3, :3].T + base[:3, 3]
+    near = np.linalg.norm(targets[:, :3, 3] - places[:, None], axis=2).argmin(axis=1)
+    poses = transform(targets[near, :3, :3], places)
+    found = follow(machine.kinematics, machine.frames.node_poses(poses), q[near[0]])
     for row, reason in found.reasons.items():
         raise OptionError("base_taught", f"{POINTS[row]} is {reason}. {_right(base)}")
     return TaughtBase(poses, found.q, _motion(poses, reached(found.q, poses)[:, :3, 3]))
@@ -78,7 +81,7 @@ def _right(base: Array) -> str:
     frame = "The program counts from the robot's own base frame. In it" if own else "In the frame of the path"
     return (
         f"{frame}, give three points at which the robot touched the workpiece, off one line, each within its "
-        "reach in the orientation of the first target"
+        "reach in the orientation of the nearest target"
     )
 
 

@@ -13,6 +13,7 @@ from beamstiff.compensation.formats import Program, read_program
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import Frames, StatedFrame
+from beamstiff.compensation.path_correction import base_errors
 from beamstiff.compensation.process.files import read_process
 from beamstiff.compensation.process.load import Constant, Process, Together
 from beamstiff.compensation.rewrite import Compensated, compensate_program
@@ -21,7 +22,7 @@ from beamstiff.compensation.taught_base import check_points
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.functions.checks import names_of, shown_value, six_numbers
-from beamstiff.functions.compensation_notes import base_may_be_taught, compensation_notes
+from beamstiff.functions.compensation_notes import compensation_notes
 from beamstiff.functions.measured_runs import learned_from
 from beamstiff.functions.robots import as_robot
 from beamstiff.maps.reach import within
@@ -82,8 +83,8 @@ def compensate(
     base_taught : (3, 3) array, optional
         Three points in the frame of the path, m, by which the real robot taught it without process load
         (3-point method: origin, a point on x, a point in the xy plane; or any three of the workpiece that it
-        touched, off one line). Targets count from where its tool was then, in the orientation of the first
-        target.
+        touched, off one line). Targets count from where its tool was then, in the orientation of the target
+        nearest to each.
     positions_only : bool
         Leave the orientations as they are.
     steps : (float, float), optional
@@ -135,8 +136,10 @@ def compensate(
         leave_doubtful=leave_doubtful,
     )
     given = {"base": base is not None, "tool": tool is not None}
-    base_open = not taught and points is None and base_may_be_taught(program, machine)
-    result = replace(result, learned=learned, base_open=base_open)
+    common = None
+    if not taught and points is None and machine.frames.base.ndim == 2:
+        common = base_errors(machine, result.correction)[result.known] if result.known.any() else None
+    result = replace(result, learned=learned, common=common)
     return replace(result, notes=tuple(compensation_notes(result, program, given, q is not None, taught)))
 
 

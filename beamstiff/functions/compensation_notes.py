@@ -131,28 +131,23 @@ def _stated(program: Program, what: str) -> list[StatedFrame]:
     return [one for place in program.places if (one := getattr(place, what)) is not None]
 
 
-def base_may_be_taught(program: Program, machine: Machine) -> bool:
-    """Return whether the targets count from one base that the program names: a robot may have taught it."""
-    return machine.frames.base.ndim == 2 and bool(_stated(program, "base"))
-
-
 def _where_from(result: Compensated) -> list[str]:
     """Return where the errors count from, where that decides how large they are."""
     if (differs := result.differs_mm) is not None:
         rms = size_of(result.correction.before[result.known]).rms_mm
         return [
-            f"the error of {rms:.2g} mm is the same at every target but for {differs:.2g} mm: a base that "
-            "the robot itself taught contains the common part already (--base-taught), a base that was "
-            "measured by other means does not"
+            f"all but {differs:.2g} mm of the error of {rms:.2g} mm is the same at every target, with or "
+            "without process load: where the robot itself touched off the workpiece or taught its base, that "
+            "part is in the base already (--base-taught); where these were measured by other means, it is not"
         ]
     taught = result.correction.taught_base
     if taught is None or not np.array_equal(result.machine.frames.base, np.eye(4)):
         return []
     far, turned = 1e3 * np.linalg.norm(taught.moved[:3]), np.degrees(np.linalg.norm(taught.moved[3:]))
     return [
-        "the program counts from the robot's own base frame, so the points of --base-taught are taken for "
-        "places on the workpiece that the tool touched: the targets are meant on this workpiece, "
-        f"{far:.2g} mm (at the first point) and {turned:.2g} deg from where the base frame has them"
+        "the program counts from the robot's own base frame: at the points of --base-taught the tool touched "
+        f"the workpiece, which stands {far:.2g} mm (at the first point) and {turned:.2g} deg from where the "
+        "controller has it, and the targets with it"
     ]
 
 

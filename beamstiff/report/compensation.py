@@ -134,13 +134,13 @@ def compensation_verdict(result: Compensated) -> Verdict:
     if result.differs_mm is not None:
         differs = f"{told(result.differs_mm)} mm"
         said = (
-            f"Predicted error along the path: {was} against a measured base; {differs} differ along the "
-            f"path, roughly what remains if the robot itself taught the base. After correction {then}"
+            f"Predicted error along the path: {was} against a measured base, roughly {differs} if the robot "
+            f"itself touched off the workpiece. After correction {then}"
         )
         action = (
-            "If the robot itself taught the base (touched the workpiece), give the three points with "
+            "If the robot itself touched off the workpiece (taught its base), give the three points with "
             f"--base-taught and run this again: commands then move by roughly {differs} instead of {was}. "
-            f"If the base was measured by other means, use this result. {action}"
+            f"If the workpiece was measured by other means, use this result. {action}"
         )
     if result.extrapolated:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."

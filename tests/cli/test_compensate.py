@@ -137,23 +137,23 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     arguments = "compensate kr500 cell.src --actual real.yaml"
     shown, said = (result := succeed(arguments)).stdout, result.stderr
     note = re.search(
-        r"note: the error of (\S+) mm is the same at every target but for (\S+) mm: a base that the robot "
-        r"itself taught contains the common part already \(--base-taught\), a base that was measured by "
-        "other means does not",
+        r"note: all but (\S+) mm of the error of (\S+) mm is the same at every target, with or without "
+        r"process load: where the robot itself touched off the workpiece or taught its base, that part is in "
+        r"the base already \(--base-taught\); where these were measured by other means, it is not",
         said,
     )
     assert note is not None, said
-    whole, differing = map(float, note.groups())
+    differing, whole = map(float, note.groups())
     facts = told(arguments)
     error = 1e3 * np.array([target["before"][:3] for target in facts["targets"]])
     assert whole == pytest.approx(facts["before"]["rms_mm"], rel=0.05)  # two digits
     headline = (
-        f"Predicted error along the path: {note[1]} mm against a measured base; {note[2]} mm differ along "
-        "the path, roughly what remains if the robot itself taught the base. After correction"
+        f"Predicted error along the path: {note[2]} mm against a measured base, roughly {note[1]} mm if the "
+        "robot itself touched off the workpiece. After correction"
     )
     assert headline in " ".join(shown.split())
     assert (
-        "Next: If the robot itself taught the base (touched the workpiece), give the three points with"
+        "Next: If the robot itself touched off the workpiece (taught its base), give the three points with"
         in shown
     )
     assert differing == pytest.approx(np.sqrt(((error - error.mean(0)) ** 2).sum(1).mean()), rel=0.05)
@@ -192,8 +192,8 @@ def test_points_of_a_program_in_the_robots_own_base_frame_are_places_of_the_work
     )
     said = succeed(" ".join(arguments), *TAUGHT, "--json", "r.json").stderr
     note = re.search(
-        r"taken for places on the workpiece that the tool touched: the targets are meant on this workpiece, "
-        r"(\S+) mm \(at the first point\)",
+        r"at the points of --base-taught the tool touched the workpiece, which stands (\S+) mm "
+        r"\(at the first point\)",
         said,
     )
     assert note is not None, said

@@ -139,6 +139,30 @@ def test_the_base_is_taught_under_weight_and_without_the_load_of_the_process(tmp
     assert seen[2][1] > 0
 
 
+def test_each_point_is_touched_as_the_tool_stands_at_the_target_nearest_to_it(tmp_path: Path) -> None:
+    """So the errors are those of the targets, whatever their order, and touched targets keep their plane."""
+    places = ((0, 0, 30), (400, 0, 10), (100, 300, -10))
+    lines = [f"LIN {{X {x},Y {y},Z 0,A 10,B {turn},C 180}}\n" for x, y, turn in places]
+    errors = []
+    for order in ((0, 1, 2), (2, 1, 0)):
+        (tmp_path / "a.src").write_text("".join(lines[one] for one in order))
+        found = compensate("kr500", tmp_path / "a.src", actual=heavy(), base=BASE, base_taught=POINTS)
+        errors.append(found.correction.before[np.argsort(order)])
+    np.testing.assert_allclose(errors[0], errors[1], atol=1e-8)
+    np.testing.assert_allclose(errors[0][:, :3] @ BASE[:3, 2], 0, atol=1e-5)
+    np.testing.assert_allclose(errors[0][0, :3], 0, atol=1e-8)  # the first point is met
+
+
+def test_what_is_told_to_remain_with_a_taught_base_has_all_of_the_process_load(tmp_path: Path) -> None:
+    """What a load moves everywhere alike is in no base: the robot touched off without it."""
+    told = corrected(tmp_path, heavy(), None, wrench=LOAD).differs_mm
+    taught = corrected(tmp_path, heavy(), wrench=LOAD).correction.before[:, :3]
+    assert told == pytest.approx(1e3 * np.sqrt((taught**2).sum(axis=1).mean()), rel=0.3)
+    unloaded = corrected(tmp_path, heavy(), None).differs_mm
+    assert unloaded is not None
+    assert unloaded < 0.5 * told
+
+
 def test_standard_deviations_count_from_the_taught_base(tmp_path: Path) -> None:
     """Beside finite differences: another half width moves robot and base."""
     names = ("J2.torsional", "J3.torsional")

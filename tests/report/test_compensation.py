@@ -105,7 +105,9 @@ def common(result: Compensated, far: float, differs: float) -> Compensated:
     before[:, 2], before[:, 0] = -far, differs * np.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
     after = np.zeros((3, 6))
     correction = replace(result.correction, before=before, reasons={})
-    return replace(result, correction=correction, after=after, base_open=True)
+    return replace(
+        result, correction=correction, after=after, common=np.tile(before[:, :3].mean(axis=0), (3, 1))
+    )
 
 
 def test_the_headline_says_how_much_differs_along_the_path_where_the_robot_may_have_taught_the_base(
@@ -115,18 +117,18 @@ def test_the_headline_says_how_much_differs_along_the_path_where_the_robot_may_h
     assert found.differs_mm == pytest.approx(0.54)
     said = compensation_verdict(found)
     assert said.headline.startswith(
-        "Predicted error along the path: 8.3 mm against a measured base; 0.54 mm differ along the path, "
-        "roughly what remains if the robot itself taught the base. After correction 0 mm, plus "
+        "Predicted error along the path: 8.3 mm against a measured base, roughly 0.54 mm if the robot itself "
+        "touched off the workpiece. After correction 0 mm, plus "
     )
     assert "give the three points with --base-taught" in said.action
     assert (
-        "roughly 0.54 mm instead of 8.3 mm. If the base was measured by other means, use this" in said.action
+        "roughly 0.54 mm instead of 8.3 mm. If the workpiece was measured by other means, use" in said.action
     )
     assert said.action.endswith("Run the corrected path and measure a few targets.")
     page = compensation_html(found, found.machine.controller, provenance([], 0, []))
-    assert "RMS against a measured base; 0.54 mm of it differ along the path" in page
-    assert "0.54 mm differ along the path, roughly what remains if the robot itself taught the base" in page
-    for other in (replace(found, base_open=False), common(result, 1e-3, 1e-3)):
+    assert "RMS against a measured base; roughly 0.54 mm if the robot touched off" in page
+    assert "roughly 0.54 mm if the robot itself touched off the workpiece" in page
+    for other in (replace(found, common=None), common(result, 1e-3, 1e-3)):
         assert other.differs_mm is None
         assert "base" not in compensation_verdict(other).headline + compensation_verdict(other).action
 

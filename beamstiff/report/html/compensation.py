@@ -64,7 +64,7 @@ def _facts(result: Compensated) -> Iterator[Fact]:
         before, after = size_of(found.before[known]), size_of(result.after[known])
         meaning, differs = f"RMS; at most {told(before.max_mm)} mm", result.differs_mm
         if differs is not None:
-            meaning = f"RMS against a measured base; {told(differs)} mm of it differ along the path"
+            meaning = f"RMS against a measured base; roughly {told(differs)} mm if the robot touched off"
         yield Fact("Before", f"{told(before.rms_mm)} mm", meaning)
         rounded = f"RMS; at most {told(after.max_mm)} mm, numbers rounded"
         yield Fact("After", f"{told(after.rms_mm)} mm", rounded)
