@@ -20,6 +20,7 @@ def verify(
     robot: RobotFile,
     data: DataFiles,
     refit_frame: bool = flag("--refit-frame", "The measuring frame is not the base frame: fit it first."),
+    nominal: str | None = option("ROBOT", "Show the error of this robot too: the file before calibration."),
     max_gap: str | None = option("LENGTH", "Exit with code 3 if a larger gap is left, such as 0.2mm."),
     engine: str | None = option(
         "NAME", "Compare deflections with those of a physics engine instead: mujoco (extra of this name)."
@@ -41,6 +42,7 @@ def verify(
     Examples:
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
+      beamstiff verify real.urdf fresh.csv --refit-frame --nominal model.urdf
       beamstiff verify kr240-2 loads.csv --engine mujoco
     """
     from beamstiff.functions.robots import as_robot
@@ -54,7 +56,12 @@ def verify(
         return
     limit = None if max_gap is None else in_unit(max_gap, "m")
     with working("verifying"):
-        found = run(as_robot(robot, assembly=assembly), data, refit_frame=refit_frame)
+        found = run(
+            as_robot(robot, assembly=assembly),
+            data,
+            refit_frame=refit_frame,
+            nominal=None if nominal is None else as_robot(nominal, "--nominal", assembly=assembly),
+        )
     told = verification_told(found, robot, data, refit_frame)
     outputs.result(found.notes, told, found.to_dict())
     if limit is not None and found.after > limit:

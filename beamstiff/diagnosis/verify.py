@@ -38,6 +38,7 @@ class Verification(Shown):
     `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
         readings hardly are in the robot's base frame.
     `absolute`: whether the rows are absolute positions.
+    `nominal`: that of the robot before it was calibrated, where it was given.
     `fitted`: how many of the rows the robot file was fitted to: of these `true` tells nothing.
     """
 
@@ -52,10 +53,12 @@ class Verification(Shown):
     other_frame: float | None = None
     absolute: bool = False
     fitted: int = 0
+    nominal: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
         return {
+            "nominal_mm": None if self.nominal is None else 1e3 * self.nominal,
             "before_mm": 1e3 * self.before,
             "after_mm": 1e3 * self.after,
             "noise_mm": 1e3 * self.noise,
@@ -72,13 +75,16 @@ class Verification(Shown):
         }
 
 
-def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = False) -> Verification:
+def verify(
+    robot: Robot, measurements: Measurements, *, refit_frame: bool = False, nominal: Robot | None = None
+) -> Verification:
     """Verify a robot and its effects on rows that were not fitted.
 
     `measurements`: displacements or absolute positions, in the robot's base frame. With approach-direction
         rows before a joint moved do not count: from which side it came is unknown.
     `refit_frame`: lay the predicted positions over the measured ones as a rigid body first, with and without
         effects: the measuring frame is not the base frame. Changes nothing of displacements.
+    `nominal`: the robot before it was calibrated or diagnosed.
     Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
 
     >>> from beamstiff.measure.table import make_measurements
@@ -140,6 +146,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         other_frame=other_frame,
         absolute=absolute,
         notes=notes,
+        nominal=None if nominal is None else _rms(_errors(nominal, measurements, refit_frame), used),
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 

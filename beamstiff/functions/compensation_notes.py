@@ -55,8 +55,8 @@ def compensation_notes(
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
         said.append(
-            f"the program names no {' and no '.join(silent)}: {taken} of the robot file count "
-            f"(--{', --'.join(silent)})"
+            f"the program names no {' and no '.join(silent)}: {taken} of the robot file "
+            f"{'count' if len(silent) > 1 else 'counts'} (--{', --'.join(silent)})"
         )
     if postures := [one.text for one in found.path.stated_postures if one is not None]:
         if branch:

@@ -20,7 +20,9 @@ from beamstiff.se3 import Array
 from beamstiff.simulators.deflection import mujoco_deflection
 
 
-def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Verification:
+def verify(
+    robot: RobotLike, data: DataLike, *, refit_frame: bool = False, nominal: RobotLike | None = None
+) -> Verification:
     """Compare a robot, without and with its effects, with rows that were not fitted.
 
     Parameters
@@ -30,6 +32,8 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
         Displacements, or absolute positions in the robot's base frame.
     refit_frame : bool
         Fit the measuring frame first: it is not the base frame. Changes nothing of displacements.
+    nominal : Robot, path, or name of a bundled robot, optional
+        The robot before it was calibrated or diagnosed, to compare with.
 
     Returns
     -------
@@ -45,8 +49,9 @@ def verify(robot: RobotLike, data: DataLike, *, refit_frame: bool = False) -> Ve
     rows = concatenate(tables)
     require_tracker(rows, "verify")
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
+    before = None if nominal is None else as_robot(nominal, "nominal")
     with doubted(doubts):
-        found = run(machine, rows, refit_frame=refit_frame)
+        found = run(machine, rows, refit_frame=refit_frame, nominal=before)
     if refit_frame and rows.kind != "absolute":
         doubts.append("displacements have no measuring frame to fit: --refit-frame changes nothing")
     return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))

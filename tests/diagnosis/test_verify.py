@@ -15,8 +15,10 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.measure.rows import concatenate, row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.report.tables import Table
 from beamstiff.report.verification import verification_told, verification_verdict
 from beamstiff.robot.reader import load_robot
+from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector
 from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
 from tests.added import added
@@ -47,6 +49,23 @@ def test_a_cause_is_counted_with_all_its_shapes() -> None:
     assert found.before > 1e-5
     assert after == found.after == pytest.approx(0.0, abs=1e-12)
     assert closes == found.true == pytest.approx(1.0)
+
+
+def test_the_nominal_robot_is_compared_on_the_same_rows() -> None:
+    """A rigid one predicts no displacement: all that was read is its error."""
+    robot = played()
+    rows = fresh(robot)
+    rigid = load_robot("kr500")
+    rigid = rigid.with_parameters(dict.fromkeys(stiffness_parameters(rigid), np.inf))
+    found = verify(robot, rows, nominal=rigid)
+    assert found.nominal == pytest.approx(np.sqrt((rows.displacement[:, :3] ** 2).sum() / len(rows)))
+    first = next(
+        row
+        for shown in verification_told(found, "a", ["b"])
+        if isinstance(shown, Table)
+        for row in shown.rows
+    )
+    assert first[:2] == ["nominal robot", f"{1e3 * found.nominal:.3f} mm"]
 
 
 def test_rows_that_were_fitted_are_counted() -> None:
