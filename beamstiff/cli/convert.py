@@ -37,7 +37,7 @@ def convert(
         "points).",
         ...,
     ),
-    tcp: str | None = option("NAME", "Link (or node) at the TCP, if the robot has several ends."),
+    tcp: str | None = option("NAME", "Link (or node) at the TCP; needed if the links branch."),
     joint_stiffness: list[str] | None = option(
         "[NAME=]VALUE",
         "Stiffness about (or along) a joint's axis: 'lift=1e8 N/m' for one joint, '1e6 N*m/rad' for all "

@@ -18,7 +18,7 @@ def diagnose(
     ),
     prior: list[str] | None = option(
         "NAME=NUMBER",
-        "Expected number of an effect at each component, or at one: backlash:q2=0.5; repeatable.",
+        "How likely an effect is beforehand at each component, or one: backlash:q2=0.5; repeatable.",
     ),
     seed: int = typer.Option(0, help="Seed of simulated campaigns and held-out postures.", min=0),
     stations: bool = flag(

@@ -33,7 +33,8 @@ def verify(
     refit_frame : bool
         Fit the measuring frame first: it is not the base frame. Changes nothing of displacements.
     nominal : Robot, path, or name of a bundled robot, optional
-        The robot before it was calibrated or diagnosed, to compare with.
+        The robot before it was calibrated or diagnosed, to compare with; start values of stiffness, which are
+        guesses, count as rigid.
 
     Returns
     -------
@@ -50,6 +51,8 @@ def verify(
     require_tracker(rows, "verify")
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
     before = None if nominal is None else as_robot(nominal, "nominal")
+    if before is not None:
+        before = before.with_parameters(dict.fromkeys(before.unmeasured, np.inf))
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame, nominal=before)
     if refit_frame and rows.kind != "absolute":

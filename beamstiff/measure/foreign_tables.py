@@ -24,10 +24,13 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.dh_tables import KINDS
 
 # words that other programs name such columns with
-_POSE = {"point", "pose", "pos", "position", "no", "nr", "id", "name", "target"}
+_POINT = {"point", "name", "target", "reflector", "marker", "prism", "smr"}
+_POSE = {"pose", "pos", "position", "no", "nr", "id"}
 _LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
 _JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
+_FORCE = re.compile(r"(?:f|force|kraft)[ _.]?([xyz])")
 _PLAIN = re.compile(r"[A-Za-z][\w.]*")
+MOST_POINTS = 12  # names that a column of reflectors has; more are names of postures
 
 
 def refuse_foreign(raw: RawTable, robot: Robot) -> None:
@@ -57,12 +60,13 @@ def refuse_points(text: str, source: str) -> None:
         if line.lstrip().startswith("#"):
             continue
         separator = next((mark for mark in ";\t" if mark in line), ",")
-        header = [cell.strip(' \t"') for cell in line.split(separator)]
+        rows = (line, *(row for _, row in lines))
+        header, *cells = ([cell.strip(' \t"') for cell in row.split(separator)] for row in rows)
         names = {bare_name(cell) for cell in header}
-        if not names & {*KINDS} and guessed_profile(header, separator):
+        if not names & {*KINDS} and guessed_profile(header, separator, (), cells):
             if names >= {*POSITION}:
                 fail(source, at, "", "found a table of measurements, expected a robot")
-            fail(source, at, "", profile_hint(header, source, separator))
+            fail(source, at, "", profile_hint(header, source, separator, (), cells))
         return
 
 
@@ -82,7 +86,8 @@ def profile_hint(
     guess = guessed_profile(header, separator, joints, cells)
     if not guess:
         return f"{found}{call}; the profile says which columns hold which values, and their units"
-    node = "NODE is the node at the reflector"
+    many = "points: {" in guess
+    node = "NODE_... are the nodes at the reflectors" if many else "NODE is the node at the reflector"
     return f"{found}{call}, with this in profile.yaml, once it is checked ({node}): {guess}"
 
 
@@ -94,10 +99,15 @@ def guessed_profile(
     >>> guessed_profile(["P", "X [mm]", "Y [mm]", "Z [mm]"], ";")  # doctest: +ELLIPSIS
     '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE}'
     """
+    names = [bare_name(cell) for cell in header]
+    forces = {match[1] for name in names if (match := _FORCE.fullmatch(name.casefold()))}
+    at, points = _reflectors(names, cells)
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
-    for cell in header:
-        key, kind = _guessed(bare_name(cell), joints)
+    for place, (cell, name) in enumerate(zip(header, names, strict=True)):
+        key, kind = ("point", "") if place == at else _guessed(name, joints)
+        if key == "fz" and "z" in forces and not _FORCE.fullmatch(name.casefold()):
+            continue  # a mass beside the force
         if key and key not in columns:
             columns[key] = cell
             if kind:
@@ -111,9 +121,29 @@ def guessed_profile(
         "decimal: comma" if comma else "",
         f"columns: {{{', '.join(f'{key}: {_quoted(cell)}' for key, cell in columns.items())}}}",
         f"units: {{{', '.join(f'{key}: {_quoted(unit)}' for key, unit in units.items())}}}",
-        "point: NODE",
+        f"points: {{{', '.join(points)}}}" if points else "point: NODE",
     ]
     return f"{{{', '.join(filter(None, parts))}}}"
+
+
+def _reflectors(names: Sequence[str], cells: Sequence[Sequence[str]]) -> tuple[int | None, list[str]]:
+    """Return the column of text with few different values and its entries of `points`; None without one.
+
+    One that is called like a point comes first, one that is called like a pose is none.
+    """
+    found: dict[int, list[str]] = {}
+    for at, name in enumerate(names):
+        texts = [row[at] for row in cells if at < len(row)]
+        values = sorted({*texts})
+        words = {*re.split(r"[\W_]+", name.casefold())}
+        named = bool(words & _POINT)
+        few = 2 - named <= len(values) <= min(MOST_POINTS, len(texts) // 2)
+        if few and all(re.match(r"[^\W\d]", value) for value in values) and not words & _POSE:
+            nodes = [re.sub(r"\W", "_", f"NODE_{value}") for value in values]
+            found[at] = [f"{_quoted(value)}: {node}" for value, node in zip(values, nodes, strict=True)]
+            if named:
+                return at, found[at]
+    return next(iter(found.items()), (None, []))
 
 
 def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
@@ -123,11 +153,13 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
     if match := _JOINT.fullmatch(plain):
         at = int(match[1]) - 1
         return (joints[at] if at < len(joints) else "" if joints else f"q{at + 1}"), JOINTS
+    if match := _FORCE.fullmatch(plain):
+        return f"f{match[1]}", "force"
     if len(axes := [word for word in words if word in POSITION]) == 1:
         return axes[0], "length"
     if _LOAD & {*words}:
         return "fz", "fz"
-    return ("pose", "") if _POSE & {*words} else ("", "")
+    return ("pose", "") if (_POSE | _POINT) & {*words} else ("", "")
 
 
 def _kinds(key: str) -> tuple[str, ...]:

@@ -79,6 +79,8 @@ def parse_points(
     if profile.point is not None:
         labels["point"] = [profile.point] * len(keep)
     notes += mass_notes(profile)
+    if cells.unused:
+        notes.append(f"not used, as `columns` of the profile does not name them: {listed(cells.unused, 12)}")
     columns = {key: [texts[row] for row in at] for key, texts in labels.items()}
     columns |= {in_si(key, profile): [number_text(one) for one in values[key][keep]] for key in values}
     if joints is not None:

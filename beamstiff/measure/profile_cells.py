@@ -27,10 +27,11 @@ _WHOLE, _DIGITS = re.compile(r"[+-]?[0-9]+"), re.compile(r"[0-9]+")
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells that a profile names, by our columns, and the lines that they stand in."""
+    """The cells that a profile names, by our columns, the lines that they stand in, what it does not name."""
 
     columns: Mapping[str, Sequence[str]]
     lines: Sequence[int]
+    unused: Sequence[str] = ()  # columns of the header
 
 
 def profile_cells(text: str, profile: Profile, name: str) -> Cells:
@@ -38,7 +39,7 @@ def profile_cells(text: str, profile: Profile, name: str) -> Cells:
     cut = _cutter(profile.separator)
     lines: list[int] = []
     rows: list[list[str]] = []
-    first = ""
+    first, unused = "", list[str]()
     for number, line in enumerate(text.splitlines(), start=1):
         plain = line.strip()
         if number <= profile.skip or not plain or plain.startswith(profile.comment):
@@ -52,6 +53,7 @@ def profile_cells(text: str, profile: Profile, name: str) -> Cells:
         line_of_header, header = lines.pop(0), rows.pop(0)
         cutters = {separator: _cutter((separator,)) for separator in SEPARATORS}
         wanted = named_places(profile, header, first, cutters, name, line_of_header)
+        unused = [cell for at, cell in enumerate(header) if cell and at not in wanted]
         _check_surplus(rows, lines, header, profile, name)
     else:
         wanted = [int(column) - 1 for column in profile.columns.values()]
@@ -70,7 +72,7 @@ def profile_cells(text: str, profile: Profile, name: str) -> Cells:
     if not rows:
         raise BeamstiffError(f"{name}: found a header without points")
     columns = {ours: [cells[at] for cells in rows] for ours, at in zip(profile.columns, wanted, strict=True)}
-    return Cells(columns, lines)
+    return Cells(columns, lines, unused)
 
 
 def _cutter(separators: Sequence[str]) -> Callable[[str], list[str]]:

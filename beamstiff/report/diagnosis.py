@@ -64,7 +64,7 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
-    (r"mode_\d", "mode_n", "size of the n-th of the typical curves over the angle, or over time"),
+    (r"mode_\d", "mode_n", "size of typical curve n over the angle, or over time"),
     (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (

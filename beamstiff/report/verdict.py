@@ -23,7 +23,7 @@ NOTHING = 1e-6  # mm: no instrument reads it
 START = 1e6  # N m/rad, where no drive says how stiff the machine is
 MOST_DRIVES = 4  # that a sentence names
 LOADS = {  # that deform a drive
-    "torsional": "a force that passes the joint's axis at a distance, across it",
+    "torsional": "a force with a lever arm about the joint's axis",
     "axial": "a force along the joint's axis",
 }
 FAR_BEYOND = 5.0  # times the noise: noise hardly adds to such a gap

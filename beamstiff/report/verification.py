@@ -15,8 +15,8 @@ from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of,
 
 HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
 REFITTED = (
-    "The measuring frame was fitted to these rows, once without and once with the effects. An error that "
-    "shifts all rows alike is then missing from every line above, but the promised share counts it."
+    "The measuring frame was fitted to these rows, once without and once with the effects. It takes up "
+    "an error that shifts all rows alike: only the promised share includes it, no line above."
 )
 NOTHING_TO_COMPARE = (
     "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
@@ -142,10 +142,12 @@ def _action(found: Verification, robot: str, files: Sequence[str], level: Level)
             action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
         return action
     if found.causes:
-        return f"Something is still missing, and these rows alone hardly tell what. {_again(found, files)}"
-    action = f"Something is still missing: {diagnose_command([robot, *files])} finds what."
+        return (
+            f"The model still lacks something, and these rows alone hardly tell what. {_again(found, files)}"
+        )
+    action = f"The model still lacks something: {diagnose_command([robot, *files])} finds it."
     if found.absolute:
-        action += " The place of a reflector is fitted there as well, if that is all."
+        action += " It also fits the reflectors' places, should only these be wrong."
     return action
 
 

@@ -45,6 +45,45 @@ def test_decimal_commas_are_part_of_the_guess_and_units_that_are_missing_are_ask
     assert guessed_profile(["X", "Y", "load"], ";") == ""  # no position
 
 
+def test_forces_and_names_of_reflectors_are_part_of_the_guess_which_reads_the_table(arm: Robot) -> None:
+    lines = ["No\tTarget\tJ1\tJ2\tX\tY\tZ\tLoad\tFx\tFy\tFz"]
+    lines += [f"{at}\t{name}\t9{at}\t5\t1\t2\t3\t7\t-10.5\t20\t-30" for at, name in enumerate("BABA")]
+    with pytest.raises(BeamstiffError) as caught:
+        parse_measurements("\n".join(lines), arm, "run.csv")
+    said = str(caught.value)
+    assert "(NODE_... are the nodes at the reflectors)" in said
+    guess = said[said.index(": {") + 2 :]
+    assert guess.endswith("points: {A: NODE_A, B: NODE_B}}")
+    text = guess.replace("joints: UNIT", "q1: deg, d2: mm").replace("length: UNIT", "length: m")
+    made = parse_points("\n".join(lines), parse_profile(text.replace("UNIT", "N")))
+    head, first = (line.split(",") for line in made.text.splitlines()[:2])
+    row = {name.partition(" ")[0]: cell for name, cell in zip(head, first, strict=True)}
+    assert [row[name] for name in ("pose", "point", "fx", "fy", "fz")] == [
+        "0",
+        "NODE_B",
+        "-10.5",
+        "20.0",
+        "-30.0",
+    ]
+    assert made.notes == ("not used, as `columns` of the profile does not name them: Load",)
+
+
+@pytest.mark.parametrize(
+    ("name", "texts", "points"),
+    [
+        ("Marker", "left lower,left lower", 'points: {"left lower": NODE_left_lower}'),
+        ("Which", "A,B,A,B", "points: {A: NODE_A, B: NODE_B}"),
+        ("Operator", "Ann,Ann", "point: NODE"),  # one value, and not called like a point
+        ("Pose", "P1,P2,P1,P2", "point: NODE"),
+        ("Target", "P1,P2,P3", "point: NODE"),  # as many names as rows
+        ("Target", "1,2,1,2", "point: NODE"),
+    ],
+)
+def test_a_column_of_few_texts_names_the_reflectors(name: str, texts: str, points: str) -> None:
+    cells = [[text, "1", "2", "3"] for text in texts.split(",")]
+    assert guessed_profile([name, "X", "Y", "Z"], ";", (), cells).endswith(f"{points}}}")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

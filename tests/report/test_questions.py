@@ -127,7 +127,8 @@ def test_beside_a_calibration_it_is_the_joint_that_no_load_turns() -> None:
     loaded = replace(rows, wrench=wrench, load_point=np.full(60, on_the_last_axis))
     result = diagnose(robot, loaded)
     assert result.untouched == ("J6.torsional",)
-    said = "No load in these rows deforms J6.torsional: to fit it, apply a force that passes the joint's axis"
+    said = "No load in these rows deforms J6.torsional: "
+    said += "to fit it, apply a force with a lever arm about the joint's axis"
     assert said in verdict(result).action
 
 

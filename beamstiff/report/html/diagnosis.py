@@ -165,7 +165,7 @@ def _where(result: Diagnosis) -> Section:
     tables += [
         replace(shown.gap_table(values, title, head), open=False) for title, head, values in parts if values
     ]
-    text = "Where the fitted model is off: by direction and load, and by joint reading and region."
+    text = "Errors of the fitted model, by direction, load, joint value and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
 

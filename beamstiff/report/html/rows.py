@@ -34,8 +34,8 @@ from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
 OFF_UNDEFORMED = (
-    "dx, dy and dz, of readings and predictions alike: from where the robot's geometry has the point, "
-    "without load and weight, along the axes of the base frame."
+    "dx, dy and dz, read and predicted: distance along the base axes from where the geometry puts the point "
+    "without load and weight."
 )
 ALONG = 0.02  # share of a force from which it acts along an axis as well
 ROUNDED = 1  # decimals, N, to which forces are of one load level
