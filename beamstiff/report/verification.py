@@ -1,5 +1,6 @@
 """Verdict, table and sentences of a verification: a robot with its effects on fresh rows."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -142,9 +143,14 @@ def _action(found: Verification, robot: str, files: Sequence[str], level: Level)
             action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
         return action
     if found.causes:
-        return (
-            f"The model still lacks something, and these rows alone hardly tell what. {_again(found, files)}"
-        )
+        lacks = "he model still lacks something, and these rows alone hardly tell what."
+        if level == "doubtful":
+            axis = rounded(1e3 * found.after / math.sqrt(3.0))
+            return (
+                f"If the readings scatter by {axis} mm per axis, this is noise: state it. If not, t{lacks} "
+                f"{_again(found, files)}"
+            )
+        return f"T{lacks} {_again(found, files)}"
     action = f"The model still lacks something: {diagnose_command([robot, *files])} finds it."
     if found.absolute:
         action += " It also fits the reflectors' places, should only these be wrong."

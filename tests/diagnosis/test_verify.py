@@ -68,6 +68,15 @@ def test_the_nominal_robot_is_compared_on_the_same_rows() -> None:
     assert first[:2] == ["nominal robot", f"{1e3 * found.nominal:.3f} mm"]
 
 
+def test_an_error_little_above_the_noise_may_be_noise_that_is_stated_too_small() -> None:
+    found = verify(played(), fresh(played()))
+    near, far = (replace(found, after=times * 2e-5, before=1e-3, noise=2e-5) for times in (1.8, 20.0))
+    said = [verification_verdict(one, "a", ["b"]).action for one in (near, far)]
+    assert "If the readings scatter by 0.021 mm per axis, this is noise" in said[0]
+    assert "scatter" not in said[1]
+    assert all("he model still lacks something" in one for one in said)
+
+
 def test_rows_that_were_fitted_are_counted() -> None:
     robot = played()
     rows = fresh(robot)
