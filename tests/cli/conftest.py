@@ -48,6 +48,22 @@ q1 [deg],fx,fy,dx [mm],dy [mm]
 45,1000,1000,0.5,0.5
 """
 
+PROGRAM = (
+    "DEF cell()\r\n"
+    "  $BASE={FRAME: X 0,Y 0,Z 0,A 0,B 0,C 0}\r\n"
+    "  PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\r\n"
+    "  LIN {X 1500.000,Y -200.0,Z 900,A 0,B 110,C 0} C_DIS ; gr\xfc\xdfe\r\n"
+    "  LIN {X 1500,Y    0.0,Z 900,A 0,B 110,C 0} C_DIS\r\n"
+    "  LIN {X 1500,Y  200.0,Z 9.0E+02,A 0,B 110,C 0} C_DIS\r\n"
+    "END\r\n"
+)
+TAUGHT = (
+    *("--base-taught", "x=1500mm,y=-200mm,z=900mm"),
+    *("--base-taught", "x=1900mm,y=-200mm,z=0.9"),
+    *("--base-taught", "x=1500mm,y=200mm,z=900mm"),
+)
+FAR = PROGRAM.replace("Y    0.0", "Y 9000.0")
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -57,6 +73,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "crane.yaml").write_text(CRANE, encoding="utf-8")
     (tmp_path / "crane.csv").write_text(CRANE_DATA, encoding="utf-8")
     return tmp_path
+
+
+@pytest.fixture
+def cell(folder: Path) -> Path:
+    """Return the folder, with two programs."""
+    (folder / "cell.src").write_bytes(PROGRAM.encode("latin-1"))
+    (folder / "far.src").write_bytes(FAR.encode("latin-1"))
+    return folder
 
 
 # what takes long and sees no file: module and name of a function, and what calculates once what it is asked

@@ -12,9 +12,8 @@ from beamstiff import load_robot, save_robot, write_measurements
 from beamstiff.errors import BeamstiffError, UnwritableError
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements
-from tests.cli.conftest import CRANE, Run
+from tests.cli.conftest import CRANE, PROGRAM, Run
 from tests.cli.test_calibrate import readings
-from tests.cli.test_compensate import PROGRAM
 from tests.exam.standins import always_none
 
 pytestmark = pytest.mark.usefixtures("remembering")

@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 
 from beamstiff.cli.main import app
 from beamstiff.outputs import LEDGER
-from tests.cli.conftest import CRANE, CRANE_DATA
-from tests.cli.test_compensate import PROGRAM
+from tests.cli.conftest import CRANE, CRANE_DATA, PROGRAM
 from tests.exam.standins import always_none
 
 POINTS = """\
