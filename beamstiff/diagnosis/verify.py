@@ -11,11 +11,11 @@ from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.measure.registration import check_spread, fit_rigid_motion
+from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_motion
 from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
 MODEL = "model:"  # before its kind, among the causes
@@ -38,6 +38,7 @@ class Verification(Shown):
     `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
         readings hardly are in the robot's base frame.
     `absolute`: whether the rows are absolute positions.
+    `base`: (6,) m and rad, the robot's base in the measuring frame, where that was fitted.
     `nominal`: that of the robot before it was calibrated, where it was given.
     `fitted`: how many of the rows the robot file was fitted to: of these `true` tells nothing.
     """
@@ -54,6 +55,7 @@ class Verification(Shown):
     absolute: bool = False
     fitted: int = 0
     nominal: float | None = None
+    base: tuple[float, ...] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -65,6 +67,7 @@ class Verification(Shown):
             "promised": self.promised,
             "true": self.true,
             "rows": self.rows,
+            "base_in_measuring_frame": None if self.base is None else list(self.base),
             "fitted_rows": self.fitted,
             "other_frame_mm": None if self.other_frame is None else 1e3 * self.other_frame,
             "causes": [
@@ -147,6 +150,7 @@ def verify(
         absolute=absolute,
         notes=notes,
         nominal=None if nominal is None else _rms(_errors(nominal, measurements, refit_frame), used),
+        base=_base(robot, measurements) if refit_frame else None,
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 
@@ -164,21 +168,30 @@ def _in_another_frame(robot: Robot, rows: Measurements, after: float) -> float |
     return left if free > 0 and left**2 * used.sum() / free < (1.0 - MOST) * after**2 else None
 
 
+def _base(robot: Robot, rows: Measurements) -> tuple[float, ...]:
+    motion, _ = _laid_over(robot, rows)
+    return (*motion.translation.tolist(), *vector_from_rotation(motion.rotation).tolist())
+
+
 def _errors(robot: Robot, rows: Measurements, refit: bool) -> Array:
     """Return measured less predicted positions (N, 3), m; NaN where not measured."""
+    if refit:
+        motion, predicted = _laid_over(robot, rows)
+        errors: Array = rows.position - (predicted @ motion.rotation.T + motion.translation)
+        return errors
+    bare = robot.model_copy(update={"effects": (), "model": None})
+    return (deviation(bare, rows) - predict(robot, rows))[:, :3]
+
+
+def _laid_over(robot: Robot, rows: Measurements) -> tuple[RigidMotion, Array]:
+    """Return where the robot's base stands in the measuring frame, and the predicted positions (N, 3), m."""
     bare = robot.model_copy(update={"effects": (), "model": None})
     shift = predict(robot, rows)
-    gap = (deviation(bare, rows) - shift)[:, :3]
-    if not refit:
-        return gap
-    measured = rows.position
-    known = ~np.isnan(gap).any(axis=1)
-    predicted = measured - gap
+    predicted = rows.position - (deviation(bare, rows) - shift)[:, :3]
+    known = ~np.isnan(predicted).any(axis=1)
     if not known.all():  # an axis that was read turns with one that was not
         predicted[~known] = (nominal_pose(bare, rows)[0] + shift[:, :3])[~known]
-    motion = fit_rigid_motion(predicted[known], measured[known])
-    laid_over: Array = measured - (predicted @ motion.rotation.T + motion.translation)
-    return laid_over
+    return fit_rigid_motion(predicted[known], rows.position[known]), predicted
 
 
 def _rms(error: Array, used: NDArray[np.bool_]) -> float:

@@ -12,6 +12,7 @@ from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
+from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.units import in_unit
@@ -50,7 +51,7 @@ def compensation_notes(
                 f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
                 "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
             )
-    said += _where_from(result)
+    said += [*_where_from(result), *_unseen_tip(machine.real)]
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
@@ -129,6 +130,18 @@ def compensation_notes(
 def _stated(program: Program, what: str) -> list[StatedFrame]:
     """Return the bases or tools that a program states for its targets."""
     return [one for place in program.places if (one := getattr(place, what)) is not None]
+
+
+def _unseen_tip(real: Robot) -> list[str]:
+    """Return that the tool itself was not measured, where a calibration read other points only."""
+    read = {name for one in real.calibrated if (name := one.name.removesuffix(".x")) != one.name} - {"base"}
+    if not read or read & {"target", real.tcp}:
+        return []
+    return [
+        f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}: where it sits on its link, and a "
+        "zero of the last joint that points on this link cannot show, are as in the robot file. Check them with a "
+        "reflector in the tool"
+    ]
 
 
 def _where_from(result: Compensated) -> list[str]:

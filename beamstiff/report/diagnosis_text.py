@@ -88,8 +88,10 @@ def verdict(result: Diagnosis) -> Verdict:
 def _before(result: Diagnosis) -> str:
     """Return, in words, the gap before the calibration; empty where it is that of a guessed stiffness."""
     changed = result.recalibration
-    if changed is None or result.start_values:
+    if changed is None:
         return ""
+    if result.start_values:  # guesses: what a controller calculates is none
+        return "" if changed.rigid is None else f" ({rounded(1e3 * changed.rigid)} mm before, rigid)"
     fitted = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
     return f" ({rounded(1e3 * changed.placed)} mm before{fitted})"
 

@@ -20,8 +20,7 @@ REFITTED = (
     "an error that shifts all rows alike: only the promised share includes it, no line above."
 )
 NOTHING_TO_COMPARE = (
-    "There is no before and after: the robot file holds no effects and no model (beamstiff diagnose --apply "
-    "writes them)."
+    "There is no before and after: the robot file holds no effects and no model. --nominal compares another."
 )
 SQUARES = "Shares refer to squared errors: with 75 % closed, half of the gap is left."
 
@@ -54,6 +53,14 @@ def fresh(found: Verification) -> bool:
 
 
 def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
+    if found.base is not None:
+        place = ", ".join(f"{1e3 * one:.3f}" for one in found.base[:3])
+        turn = ", ".join(f"{math.degrees(one):.4f}" for one in found.base[3:])
+        yield (
+            f"The robot's base stands at ({place}) mm in the measuring frame, turned by ({turn}) deg "
+            "(rotation vector). A workpiece that this instrument locates counts from there; the base that "
+            "fits a rigid model best is another."
+        )
     if not found.causes:
         yield NOTHING_TO_COMPARE
         return

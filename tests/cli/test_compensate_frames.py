@@ -83,6 +83,14 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     assert "measured base" not in succeed(arguments, "--taught").stdout
 
 
+@pytest.mark.parametrize(("read", "said"), [("n6", True), ("n6b", False), ("target", False)])
+def test_a_tool_that_no_calibration_read_is_doubted(cell: Path, succeed: Run, read: str, said: bool) -> None:
+    names = ", ".join(f"{{name: {name}.x, std: 1e-5}}" for name in ("base", read))
+    (cell / "real.yaml").write_text(robot_to_yaml(load_robot("kr500")) + f"calibrated: [{names}]\n")
+    notes = succeed("compensate kr500 cell.src --actual real.yaml --wrench fz=-900N").stderr
+    assert ("'n6b' was not measured, only n6: where it sits on its link" in notes) == said
+
+
 def test_a_measured_base_is_mentioned_only_where_most_of_the_error_is_alike(cell: Path, succeed: Run) -> None:
     (cell / "one.src").write_text(PROGRAM.replace("  LIN {X 1500,", "  ;LIN {X 1500,"))
     assert "measured base" not in succeed("compensate kr500 one.src --wrench fz=-900N").stdout

@@ -153,6 +153,10 @@ def test_an_axis_that_was_not_read_leaves_the_others_of_its_row() -> None:
     found = verify(robot, replace(plan, position=there), refit_frame=True)
     assert found.after < 1e-9
     assert found.rows == 12
+    np.testing.assert_allclose(found.base, [1.0, 2.0, 3.0, -0.1, 0.2, -0.7], atol=1e-9)
+    assert "base stands at (1000.000, 2000.000, 3000.000) mm" in " ".join(
+        one for one in verification_told(found, "a", ["b"], True) if isinstance(one, str)
+    )
     there[2, 0] += 1e-3
     off = verify(robot, replace(plan, position=there), refit_frame=True)
     assert off.after == pytest.approx(1e-3 / np.sqrt(12.0), rel=1e-6)

@@ -75,7 +75,10 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact(
             "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
         )
-    if result.recalibration is not None and not result.start_values:
+    if result.start_values and result.recalibration is not None:
+        if (rigid := result.recalibration.rigid) is not None:
+            yield Fact("Rigid robot", f"{rounded(1e3 * rigid)} mm", "RMS, measuring frame fitted")
+    elif result.recalibration is not None:
         before = f"{rounded(1e3 * result.recalibration.placed)} mm"
         fitted = "frame and reflectors" if reflectors_moved(result.recalibration) else "measuring frame"
         yield Fact("Uncalibrated", before, f"RMS, {fitted} fitted")
