@@ -139,8 +139,8 @@ def _unseen_tip(real: Robot) -> list[str]:
         return []
     return [
         f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}: where it sits on its link, and a "
-        "zero of the last joint that points on this link cannot show, are as in the robot file. Check them with a "
-        "reflector in the tool"
+        "zero of the last joint that points on this link cannot show, are as in the robot file. Check them "
+        "with a reflector in the tool"
     ]
 
 
