@@ -25,6 +25,7 @@ from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
+ROUNDING = 1e-6  # mm: no error
 COMMON = 0.5  # of the error: what remains is less where most of it is in a taught base
 
 
@@ -91,7 +92,7 @@ class Compensated(Shown):
         rms, differs = (
             float(1e3 * np.sqrt((part**2).sum(axis=1).mean())) for part in (errors, errors - self.common)
         )
-        return differs if differs < COMMON * rms else None
+        return differs if rms > ROUNDING and differs < COMMON * rms else None
 
     @property
     def sizes_by_part(self) -> dict[str, Size]:

@@ -78,16 +78,13 @@ class Verification(Shown):
         }
 
 
-def verify(
-    robot: Robot, measurements: Measurements, *, refit_frame: bool = False, nominal: Robot | None = None
-) -> Verification:
+def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = False) -> Verification:
     """Verify a robot and its effects on rows that were not fitted.
 
     `measurements`: displacements or absolute positions, in the robot's base frame. With approach-direction
         rows before a joint moved do not count: from which side it came is unknown.
     `refit_frame`: lay the predicted positions over the measured ones as a rigid body first, with and without
         effects: the measuring frame is not the base frame. Changes nothing of displacements.
-    `nominal`: the robot before it was calibrated or diagnosed.
     Raises BeamstiffError when no position is measured, or the rows cannot be predicted.
 
     >>> from beamstiff.measure.table import make_measurements
@@ -149,7 +146,6 @@ def verify(
         other_frame=other_frame,
         absolute=absolute,
         notes=notes,
-        nominal=None if nominal is None else _rms(_errors(nominal, measurements, refit_frame), used),
         base=_base(robot, measurements) if refit_frame else None,
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )

@@ -31,6 +31,8 @@ from beamstiff.robot.kinematics import actuated_values
 from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 
+BODY = 3  # targets, fewer of which any motion of a body meets
+
 
 def compensate(
     robot: RobotLike,
@@ -137,8 +139,8 @@ def compensate(
     )
     given = {"base": base is not None, "tool": tool is not None}
     common = None
-    if not taught and points is None and machine.frames.base.ndim == 2:
-        common = base_errors(machine, result.correction)[result.known] if result.known.any() else None
+    if not (taught or measured) and points is None and machine.frames.base.ndim == 2:
+        common = base_errors(machine, result.correction)[result.known] if result.known.sum() >= BODY else None
     result = replace(result, learned=learned, common=common)
     return replace(result, notes=tuple(compensation_notes(result, program, given, q is not None, taught)))
 

@@ -149,7 +149,7 @@ def _where_from(result: Compensated) -> list[str]:
     if (differs := result.differs_mm) is not None:
         rms = size_of(result.correction.before[result.known]).rms_mm
         return [
-            f"all but {differs:.2g} mm of the error of {rms:.2g} mm is the same at every target, with or "
+            f"all but {differs:.2g} mm of the error of {rms:.2g} mm moves the workpiece as a body, with or "
             "without process load: where the robot itself touched off the workpiece or taught its base, that "
             "part is in the base already (--base-taught); where these were measured by other means, it is not"
         ]

@@ -8,13 +8,14 @@ import numpy as np
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
-from beamstiff.errors import OptionError
+from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import predict_displacements
+from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import RobotLike
 from beamstiff.se3 import Array
 from beamstiff.simulators.deflection import mujoco_deflection
@@ -50,14 +51,23 @@ def verify(
     rows = concatenate(tables)
     require_tracker(rows, "verify")
     doubts = [*doubts_of(machine, tables), *displacement_doubts(machine, rows, fitted_names(machine))]
-    before = None if nominal is None else as_robot(nominal, "nominal")
-    if before is not None:
-        before = before.with_parameters(dict.fromkeys(before.unmeasured, np.inf))
     with doubted(doubts):
-        found = run(machine, rows, refit_frame=refit_frame, nominal=before)
+        found = run(machine, rows, refit_frame=refit_frame)
+    if nominal is not None:
+        found = replace(found, nominal=_nominal_error(as_robot(nominal, "nominal"), data, refit_frame))
     if refit_frame and rows.kind != "absolute":
         doubts.append("displacements have no measuring frame to fit: --refit-frame changes nothing")
     return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))
+
+
+def _nominal_error(robot: Robot, data: DataLike, refit_frame: bool) -> float:
+    """Return the error of a robot before its calibration, m; guesses of its stiffness count as rigid."""
+    robot = robot.with_parameters(dict.fromkeys(robot.unmeasured, np.inf))
+    try:
+        rows = concatenate(as_tables(data, robot))  # its joints may stand in another order
+        return run(robot.model_copy(update={"effects": ()}), rows, refit_frame=refit_frame).after
+    except BeamstiffError as error:
+        raise OptionError("nominal", f"robot {robot.name!r}: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)

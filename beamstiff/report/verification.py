@@ -62,7 +62,8 @@ def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
             "fits a rigid model best is another."
         )
     if not found.causes:
-        yield NOTHING_TO_COMPARE
+        if found.nominal is None:
+            yield NOTHING_TO_COMPARE
         return
     if found.promised is not None:
         closes = f"True: {percent(found.true)}." if fresh(found) else ""

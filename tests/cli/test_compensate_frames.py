@@ -49,7 +49,7 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     arguments = "compensate kr500 cell.src --actual real.yaml"
     shown, said = (result := succeed(arguments)).stdout, result.stderr
     note = re.search(
-        r"note: all but (\S+) mm of the error of (\S+) mm is the same at every target, with or without "
+        r"note: all but (\S+) mm of the error of (\S+) mm moves the workpiece as a body, with or without "
         r"process load: where the robot itself touched off the workpiece or taught its base, that part is in "
         r"the base already \(--base-taught\); where these were measured by other means, it is not",
         said,
@@ -71,7 +71,7 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     assert differing == pytest.approx(np.sqrt(((error - error.mean(0)) ** 2).sum(1).mean()), rel=0.05)
     assert facts["before"]["rms_mm"] > 1
     taught = succeed(arguments, *TAUGHT, "--json", "r.json", "--out", "new.src")
-    assert "the same at every target" not in taught.stderr
+    assert "moves the workpiece as a body" not in taught.stderr
     assert "measured base" not in taught.stdout
     assert "Errors count from the base as the real robot taught it, which is" in " ".join(
         taught.stdout.split()

@@ -1,6 +1,7 @@
 """A verification counts a cause once, with all its shapes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
 from beamstiff.diagnosis.verify import verify
 from beamstiff.diagnosis.without_effects import without_effects
+from beamstiff.errors import BeamstiffError
 from beamstiff.measure.rows import concatenate, row_digests, subset
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.measure.writer import write_measurements
 from beamstiff.report.tables import Table
 from beamstiff.report.verification import verification_told, verification_verdict
 from beamstiff.robot.reader import load_robot
@@ -57,7 +60,7 @@ def test_the_nominal_robot_is_compared_on_the_same_rows() -> None:
     rows = fresh(robot)
     rigid = load_robot("kr500")
     rigid = rigid.with_parameters(dict.fromkeys(stiffness_parameters(rigid), np.inf))
-    found = verify(robot, rows, nominal=rigid)
+    found = beamstiff.verify(robot, rows, nominal=rigid)
     assert found.nominal == pytest.approx(np.sqrt((rows.displacement[:, :3] ** 2).sum() / len(rows)))
     first = next(
         row
@@ -66,6 +69,19 @@ def test_the_nominal_robot_is_compared_on_the_same_rows() -> None:
         for row in shown.rows
     )
     assert first[:2] == ["nominal robot", f"{1e3 * found.nominal:.3f} mm"]
+
+
+def test_a_nominal_robot_that_does_not_fit_the_rows_is_refused_by_name(tmp_path: Path) -> None:
+    robot = load_robot("kr500")
+    rows = fresh(robot)
+    with pytest.raises(BeamstiffError, match="nominal: robot 'ir663': "):
+        beamstiff.verify(robot, rows, nominal="ir663")
+    names = [one.name for one in robot.actuated]
+    turned = robot.model_copy(update={"variables": robot.variables[::-1]})
+    assert [one.name for one in turned.actuated] == names[::-1]
+    write_measurements(rows, tmp_path / "a.csv", robot)
+    found = beamstiff.verify(robot, tmp_path / "a.csv", nominal=turned)
+    assert found.nominal == pytest.approx(found.after, abs=1e-9)  # the joints in another order
 
 
 def test_an_error_little_above_the_noise_may_be_noise_that_is_stated_too_small() -> None:

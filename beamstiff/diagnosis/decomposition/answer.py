@@ -32,6 +32,7 @@ from beamstiff.stages import stage
 
 Numbers = tuple[int, ...]  # of the forms of a cause
 NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
+SIMPLER = 0.5  # parameters fewer, of which priors take up fractions
 ROUNDS = 4  # of putting a better fit in the place of one
 
 
@@ -304,7 +305,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
 def _no_worse(folds: Folds, step: Step, other: Step) -> bool:
     """Return whether another fit helps on held-out postures; if it is simpler, whether it does no harm."""
     errors, of_other = folds.squared_errors(step), folds.squared_errors(other)
-    if other.determined < step.determined:
+    if other.determined < step.determined - SIMPLER:
         return gain(of_other, errors) <= 0.0
     return gain(errors, of_other) > 0.0
 

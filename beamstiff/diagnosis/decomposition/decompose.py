@@ -211,7 +211,8 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = [select(choice, folds.squared_errors, start=one, exchange=False) for one in starts]
-        # about another calibration causes may follow the postures that they are fitted to, and no others
+        # about another calibration causes may follow the postures that they are fitted to, and no others:
+        # such a fit counts only where there is no sound one
         nothing = float(folds.errors_with(()).sum())
         sound = [fit for fit in fits if float(folds.squared_errors(fit).sum()) <= nothing]
         better = min(sound or fits[:1], key=lambda fit: fit.bic)

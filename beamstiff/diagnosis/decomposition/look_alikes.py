@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step, prior_of
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step, impossible, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.selection import (
@@ -155,11 +155,13 @@ def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
         if not fewer or form.effect == UNMODELLED or form.key in no_rivals:
             continue
         columns = _beyond(basis, choice.columns[:, at])
-        theta = np.linalg.lstsq(columns, does, rcond=RANK)[0]
+        theta = np.asarray(np.linalg.lstsq(columns, does, rcond=RANK)[0], dtype=np.float64)
         most = columns @ theta
-        if (theta[choice.positive[at]] < 0.0).any() or most @ most < MOST * float(does @ does):
+        wrong = (theta[choice.positive[at]] < 0.0).any() or most @ most < MOST * float(does @ does)
+        if wrong or impossible(choice, np.arange(at.start, at.stop), theta, np.zeros(theta.size)):
             continue
         left = step.squares + float(np.square(most - reach @ (reach.T @ most)).sum())
+        left += float(choice.precision[at] @ theta**2)
         prior = form.log_prior + form.cause_log_prior
         worse = float(bic(left, at.stop - at.start, choice.independent, prior) - now)
         found[form.key] = min(worse, found.get(form.key, np.inf))
