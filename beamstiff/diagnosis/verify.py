@@ -27,20 +27,34 @@ MOST = 0.75  # share of the gap's square that a rigid motion closes where the me
 class Verification(Shown):
     """Position errors of a robot on rows, RMS of the norm, m.
 
-    `before`, `after`: without the robot's model and effects, calibrated without them, and with them.
-    `noise`: what the stated noise alone makes; 0 where none is stated.
-    `promised`: share of the gap that the effects closed on held-out postures when they were found, at most 1:
-        the sum of `closes` in the robot file, of which noise makes a little more than all.
-    `true`: share of the explainable gap that they close here, at most 1; negative where they make it worse.
-    `causes`: effect and component (first the model, ``model:grid``), the error with all up to this one, and
-        the share that it closes.
-    `notes`: what in the robot and the rows is hardly meant.
-    `other_frame`: what would be left were the measuring frame fitted, where that closes most of the gap: the
-        readings hardly are in the robot's base frame.
-    `absolute`: whether the rows are absolute positions.
-    `base`: (6,) m and rad, the robot's base in the measuring frame, where that was fitted.
-    `nominal`: that of the robot before it was calibrated, where it was given.
-    `fitted`: how many of the rows the robot file was fitted to: of these `true` tells nothing.
+    Attributes
+    ----------
+    before, after : float, m
+        Without the robot's model and effects, calibrated without them, and with them.
+    noise : float, m
+        What the stated noise alone makes; 0 where none is stated.
+    promised : float or None
+        Share of the gap that the effects closed on held-out postures when they were found, at most 1: the sum
+        of `closes` in the robot file, of which noise makes a little more than all.
+    true : float
+        Share of the explainable gap that they close here, at most 1; negative where they make it worse.
+    rows : int
+    causes : tuple of (str, float, float)
+        Effect and component (first the model, ``model:grid``), the error with all up to this one, m, and the
+        share that it closes.
+    notes : tuple of str
+        What in the robot and the rows is hardly meant.
+    other_frame : float or None, m
+        What would be left were the measuring frame fitted, where that closes most of the gap: the readings
+        hardly are in the robot's base frame.
+    absolute : bool
+        Whether the rows are absolute positions.
+    fitted : int
+        How many of the rows the robot file was fitted to: of these `true` tells nothing.
+    nominal : float or None, m
+        The error of the robot before it was calibrated, where it was given.
+    base : tuple of float (6,), m and rad, or None
+        Position and rotation vector of the robot's base in the measuring frame, where that was fitted.
     """
 
     before: float
