@@ -171,8 +171,7 @@ def _convenient(
         if not mine.any():
             return np.zeros(0)
         starts = starts[mine][:TRIED]
-    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
-    q = np.vstack([known, found.q[found.reached]])
+    q = _solutions(kinematics, pose, known, starts)
     if arm is not None and stated is not None:
         q = arm.turned(stated, q)
         inside = ((q >= low - AT_LIMIT) & (q <= high + AT_LIMIT)).all(axis=1)
@@ -182,6 +181,12 @@ def _convenient(
     wanted = 0.5 * (low + high) if near is None else near
     off = np.sum(((q - wanted) / (high - low)) ** 2, axis=1)
     return np.asarray(q[int(np.argmin(off))])
+
+
+def _solutions(kinematics: Kinematics, pose: Array, known: Array, starts: Array) -> Array:
+    """Return joint values (S, A) at which a pose (4, 4) is reached from some starts, the `known` first."""
+    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
+    return np.vstack([known, found.q[found.reached]])
 
 
 def _ranges(kinematics: Kinematics) -> tuple[Array, Array]:
@@ -198,8 +203,7 @@ def _reachable(arm: Arm, pose: Array, known: Array, stated: StatedPosture) -> st
     starts = np.random.default_rng(0).uniform(low, high, (POOL, len(low)))
     mine = arm.fits(replace(stated, turns=()), starts)  # the sides as stated, and any
     starts = np.vstack([starts[mine][:TRIED], starts[:TRIED]])
-    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
-    q = np.vstack([known, found.q[found.reached]])
+    q = _solutions(kinematics, pose, known, starts)
     turned = arm.turned(stated, q)
     inside = (turned >= low - AT_LIMIT) & (turned <= high + AT_LIMIT)
     said = arm.reachable_as(stated, np.where(inside, turned, q))

@@ -62,7 +62,7 @@ def beside_calibration(
     UnusableError where the loads are other than the table states.
     """
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
-    if not unlike(found) and (doubt := misread_loads(found.model)):
+    if (doubt := misread_loads(found.model)) and not unlike(found):
         raise UnusableError(doubt)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))

@@ -13,6 +13,7 @@ from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.fit import SURELY, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, open_geometry
+from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.verify import verify
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.registration import fit_rigid_motion
@@ -154,12 +155,8 @@ def _rigid(found: Decomposition) -> float | None:
     assert model.problem is not None
     if rows.targets or rows.camera or model.problem.geometry.stations > 1:
         return None
-    kinematics = compile_kinematics(model.given)
-    where, places = posture(kinematics, rows.q), np.zeros((len(rows), 3))
-    for name in np.unique(rows.point).tolist():
-        own = rows.point == name
-        places[own] = pose_of(kinematics, where, name)[own, :3, 3]
     whole = rows.measured_mask[:, :3].all(axis=1)
+    places, _ = nominal_pose(model.given, rows)
     residuals = fit_rigid_motion(places[whole], rows.position[whole]).residuals
     return float(np.sqrt((residuals**2).sum() / whole.sum()))
 

@@ -134,7 +134,8 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         stages.insert(0, stages[0].model_copy(update={"model": None}))
     ahead = [[one.absorbed for one in robot.effects if one not in stage.effects] for stage in stages]
     calibrated = [calibrated_without(*one, measurements) for one in zip(stages, ahead, strict=True)]
-    errors = [_rms(_errors(stage, rows, refit_frame), used) for stage, rows in calibrated]
+    gaps = [_errors(stage, rows, refit_frame) for stage, rows in calibrated]
+    errors, base = [_rms(gap, used) for gap, _ in gaps], gaps[-1][1]
     sigma = np.nan_to_num(measurements.sigma[:, :3])
     noise = float(np.sqrt((sigma[used] ** 2).sum() / used.any(axis=1).sum()))
     explainable = errors[0] ** 2 - noise**2
@@ -160,7 +161,9 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         other_frame=other_frame,
         absolute=absolute,
         notes=notes,
-        base=_base(robot, measurements) if refit_frame else None,
+        base=None
+        if base is None
+        else (*base.translation.tolist(), *vector_from_rotation(base.rotation).tolist()),
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 
@@ -173,35 +176,28 @@ def _in_another_frame(robot: Robot, rows: Measurements, after: float) -> float |
         check_spread(whole, rows.source)
     except BeamstiffError:
         return None
-    left = _rms(_errors(robot, rows, refit=True), used)
+    left = _rms(_errors(robot, rows, refit=True)[0], used)
     free = int(used.sum()) - FRAME  # values of which six are taken up by any frame
     return left if free > 0 and left**2 * used.sum() / free < (1.0 - MOST) * after**2 else None
 
 
-def _base(robot: Robot, rows: Measurements) -> tuple[float, ...]:
-    motion, _ = _laid_over(robot, rows)
-    return (*motion.translation.tolist(), *vector_from_rotation(motion.rotation).tolist())
+def _errors(robot: Robot, rows: Measurements, refit: bool) -> tuple[Array, RigidMotion | None]:
+    """Return measured less predicted positions (N, 3), m; NaN where not measured.
 
-
-def _errors(robot: Robot, rows: Measurements, refit: bool) -> Array:
-    """Return measured less predicted positions (N, 3), m; NaN where not measured."""
-    if refit:
-        motion, predicted = _laid_over(robot, rows)
-        errors: Array = rows.position - (predicted @ motion.rotation.T + motion.translation)
-        return errors
-    bare = robot.model_copy(update={"effects": (), "model": None})
-    return (deviation(bare, rows) - predict(robot, rows))[:, :3]
-
-
-def _laid_over(robot: Robot, rows: Measurements) -> tuple[RigidMotion, Array]:
-    """Return where the robot's base stands in the measuring frame, and the predicted positions (N, 3), m."""
+    And where the robot's base stands in the measuring frame, if that is to be fitted.
+    """
     bare = robot.model_copy(update={"effects": (), "model": None})
     shift = predict(robot, rows)
-    predicted = rows.position - (deviation(bare, rows) - shift)[:, :3]
-    known = ~np.isnan(predicted).any(axis=1)
+    gap = (deviation(bare, rows) - shift)[:, :3]
+    if not refit:
+        return gap, None
+    measured = rows.position
+    known = ~np.isnan(gap).any(axis=1)
+    predicted = measured - gap
     if not known.all():  # an axis that was read turns with one that was not
         predicted[~known] = (nominal_pose(bare, rows)[0] + shift[:, :3])[~known]
-    return fit_rigid_motion(predicted[known], rows.position[known]), predicted
+    motion = fit_rigid_motion(predicted[known], measured[known])
+    return measured - (predicted @ motion.rotation.T + motion.translation), motion
 
 
 def _rms(error: Array, used: NDArray[np.bool_]) -> float:

@@ -33,18 +33,20 @@ def verification_told(
     `robot`, `files`: as in `verification_verdict`. `refitted`: whether the measuring frame was fitted.
     """
     yield from verification_verdict(found, robot, files).lines()
-    if found.other_frame is None:  # errors in another frame say nothing of the effects
-        yield verification_table(found)
-        yield from _sentences(found, refitted)
+    yield from _errors_told(found, refitted)
 
 
 def verification_summary(found: Verification) -> Iterator[RenderableType]:
     """Yield what a verification says of itself, whatever its files are called."""
     yield _judged(found, "ROBOT", ["ROWS"]).headline  # its action would need their names
-    if found.other_frame is None:
-        yield verification_table(found)
-        yield from _sentences(found, refitted=False)
+    yield from _errors_told(found, refitted=False)
     yield from (f"Mind: {note}." for note in found.notes)
+
+
+def _errors_told(found: Verification, refitted: bool) -> Iterator[RenderableType]:
+    if found.other_frame is None:  # errors in another frame say nothing of the effects
+        yield verification_table(found)
+        yield from _sentences(found, refitted)
 
 
 def fresh(found: Verification) -> bool:
@@ -151,14 +153,11 @@ def _action(found: Verification, robot: str, files: Sequence[str], level: Level)
             action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
         return action
     if found.causes:
-        lacks = "he model still lacks something, and these rows alone hardly tell what."
-        if level == "doubtful":
-            axis = rounded(1e3 * found.after / math.sqrt(3.0))
-            return (
-                f"If the readings scatter by {axis} mm per axis, this is noise: state it. If not, t{lacks} "
-                f"{_again(found, files)}"
-            )
-        return f"T{lacks} {_again(found, files)}"
+        lacks = f"model still lacks something, and these rows alone hardly tell what. {_again(found, files)}"
+        if level == "differs":
+            return f"The {lacks}"
+        axis = rounded(1e3 * found.after / math.sqrt(3.0))
+        return f"If the readings scatter by {axis} mm per axis, this is noise: state it. If not, the {lacks}"
     action = f"The model still lacks something: {diagnose_command([robot, *files])} finds it."
     if found.absolute:
         action += " It also fits the reflectors' places, should only these be wrong."

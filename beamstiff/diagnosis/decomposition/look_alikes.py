@@ -17,6 +17,7 @@ from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step, impossible, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.open_model import orthonormal
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
     FORMS,
@@ -51,7 +52,7 @@ class Rival:
     present : float
         Of any cause in its place.
     indistinguishable : tuple of str
-        Causes that explain the rows nearly as well in its place.
+        Causes that explain the rows nearly as well in its place, or may do most of what it does beside it.
     forms : tuple of int
         Numbers of the best form of each of these that has one.
     """
@@ -143,7 +144,7 @@ def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
     basis = without.basis
     does = _beyond(basis, np.sum([step.moved[number] for number in cause], axis=0)[:, None])[:, 0]
     used = [choice.columns[:, choice.at[k]][:, step.free[step.chosen.index(k)]] for k in cause]
-    reach = _range_of(_beyond(basis, np.concatenate(used, axis=1)))
+    reach = orthonormal(np.concatenate(used, axis=1), basis)
     now = bic(step.squares, 0, choice.independent, 0.0)
     of = choice.forms[cause[0]]
     no_rivals = {of.key, ALL_DRIVES, ALL_REVERSED}
@@ -172,12 +173,6 @@ def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
 def _beyond(basis: Array, columns: Array) -> Array:
     """Return columns (n, c) without what an orthonormal basis (n, b) reaches of them."""
     return np.asarray(columns - basis @ (basis.T @ columns))
-
-
-def _range_of(columns: Array) -> Array:
-    """Return what columns (n, c) reach, as orthonormal columns."""
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, sizes > RANK * sizes.max(initial=0.0)])
 
 
 def _curve_of(choice: Choice, key: str) -> list[str]:
