@@ -11,7 +11,7 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
-from beamstiff.calibration.parameters import GEOMETRY, SOFTER
+from beamstiff.calibration.parameters import GEOMETRY, SOFTER, STANDS
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.spread import spread_over_noise
@@ -43,6 +43,8 @@ def calibrate(
     encoders: bool = False,
     shrink: bool = True,
     balance: bool = True,
+    near: Mapping[str, float] | None = None,
+    spread: float = np.inf,
 ) -> Calibration:
     """Calibrate the geometry of a robot from measured absolute positions, or poses.
 
@@ -53,7 +55,9 @@ def calibrate(
     Arguments as of `beamstiff.calibrate`; `priors` are standard deviations about the robot's values, SI.
     `encoders`: those behind the gears count for the compliances. `shrink`: what is known beforehand counts
     beside what the readings scatter, where that is more than is stated. `balance`: rotations count for no
-    more than positions by what both scatter, see `_balanced`.
+    more than positions by what both scatter, see `_balanced`. `near`: parameters of a like
+    calibration by name, which the search starts from. `spread`: of lengths and angles about those described,
+    in realistic deviations.
     """
     statement = build_calibration(
         robot,
@@ -66,25 +70,35 @@ def calibrate(
         noticed=noticed,
         stations=stations,
         encoders=encoders,
+        near=near,
     )
+    if spread < np.inf:
+        statement = replace(statement, problem=_within(statement.problem, spread))
     problem, found = _settled(statement, method)
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
         statement = replace(statement, begin=found.theta, observability=seen)
         problem, found = _settled(statement, method)
     if balance and _beyond_noise(problem, found, statement):
         statement, problem, found = _balanced(statement, problem, found, method)
-    spread = None
+    shown = None
     if shrink and _beyond_noise(problem, found, statement):
-        problem, found, spread = _shrunk(statement, problem, found, method)
-    result = replace(_told(statement, problem, found, method, folds), spread=spread)
+        problem, found, shown = _shrunk(statement, problem, found, method)
+    result = replace(_told(statement, problem, found, method, folds), spread=shown)
     untouched = {*compliances} - {*problem.elastic.names} | {*seen.silent}
     return replace(result, robot=result.robot.with_unmeasured(compliances, untouched))
+
+
+def _within(problem: Problem, spread: float) -> Problem:
+    """Return the problem with lengths and angles as described, but for so many realistic deviations."""
+    geometry = np.array([item.group in GEOMETRY for item in problem.parameters])
+    width = np.where(geometry, spread * problem.size, np.inf)
+    return replace(problem, prior=np.minimum(problem.prior, width))
 
 
 def _beyond_noise(problem: Problem, found: Estimate, statement: Statement) -> bool:
     """Return whether so large a residual is no chance under the noise as stated, or none is stated."""
     residual = problem.residuals(found.theta)
-    freedom = max(residual.size - len(statement.identified), 1)
+    freedom = max(_freedom(residual, statement), 1)
     return not problem.claimed or bool(stats.chi2.sf(float(residual @ residual), freedom) < CHANCE)
 
 
@@ -179,36 +193,52 @@ def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: floa
         noise = max(1.0, _noise_factor(problem.residuals(found.theta), statement))
         variance = noise**2 * np.diag(covariance_of(problem, found.theta, statement.identified))
         moved = ((found.theta - problem.expected) ** 2 - variance)[own] / problem.size[own] ** 2
-        noticed *= noise / np.sqrt(max(moved.mean(), noise**2))
+        noticed *= noise / np.sqrt(max(moved.mean(), 1.0))
     _, jacobian = problem.linearised(found.theta, deformed=False)
     return observability(jacobian, problem.parameters, noticed)
 
 
 def _noise_factor(residual: Array, statement: Statement) -> float:
     """Return the residual (n + p,) over the noise as stated; 1 where none is left."""
-    freedom = residual.size - len(statement.identified)
+    freedom = _freedom(residual, statement)
     return float(np.sqrt(residual @ residual / freedom)) if freedom > 0 else 1.0
+
+
+def _freedom(residual: Array, statement: Statement) -> int:
+    """Return how many values of a residual (n + p,) are free; what is known of held parameters is none."""
+    names = np.array([item.name for item in statement.problem.parameters])
+    held = np.isfinite(statement.problem.prior) & ~np.isin(names, statement.identified)
+    return residual.size - len(statement.identified) - int(held.sum())
 
 
 def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
     """Return the estimate, the elastic displacement evaluated for the robot found."""
     problem, begin = statement.problem, statement.begin
+    compliant = bool(problem.elastic.names) or is_compliant(statement.robot)
+    changed = [at for at, item in enumerate(problem.parameters) if item.group not in STANDS]
+    if compliant and (begin != problem.expected)[changed].any():
+        problem = _deformed(statement, problem, begin)
     found = estimate(problem, begin, statement.identified, method)
-    if not (problem.elastic.names or is_compliant(statement.robot)):
+    if not compliant:
         return problem, found
     for _ in range(ROUNDS):
-        robot = calibrated(statement.robot, problem, found.theta)
-        before = problem.elastic.displacement(problem.split(found.theta)[1])
-        elastic = build_elastic(robot, problem.rows, problem.elastic.names)
-        if problem.elastic.names:  # sizes are scales of the search: they stay
-            elastic = replace(elastic, size=problem.elastic.size)
-        problem = replace(problem, elastic=elastic)
-        moved = np.abs(elastic.displacement(problem.split(found.theta)[1]) - before) / problem.sigma
+        before, problem = problem, _deformed(statement, problem, found.theta)
+        compliance = problem.split(found.theta)[1]
+        moved = problem.elastic.displacement(compliance) - before.elastic.displacement(compliance)
         again = estimate(problem, found.theta, statement.identified, method)
         found = replace(again, costs=np.concatenate([found.costs, again.costs[1:]]))
-        if moved[problem.used].max(initial=0.0) < SETTLED:
+        if (np.abs(moved) / problem.sigma)[problem.used].max(initial=0.0) < SETTLED:
             break
     return problem, found
+
+
+def _deformed(statement: Statement, problem: Problem, theta: Array) -> Problem:
+    """Return the problem with the elastic displacement of the robot with parameters (t,)."""
+    robot = calibrated(statement.robot, problem, theta)
+    elastic = build_elastic(robot, problem.rows, problem.elastic.names)
+    if problem.elastic.names:  # sizes are scales of the search: they stay
+        elastic = replace(elastic, size=problem.elastic.size)
+    return replace(problem, elastic=elastic)
 
 
 def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
@@ -243,10 +273,9 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters.append(Found(item, nominal, found_value, float(spread) if item.name in sought else None))
     rotation, position = problem.geometry.bases(problem.split(theta)[0])
     held, worse, left_out = None, list[str](), list[str]()
-    laid_over = rigid_gap(statement.problem)
     with optional("the error of poses held out", left_out.append):
         held = held_out(statement.identified, problem, theta, method, folds)
-        worse += _worse(statement, held, laid_over, folds)
+        worse += _worse(statement, held, folds)
     return Calibration(
         robot=calibrated(statement.robot, problem, theta).model_copy(
             update={"calibrated": calibrated_parameters(parameters, covariance, statement.robot.calibrated)}
@@ -256,12 +285,10 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         parameters=tuple(parameters),
         covariance=covariance,
         observability=seen,
-        before=errors_of(laid_over, problem.used),
         after=errors_of(gap, problem.used),
         held_out=None if held is None else errors_of(held, problem.used),
         predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),
         residual=np.where(problem.used, gap, np.nan),
-        nominal_residual=np.where(problem.used, laid_over, np.nan),
         held_out_residual=None if held is None else np.where(problem.used, held, np.nan),
         sigma=problem.sigma,
         pose=problem.geometry.pose.astype(np.int64),
@@ -276,15 +303,18 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     )
 
 
-def _worse(statement: Statement, held: Array | None, laid_over: Array, folds: int) -> Iterator[str]:
+def _worse(statement: Statement, held: Array | None, folds: int) -> Iterator[str]:
     """Yield that poses which were held out are farther off than with the robot as described, if so.
 
-    Of that, too, the base and the reflectors are fitted without them. `laid_over`: with them.
+    Of that, too, the base and the reflectors are fitted without them.
     """
-    if held is None or _position_rms(held, statement) <= _position_rms(laid_over, statement):
+    if held is None:
+        return
+    laid_over = rigid_gap(statement.problem)
+    if _position_rms(held, statement) <= _position_rms(laid_over, statement):
         return
     problem = statement.problem
-    placing = [item.name for item in problem.parameters if item.group in ("base", "target", "instrument")]
+    placing = [item.name for item in problem.parameters if item.group in STANDS]
     placing = [name for name in placing if name in statement.identified]
     if placing:
         start = registered(problem, problem.expected)

@@ -36,6 +36,7 @@ USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not
 # one that cannot be negative does not make up for an error of geometry that it looks like
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
 GEOMETRY: tuple[Group, ...] = ("offset", "frame")  # of which the robot file says something
+STANDS: tuple[Group, ...] = ("base", "target", "instrument")  # of what was set up
 SOFTER = 10.0  # times as compliant as described drives may well be
 GROUPS = ("base", "target", "offsets", "frames")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from beamstiff.calibration.observability import Observability
 from beamstiff.calibration.parameters import Parameter
+from beamstiff.calibration.statement import Statement, rigid_gap
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.coupling import frame_expressions
@@ -20,7 +22,6 @@ from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
-    from beamstiff.calibration.statement import Statement
     from beamstiff.measure.instruments import Target
     from beamstiff.measure.table import Measurements
 
@@ -130,15 +131,11 @@ class Calibration(Shown):
     parameters: tuple[Found, ...]  # (t)
     covariance: Array  # (t, t): SI units; 0 for parameters that were held
     observability: Observability  # at the start
-    # before, after: of the robot as described, laid over the readings as a rigid body; and as calibrated
-    before: Errors
-    after: Errors
+    after: Errors  # as calibrated
     held_out: Errors | None  # on poses while they were left out
     predicted: Array  # (N, 6): positions and rotation vectors in the measuring frame
     # (N, 6), m and rad: measured less predicted, ``[d, r]``, in the measuring frame; NaN where not measured
     residual: Array
-    # (N, 6), m and rad: the same of the robot as described, laid over the readings as a rigid body (`before`)
-    nominal_residual: Array
     held_out_residual: Array | None  # (N, 6)
     sigma: Array  # (N, 6), m and rad: the noise that the readings counted with
     pose: Integers  # (N,): rows of one pose have one number
@@ -147,8 +144,8 @@ class Calibration(Shown):
     method: str
     message: str
     costs: Array  # (iterations + 1,)
+    statement: Statement  # what was estimated
     notes: tuple[str, ...] = ()
-    statement: Statement | None = None  # what was estimated
     targets: tuple[Target, ...] = ()  # of instruments without a tracker, as found, in the measuring frame
     rows: Measurements | None = None  # what was fitted
     tests: Mapping[str, Errors] = field(default_factory=dict)  # on other readings, by name
@@ -170,6 +167,17 @@ class Calibration(Shown):
     def values(self) -> Mapping[str, float]:
         """What was found, by name, SI."""
         return {item.name: item.value for item in self.parameters}
+
+    @cached_property
+    def nominal_residual(self) -> Array:
+        """Residual (N, 6) of the robot as described, laid over the readings as a rigid body."""
+        problem = self.statement.problem
+        return np.where(problem.used, rigid_gap(problem), np.nan)
+
+    @property
+    def before(self) -> Errors:
+        """The errors of the robot as described, laid over the readings as a rigid body."""
+        return errors_of(self.nominal_residual, self.statement.problem.used)
 
     def written_std(self, nominal: Robot) -> dict[str, float]:
         """Return the std of every number in the robot while all others stay, SI, by its name there.

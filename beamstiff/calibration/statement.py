@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypedDict, Unpack
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,7 +12,14 @@ from beamstiff.calibration.error_jacobian import Geometry, build_geometry
 from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, camera_parameters, instrument_parameters, knows_a_frame
 from beamstiff.calibration.observability import NOTICED, Observability, observability
-from beamstiff.calibration.parameters import AXES, TURNS, base_names, choose_parameters, known_parameters
+from beamstiff.calibration.parameters import (
+    AXES,
+    STANDS,
+    TURNS,
+    base_names,
+    choose_parameters,
+    known_parameters,
+)
 from beamstiff.calibration.problem import Problem, build_problem, with_encoders
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.registration import check_spread, fit_rigid_motion, lay_over
@@ -47,7 +55,62 @@ class Statement:
         return self.observability.identified
 
 
+class Stated(TypedDict, total=False):
+    """What a problem is stated with, arguments of `state_problem`."""
+
+    fixed: Sequence[str]
+    last: Sequence[str]
+    compliances: Sequence[str]
+    priors: Mapping[str, float] | None
+    stations: bool
+    encoders: bool
+
+
 def build_calibration(
+    robot: Robot,
+    measurements: Measurements | Sequence[Measurements],
+    parameters: Sequence[str] | None = None,
+    *,
+    noticed: float = NOTICED,
+    near: Mapping[str, float] | None = None,
+    **stated: Unpack[Stated],
+) -> Statement:
+    """State a calibration: what is observable, where to start; arguments as of `state_problem`.
+
+    `near`: parameters of a like calibration by name, which the search starts from.
+    """
+    problem, of_problem = state_problem(robot, measurements, parameters, **stated)
+    rows, every, poses = problem.rows, problem.parameters, len(problem.geometry.poses)
+    described = zip(every, problem.expected.tolist(), strict=True)
+    ended = np.array([(near or {}).get(item.name, value) for item, value in described])
+    if near is None:
+        start = registered(problem, problem.expected)
+    else:
+        start = np.where([item.group in STANDS for item in every], ended, problem.expected)
+    problem = with_set_ups(problem, start)
+    held = consistent(problem, start) if rows.targets else start
+    _, jacobian = problem.linearised(held, deformed=False)
+    seen = observability(jacobian, every, noticed)
+    start = np.where(np.isin(seen.names, seen.identified), held if near is None else ended, start)
+    if not seen.identified:
+        raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
+    told = problem.count + int(np.isfinite(problem.prior).sum())
+    if told <= len(seen.identified):
+        raise BeamstiffError(
+            f"{rows.source}: {problem.count} measured values in {poses} {'pose' if poses == 1 else 'poses'} "
+            f"for {len(every)} parameters, of which they cannot distinguish more than {len(seen.identified)} "
+            "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
+        )
+    notes = list(of_problem)
+    if told < 2 * len(seen.identified):
+        notes.append(
+            f"{problem.count} measured values in {poses} poses for {len(seen.identified)} parameters: little "
+            "is left to check the fit"
+        )
+    return Statement(robot, problem, start, seen, tuple(notes))
+
+
+def state_problem(
     robot: Robot,
     measurements: Measurements | Sequence[Measurements],
     parameters: Sequence[str] | None = None,
@@ -56,11 +119,10 @@ def build_calibration(
     last: Sequence[str] = (),
     compliances: Sequence[str] = (),
     priors: Mapping[str, float] | None = None,
-    noticed: float = NOTICED,
     stations: bool = False,
     encoders: bool = False,
-) -> Statement:
-    """State a calibration, arguments as of `calibrate`: what is sought and observable, where to start.
+) -> tuple[Problem, tuple[str, ...]]:
+    """Return the problem of a calibration, arguments as of `calibrate`, and notes on it.
 
     `encoders`: those behind the gears count for the compliances.
     """
@@ -103,33 +165,17 @@ def build_calibration(
     every = tuple(replace(item, size=(priors or {}).get(item.name, item.size)) for item in every)
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
     problem = build_problem(geometry, elastic, every, start, priors)
-    problem, of_encoders = with_encoders(problem, robot) if encoders else (problem, ())
-    begin = registered(problem, start)
-    if rows.targets:
-        geometry = replace(geometry, rows=begun(rows, problem.placed(begin).position))
-        problem = replace(problem, geometry=geometry)
-    near = consistent(problem, begin) if rows.targets else begin
-    _, jacobian = problem.linearised(near, deformed=False)
-    seen = observability(jacobian, every, noticed)
-    begin = np.where(np.isin(seen.names, seen.identified), near, begin)
-    if not seen.identified:
-        raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
-    told = problem.count + int(np.isfinite(problem.prior).sum())
-    poses = len(geometry.poses)
-    if told <= len(seen.identified):
-        raise BeamstiffError(
-            f"{rows.source}: {problem.count} measured values in {poses} {'pose' if poses == 1 else 'poses'} "
-            f"for {len(every)} parameters, of which they cannot distinguish more than {len(seen.identified)} "
-            "and leave nothing to check the fit; measure more poses, or seek fewer parameters"
-        )
+    problem, notes = with_encoders(problem, robot) if encoders else (problem, ())
     idle = [name for name in compliances if name not in felt]
-    notes = [*of_encoders, *([f"nothing loads {listed(idle)}: held as in the robot"] if idle else [])]
-    if told < 2 * len(seen.identified):
-        notes.append(
-            f"{problem.count} measured values in {poses} poses for {len(seen.identified)} parameters: little "
-            "is left to check the fit"
-        )
-    return Statement(robot, problem, begin, seen, tuple(notes))
+    return problem, (*notes, *([f"nothing loads {listed(idle)}: held as in the robot"] if idle else ()))
+
+
+def with_set_ups(problem: Problem, theta: Array) -> Problem:
+    """Return the problem with set-ups of instruments where they fit the points of parameters (t,) best."""
+    if not problem.rows.targets:
+        return problem
+    rows = begun(problem.rows, problem.placed(theta).position)
+    return replace(problem, geometry=replace(problem.geometry, rows=rows))
 
 
 def consistent(problem: Problem, begin: Array) -> Array:
@@ -259,7 +305,7 @@ def rigid_gap(problem: Problem) -> Array:
     Base and target are fitted where they are sought, so that what is left is the robot's.
     """
     start = registered(problem, problem.expected)
-    placing = [item.name for item in problem.parameters if item.group in ("base", "target", "instrument")]
+    placing = [item.name for item in problem.parameters if item.group in STANDS]
     if not placing:
         return problem.gap(start)
     free = replace(problem, prior=np.full(len(start), np.inf))

@@ -230,7 +230,7 @@ def _of_positions(
         fits,
         [item.name for item in pooled.parameters if not item.identified and item.parameter.group != "base"],
         # what the fit of both leaves is no matter here: where something changed it cannot fit both
-        (*doubts_of(machine, tables), *(pooled.statement.notes if pooled.statement else ())),
+        (*doubts_of(machine, tables), *pooled.statement.notes),
     )
 
 

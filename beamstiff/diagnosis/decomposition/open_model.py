@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
+from beamstiff.calibration.parameters import STANDS
 from beamstiff.calibration.problem import Problem
-from beamstiff.calibration.statement import build_calibration
+from beamstiff.calibration.result import Calibration
+from beamstiff.calibration.statement import state_problem, with_set_ups
 from beamstiff.calibration.validation import in_base_frame
 from beamstiff.diagnosis.decomposition.known import FACTOR, known_beforehand
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, Baseline, fit_baseline
@@ -65,6 +67,8 @@ class OpenModel:
         Causes under whose errors of loads what is compliant deforms, see `under_loads`.
     stated : Baseline or None
         The baseline of loads as stated, where `baseline` is under these with such errors.
+    near : mapping of str to float, or None
+        Parameters of the calibration, by name, in the base frame that it found, which the rows are in.
     """
 
     given: Robot
@@ -80,6 +84,7 @@ class OpenModel:
     parameters: tuple[str, ...] | None = None
     under: frozenset[str] = frozenset()
     stated: Baseline | None = None
+    near: Mapping[str, float] | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -187,6 +192,7 @@ def open_geometry(
     settled: bool = False,
     drives: Mapping[str, float] | None = None,
     balance: bool = True,
+    near: Mapping[str, float] | None = None,
 ) -> OpenModel:
     """Return the open model of absolute readings: geometry, base frame, reflectors and drives are free.
 
@@ -211,6 +217,8 @@ def open_geometry(
     balance : bool
         Whether rotations count for no more than positions by what both scatter; before causes are beside
         them, what of these shows in rotations alone counts as scatter.
+    near : mapping of str to float, optional
+        Parameters of the calibration of another open model of these rows, see `OpenModel.near`.
 
     Raises
     ------
@@ -229,6 +237,8 @@ def open_geometry(
         stations=stations,
         shrink=settled,
         balance=balance,
+        near=near,
+        spread=np.inf if settled else FACTOR,
     )
     there = in_base_frame(found, rows)
     # a drive that the fit made rigid is open all the same, about the value that it was given
@@ -236,10 +246,8 @@ def open_geometry(
         name: robot.parameter(name) for name in robot.identify if not found.robot.parameter(name) < np.inf
     }
     about = found.robot.with_parameters(given).model_copy(update={"identify": ()})
-    problem = build_calibration(
-        about, there, parameters, compliances=robot.identify, stations=stations
-    ).problem
-    problem = replace(problem, sigma=found.sigma)
+    problem, _ = state_problem(about, there, parameters, compliances=robot.identify, stations=stations)
+    problem = replace(with_set_ups(problem, problem.expected), sigma=found.sigma)
     residual, tangent = problem.linearised(problem.expected)
     changes = dict.fromkeys(robot.identify, 0.0) | {one.name: one.change for one in found.parameters}
     changes |= dict.fromkeys(given, 0.0)
@@ -265,7 +273,17 @@ def open_geometry(
         problem,
         frozenset(one.name for one in found.parameters if not one.identified),
         parameters=None if parameters is None else tuple(parameters),
+        near=_near(found),
     )
+
+
+def _near(found: Calibration) -> dict[str, float]:
+    """Return the parameters of a calibration in the base frame that it found, of the TCP's frame itself."""
+    return {
+        one.name: value + one.change
+        for one, value in zip(found.parameters, found.statement.problem.expected.tolist(), strict=True)
+        if one.parameter.group not in STANDS or (one.parameter.group, one.parameter.unit) == ("target", "m")
+    }
 
 
 def open_as_determined(

@@ -92,6 +92,7 @@ class Settings:
                     name: min(there.parameter(name), KNOWN_FACTOR * self.robot.parameter(name))
                     for name in names
                 },
+                near=model.near,
             )
         return under_loads(beside_loads(opened, chosen, thetas), chosen, thetas)
 

@@ -278,7 +278,7 @@ def test_of_readings_of_another_robot_nothing_is_named() -> None:
     assert result.verdict.effect == "unknown"
     assert not result.to_dict()["causes"]
     (note,) = (one for one in result.notes if "no machine is built so far from its drawing" in one)
-    assert "f5.r by 120 mm" in note
+    assert "f3.d by 149 mm, f4.d by -110 mm" in note
     assert verdict(result).action.startswith("Check that robot file and table are of one robot")
     alike, _ = found("approach", "gear")
     assert not [one for one in alike.notes if "from its drawing" in one]
