@@ -66,7 +66,7 @@ def beside_calibration(
         raise UnusableError(doubt)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
-    rows = without_rows(rows, found.apart)
+    rows = without_rows(rows, found.apart.left_out)
     if stations or robot.calibrated or found.behind:
         return diagnosis_of(found, told)
     if rows.targets or rows.camera:
@@ -146,7 +146,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         also=None,
         indistinguishable=verdict.indistinguishable if verdict else (),
         untestable=_untestable(found),
-        outliers=found.apart,
+        outliers=found.apart.left_out,
         notes=(
             *notes,
             *unloaded(baseline),
@@ -173,11 +173,13 @@ def _overclaimed(found: Decomposition) -> Iterator[str]:
 
 
 def _left_out(found: Decomposition) -> Iterator[str]:
-    if found.apart:
+    if found.apart.left_out:
         yield (
-            f"left out: {listed(found.apart, 6)}. The model that all other readings determine predicts these "
-            "far elsewhere: measure them again"
+            f"left out: {listed(found.apart.said, 6)}. The model that all other readings determine predicts "
+            "these elsewhere: correct the table, or measure them again"
         )
+    if found.apart.doubtful:
+        yield f"{found.apart.doubtful}. Is the table right there?"
     if found.first:
         yield (
             f"left out: {listed(found.first, 6)}: from which side the joints came is unknown. A row ahead "

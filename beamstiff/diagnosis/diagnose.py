@@ -12,7 +12,7 @@ from beamstiff.diagnosis.decision.attribution import attribute, ceiling, shares
 from beamstiff.diagnosis.decision.verdict import SECOND, SLIGHT, Judged, judge, larger_first
 from beamstiff.diagnosis.decision.where import where
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.apart import places_apart
+from beamstiff.diagnosis.decomposition.apart import Apart, places_apart
 from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.folds import FOLDS
@@ -136,9 +136,9 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     stated = baseline if baseline.claimed else screened.baseline
     at = by_candidate(library.hypotheses)
     known: Shapes | None = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
-    apart = () if "outliers" in prior.without else places_apart(stated)
-    if apart:
-        stated, known = fit_baseline(robot, without_rows(rows, apart)), None
+    apart = Apart() if "outliers" in prior.without else places_apart(stated)
+    if apart.left_out:
+        stated, known = fit_baseline(robot, without_rows(rows, apart.left_out)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     promised = sum(cause.closes for cause in several.every)
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection

@@ -49,6 +49,8 @@ def _one(result: Diagnosis, head: str) -> str:
         return "Measure more rows; beamstiff plan chooses postures and loads."
     if result.decomposition is not None and unlike(result.decomposition):
         return "Check that robot file and table are of one robot, and each joint column of its joint."
+    if result.decomposition is not None and (doubt := result.decomposition.apart.doubtful):
+        return f"Check the table: {doubt}. Then diagnose again."
     if overstated(result):
         return "State the noise of the instrument (sigma_position: 0.02 mm, say) and diagnose again."
     if (apart := unstated_loads(result.baseline)) > 0.0:

@@ -2,66 +2,217 @@
 
 A row's error is that of its prediction from all others (Cook and Weisberg, Residuals and Influence, 1982,
 eq. 2.2.7). What effects leave has tails, but no gap: no effect moves one row or two so much farther than the
-farthest of all others.
+farthest of all others. Of more rows, which hide one another, each must say what went wrong: the name of its
+reflector, or one coordinate.
 """
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_stiffness, orthonormal
+from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_stiffness, orthonormal
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.errors import listed
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.registration import fit_rigid_motion
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
 
 APART = 3.0  # times the error of the farthest other row; causes of 150 simulated tables left at most 2.3
-FEW, SHARE = 2, 0.02  # rows, and share of them, that may be gross errors: more are something else
+FEW, SHARE = 2, 0.02  # rows, and share of them, that may be gross errors whatever they look like
+MANY = 0.15  # share of the rows that may be gross errors that show what went wrong: more hide one another
 CHANCE = 1e-3  # of so large an error of any row, by what the middle of them scatters
+ROUNDS, CAUCHY = 20, 2.4  # of a robust fit; its width in middle errors, usual for one that loses 5 % by it
+TRIED = 3  # gaps between the errors of such a fit
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
+LISTED = 6  # rows that are named
 
 
-def rows_apart(model: OpenModel) -> Integers:
-    """Return the rows of a model that stand apart from all others; mostly none."""
-    of_value = np.nonzero(model.used)[0]
-    most = max(FEW, int(SHARE * len(np.unique(of_value))))
-    found = np.zeros(0, dtype=np.intp)
-    while (more := _farthest(model.part(~np.isin(of_value, found)), most)).size:
-        found = np.concatenate([found, more])
-    return np.sort(found) if len(found) <= most else found[:0]
+@dataclass(frozen=True)
+class Apart:
+    """Rows that stand apart from all others, as places ``file:line``.
+
+    `left_out`: gross errors. `said`: likewise, with what went wrong. `doubtful`: in words, those that stand
+    apart and show nothing of what went wrong, more than gross errors mostly are; empty where there are none.
+    """
+
+    left_out: tuple[str, ...] = ()
+    said: tuple[str, ...] = ()
+    doubtful: str = ""
 
 
-def places_apart(baseline: Baseline) -> tuple[str, ...]:
-    """Return the rows of displacements that stand apart, ``file:line`` each.
+def rows_apart(model: OpenModel, rows: Measurements) -> Apart:
+    """Return the rows of a model that stand apart from all others; mostly none.
+
+    `rows`: as they were measured, those of the model in another frame.
+    """
+    errors = _Errors(model, rows)
+    few = errors.few()
+    beyond = errors.many(few)
+    found, doubtful = np.concatenate([few, beyond]), ""
+    if not found.size:
+        return Apart()
+    change = errors.change(found)
+    said = {row: errors.said(row, change) for row in found.tolist()}
+    unsaid = [row for row in beyond.tolist() if not said[row][1]]
+    if len(unsaid) > errors.most_few:
+        found, doubtful = few, errors.doubt(found, change)
+    ordered = sorted(found.tolist())
+    return Apart(tuple(map(rows.place, ordered)), tuple(said[row][0] for row in ordered), doubtful)
+
+
+def places_apart(baseline: Baseline) -> Apart:
+    """Return the rows of displacements that stand apart.
 
     A reading that several rows share tells of none of them: each counts by itself.
     """
     alone = replace(baseline, sharing=np.full_like(baseline.sharing, -1))
-    return tuple(baseline.rows.place(row) for row in rows_apart(open_stiffness(alone)).tolist())
+    return rows_apart(open_stiffness(alone), baseline.rows)
 
 
-def _farthest(model: OpenModel, most: int) -> Integers:
-    """Return the farthest rows, behind which all others follow at a distance."""
-    rows, error = _errors_of_others(model)
-    order = np.argsort(-error)
-    scale = max(float(np.median(error)) / np.sqrt(chi2.median(3)), 1.0)  # of the middle: robust
-    for count in range(1, min(most, len(rows) - 1) + 1):
-        last, other = error[order[count - 1]], error[order[count]]
-        if last > APART * other and chi2.sf((last / scale) ** 2, 3) < CHANCE / len(rows):
-            return rows[order[:count]]
-    return rows[:0]
+class _Errors:
+    """Errors of the rows of a model, each predicted by others."""
 
+    def __init__(self, model: OpenModel, rows: Measurements) -> None:
+        self.model, self.rows = model, rows
+        self.of_value, self.component = np.nonzero(model.used)
+        self.every = np.unique(self.of_value)
+        self.most_few = max(FEW, int(SHARE * len(self.every)))
 
-def _errors_of_others(model: OpenModel) -> tuple[Integers, Array]:
-    """Return the rows with readings, and how far each is from what all others say of it, in noise."""
-    basis = orthonormal(model.tangent)
-    left = model.residual - basis @ (basis.T @ model.residual)
-    of_value = np.nonzero(model.used)[0]
-    rows = np.unique(of_value)
-    error = np.zeros(len(rows))
-    for at, row in enumerate(rows.tolist()):
-        out = np.flatnonzero(of_value == row)
-        values, vectors = np.linalg.eigh(np.eye(len(out)) - basis[out] @ basis[out].T)
-        told = values > ALONE
-        error[at] = np.linalg.norm((vectors.T @ left[out])[told] / values[told])
-    return rows, error
+    def few(self) -> Integers:
+        """Return the few rows that stand apart, whatever they look like."""
+        found = np.zeros(0, dtype=np.intp)
+        while (more := self._farthest(found)).size:
+            found = np.concatenate([found, more])
+        return found if len(found) <= self.most_few else found[:0]
+
+    def _farthest(self, without: Integers) -> Integers:
+        """Return the farthest rows, behind which all others follow at a distance."""
+        rows, error = self._of_others(without)
+        order = np.argsort(-error)
+        for count in range(1, min(self.most_few, len(rows) - 1) + 1):
+            if self._stands_apart(error[order[count - 1]], error[order[count]], error):
+                return rows[order[:count]]
+        return rows[:0]
+
+    def many(self, without: Integers) -> Integers:
+        """Return rows beside some others that stand apart once all of them are left out."""
+        kept = ~np.isin(self.every, without)
+        error, every = self._beside_robust_fit(without)[kept], self.every[kept]
+        order = np.argsort(-error)
+        ratio = error[order[:-1]] / np.maximum(error[order[1:]], 1.0)
+        for count in 1 + np.argsort(-ratio[: int(MANY * len(order))])[:TRIED]:
+            found = every[order[:count]]
+            rows, others = self._of_others(np.concatenate([without, found]))
+            change = self.change(np.concatenate([without, found]))
+            nearest = min(float(np.linalg.norm(self._predicted(row, change))) for row in found.tolist())
+            if len(rows) > 1 and self._stands_apart(nearest, float(others.max()), others):
+                return found
+        return self.every[:0]
+
+    def _beside_robust_fit(self, without: Integers) -> Array:
+        """Return how far every row is from a fit to most of them, in noise; 0 for those that are left out.
+
+        Least squares with weights that fall with the square of the error (Cauchy's), beside the middle one.
+        """
+        model, place = self.model, np.searchsorted(self.every, self.of_value)
+        basis, value = orthonormal(model.tangent), np.ones(len(model.residual))
+        value[: model.count] = ~np.isin(self.of_value, without)
+        weight, error = np.ones(len(self.every)), np.zeros(len(self.every))
+        for _ in range(ROUNDS):
+            of_value = value.copy()
+            of_value[: model.count] *= weight[place]
+            weighed = basis.T * of_value
+            left = model.residual - basis @ np.linalg.lstsq(weighed @ basis, weighed @ model.residual)[0]
+            squares = (value * left**2)[: model.count]
+            error = np.sqrt(np.bincount(place, squares, len(self.every)))
+            middle = max(float(np.median(error)), 1.0)
+            weight = 1.0 / (1.0 + (error / (CAUCHY * middle)) ** 2)
+        return error
+
+    def _stands_apart(self, last: float, other: float, error: Array) -> bool:
+        """Return whether an error is far behind the largest other, by the middle of all others too."""
+        scale = max(float(np.median(error)) / np.sqrt(chi2.median(3)), 1.0)
+        by_chance = float(chi2.sf((last / scale) ** 2, 3))
+        return bool(last > APART * other and by_chance < CHANCE / len(self.every))
+
+    def _of_others(self, without: Integers) -> tuple[Integers, Array]:
+        """Return the rows but some, and how far each is from what all others say of it, in noise."""
+        model = self.model.part(~np.isin(self.of_value, without))
+        of_value = np.nonzero(model.used)[0]
+        basis = orthonormal(model.tangent)
+        left = model.residual - basis @ (basis.T @ model.residual)
+        rows = np.unique(of_value)
+        error = np.zeros(len(rows))
+        for at, row in enumerate(rows.tolist()):
+            out = np.flatnonzero(of_value == row)
+            values, vectors = np.linalg.eigh(np.eye(len(out)) - basis[out] @ basis[out].T)
+            told = values > ALONE
+            error[at] = np.linalg.norm((vectors.T @ left[out])[told] / values[told])
+        return rows, error
+
+    def change(self, without: Integers) -> Array:
+        """Return how the open parameters change (t,) by all rows but some."""
+        kept = self.model.part(~np.isin(self.of_value, without))
+        return np.asarray(inverse_of(kept.tangent) @ kept.residual)
+
+    def _predicted(self, row: int, change: Array) -> Array:
+        """Return the error of a row beside a change of the open parameters (t,), in noise."""
+        own = np.flatnonzero(self.of_value == row)
+        return np.asarray(self.model.residual[own] - self.model.tangent[own] @ change)
+
+    def off(self, row: int, change: Array) -> Array:
+        """Return how far a row reads from where such a change has it, (3,), m, along its table's axes."""
+        own = np.flatnonzero(self.of_value == row)
+        there = self.component[own] < 3
+        component = self.component[own][there]
+        result = np.zeros(3)
+        result[component] = self._predicted(row, change)[there] * self.model.baseline.sigma[row, component]
+        return np.asarray(self._turn(row) @ result)
+
+    def _turn(self, row: int) -> Array:
+        """Return the rotation (3, 3) from the frame of the model's rows into that of the table."""
+        same_run = self.rows.run == self.rows.run[row]
+        pairs = self.model.baseline.rows.position, self.rows.position
+        whole = same_run & np.isfinite(pairs[0] + pairs[1]).all(axis=1)
+        if self.model.problem is None or whole.sum() < 3:
+            return np.eye(3)
+        return fit_rigid_motion(pairs[0][whole], pairs[1][whole]).rotation
+
+    def said(self, row: int, change: Array) -> tuple[str, bool]:
+        """Return where a row is and what went wrong, in words, and whether anything is said of that."""
+        off = self.off(row, change)
+        size = float(np.linalg.norm(off))
+        place = f"{self.rows.place(row)} ({1e3 * size:.3g} mm off"
+        if name := next(self._other_names(row, change, off), ""):
+            return f"{place}: reads as {name}, not {self.rows.point[row]})", True
+        axis = int(np.abs(off).argmax())
+        if np.linalg.norm(np.delete(off, axis)) * APART <= size:
+            name = f"{'d' * (self.rows.kind != 'absolute')}{'xyz'[axis]}"
+            return f"{place}, along {name} alone)", True
+        return f"{place})", False
+
+    def _other_names(self, row: int, change: Array, off: Array) -> Iterator[str]:
+        """Yield the points that a row reads as, by an error (3,) along the axes of its table."""
+        names = [str(name) for name in np.unique(self.rows.point) if name != self.rows.point[row]]
+        if self.model.problem is None or not names:
+            return
+        kinematics = compile_kinematics(self.model.robot(change))
+        where = posture(kinematics, self.rows.q[row : row + 1])
+        own = pose_of(kinematics, where, str(self.rows.point[row]))[0, :3, 3]
+        for name in names:
+            way = self._turn(row) @ (pose_of(kinematics, where, name)[0, :3, 3] - own)
+            if np.linalg.norm(off - way) * APART <= np.linalg.norm(off):
+                yield name
+
+    def doubt(self, rows: Integers, change: Array) -> str:
+        """Return, in words, that some rows stand apart from all others."""
+        off = {row: float(np.linalg.norm(self.off(row, change))) for row in rows.tolist()}
+        places = [self.rows.place(row) for row in sorted(off, key=lambda row: -off[row])]
+        return (
+            f"{len(off)} of {len(self.every)} rows are {1e3 * min(off.values()):.3g} to "
+            f"{1e3 * max(off.values()):.3g} mm from where all others have them: {listed(places, LISTED)}"
+        )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
@@ -162,8 +163,8 @@ class Decomposition:
         Those that were left out as they hang on a few postures.
     behind : tuple of Behind
         What encoders behind the gears say.
-    apart : tuple of str
-        Rows that were left out as gross errors, ``file:line``.
+    apart : Apart
+        Rows that stand apart from all others.
     first : tuple of str
         Rows that were left out as nobody knows from which side joints came that stop short, ``file:line``.
     """
@@ -182,7 +183,7 @@ class Decomposition:
     largest: float
     hanging: tuple[Cause, ...] = ()
     behind: tuple[Behind, ...] = ()
-    apart: tuple[str, ...] = ()
+    apart: Apart = field(default_factory=Apart)
     first: tuple[str, ...] = ()
 
     @property

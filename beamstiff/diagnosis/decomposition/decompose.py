@@ -10,7 +10,7 @@ from scipy import stats
 
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady
-from beamstiff.diagnosis.decomposition.apart import rows_apart
+from beamstiff.diagnosis.decomposition.apart import Apart, rows_apart
 from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, QUARTER, Cause, Decomposition
@@ -114,17 +114,17 @@ def _beside_geometry(
     `balance`: of that calibration, see `open_geometry`.
     """
     model, parameters = open_as_determined(robot, rows, stations, opened, balance)
-    wrong = [] if "outliers" in prior.without else rows_apart(model).tolist()
-    apart = [rows.place(row) for row in wrong]
-    if apart:
-        model, parameters = open_as_determined(robot, without_rows(rows, apart), stations, opened, balance)
+    apart = Apart() if "outliers" in prior.without else rows_apart(model, rows)
+    if apart.left_out:
+        sound = without_rows(rows, apart.left_out)
+        model, parameters = open_as_determined(robot, sound, stations, opened, balance)
     check_names(model.baseline, prior)
     forms = all_forms(model, prior)
     behind = behind_gears(model, forms, prior)
     settings = Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = all_forms(model, settings.prior) if behind else forms
     found = _searched(settings, model, forms)
-    return replace(found, behind=tuple(behind), apart=tuple(apart)), settings
+    return replace(found, behind=tuple(behind), apart=apart), settings
 
 
 def _short(found: Decomposition) -> set[str | None]:

@@ -1,19 +1,27 @@
 """Gross errors of reading are left out before causes are sought; what effects leave is none."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from beamstiff import Robot, diagnose
-from beamstiff.diagnosis.decomposition.apart import places_apart, rows_apart
+from beamstiff.diagnosis.decomposition.apart import Apart, places_apart, rows_apart
 from beamstiff.diagnosis.decomposition.decompose import OPEN
 from beamstiff.diagnosis.decomposition.open_model import open_as_determined
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
-from tests.diagnosis.decomposition.test_decompose import table
+from beamstiff.report.diagnosis_text import verdict
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import Rigid
+from beamstiff.se3 import rotation_from_vector
+from tests.diagnosis.decomposition.test_decompose import FRAME, table
 from tests.diagnosis.planted import base_compliance, campaign, kr240, plan
 
 CAUSES = ("approach", "gear", "slip")
+PLACES = {"A": (0.03, 0.09, 0.05), "B": (-0.04, -0.08, 0.07)}  # m, of reflectors in the last frame
 
 
 def with_wrong(*causes: str, wrong: dict[int, float] | None = None) -> tuple[Robot, Measurements]:
@@ -25,24 +33,84 @@ def with_wrong(*causes: str, wrong: dict[int, float] | None = None) -> tuple[Rob
     return robot, replace(rows, position=position)
 
 
-def apart(robot: Robot, rows: Measurements) -> list[int]:
-    return rows_apart(open_as_determined(robot, rows, False, OPEN, False)[0]).tolist()
+def apart(robot: Robot, rows: Measurements) -> Apart:
+    return rows_apart(open_as_determined(robot, rows, False, OPEN, False)[0], rows)
+
+
+def places(rows: Measurements, numbers: Iterable[int]) -> tuple[str, ...]:
+    return tuple(map(rows.place, sorted(numbers)))
 
 
 @pytest.mark.parametrize("causes", [(), ("gear",), ("slip",), ("friction",), CAUSES])
 def test_no_cause_makes_a_row_stand_apart(causes: tuple[str, ...]) -> None:
-    assert apart(*with_wrong(*causes)) == []
+    assert apart(*with_wrong(*causes)) == Apart()
 
 
 @pytest.mark.parametrize(
     "wrong", [{7: 0.05}, {7: 0.02}, {7: 0.05, 41: -0.03}, {7: 0.05, 41: -0.01}, {0: 0.5}]
 )
 def test_gross_errors_stand_apart_beside_causes(wrong: dict[int, float]) -> None:
-    assert apart(*with_wrong(*CAUSES, wrong=wrong)) == sorted(wrong)
+    robot, rows = with_wrong(*CAUSES, wrong=wrong)
+    assert apart(robot, rows).left_out == places(rows, wrong)
 
 
-def test_what_many_rows_have_is_no_gross_error() -> None:
-    assert apart(*with_wrong(*CAUSES, wrong=dict.fromkeys(range(0, 60, 12), 0.05))) == []
+@pytest.mark.parametrize("count", [3, 5, 9])
+def test_of_many_gross_errors_each_says_which_coordinate_is_wrong(count: int) -> None:
+    robot, rows = with_wrong(*CAUSES)
+    numbers = np.random.default_rng(count).choice(60, count, replace=False)
+    position = rows.position.copy()
+    for turn, row in enumerate(numbers.tolist()):
+        position[row, turn % 3] += (-1) ** turn * 0.01 * (1 + turn % 2)
+    found = apart(robot, replace(rows, position=position))
+    assert found.left_out == places(rows, numbers)
+    for row, said in zip(sorted(numbers.tolist()), found.said, strict=True):
+        turn = numbers.tolist().index(row)
+        said_mm, axis = re.fullmatch(r".*\((.*) mm off, along (.) alone\)", said).groups()
+        assert float(said_mm) == pytest.approx(10 * (1 + turn % 2), abs=1.5)  # causes move rows by 0.6 mm RMS
+        assert axis == "xyz"[turn % 3]
+    assert not found.doubtful
+
+
+def test_gross_errors_in_any_direction_are_told_and_left_in() -> None:
+    robot, rows = with_wrong(*CAUSES)
+    position = rows.position.copy()
+    for row in (3, 17, 18, 40, 55):
+        position[row] += 0.01 / np.sqrt(3.0)
+    found = apart(robot, replace(rows, position=position))
+    assert found.left_out == ()
+    assert found.doubtful.startswith("5 of 60 rows are ")
+    assert all(rows.place(row) in found.doubtful for row in (3, 17, 18, 40, 55))
+    said = diagnose(robot, replace(rows, position=position))
+    assert not said.decomposition.causes or said.verdict.effect == "unknown"
+    assert verdict(said).action.startswith("Check the table: 5 of 60 rows are ")
+
+
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_rows_named_as_another_reflector_say_so(count: int) -> None:
+    robot, rows = two_reflectors(count)
+    found = apart(robot, rows)
+    assert len(found.left_out) == count
+    assert all(re.search(r": reads as (A, not B|B, not A)\)$", said) for said in found.said)
+
+
+def two_reflectors(wrong: int) -> tuple[Robot, Measurements]:
+    """Return a robot with two reflectors and a table of 60 rows, some of them named as the other."""
+    robot, rows = table(CAUSES, 60)
+    tcp = next(node for node in robot.nodes if node.name == robot.tcp)
+    nodes = [tcp.model_copy(update={"name": name, "at": at}) for name, at in PLACES.items()]
+    held = [Rigid(name=f"to {name}", nodes=(robot.tcp, name)) for name in PLACES]
+    robot = robot.model_copy(update={"nodes": (*robot.nodes, *nodes), "rigids": (*robot.rigids, *held)})
+    kinematics = compile_kinematics(robot)
+    where = posture(kinematics, rows.q)
+    turn = rotation_from_vector(FRAME)
+    names = np.array(["A", "B"])[np.arange(60) % 2]
+    own, tool = (pose_of(kinematics, where, name)[:, :3, 3] for name in ("A", robot.tcp))
+    other = pose_of(kinematics, where, "B")[:, :3, 3]
+    way = np.where((names == "A")[:, None], own, other) - tool
+    named = names.copy()
+    some = np.random.default_rng(wrong).choice(60, wrong, replace=False)
+    named[some] = np.where(names[some] == "A", "B", "A")
+    return robot, replace(rows, position=rows.position + way @ turn.T, point=named)
 
 
 def test_a_diagnosis_with_a_gross_error_is_the_one_without_the_row() -> None:
@@ -50,7 +118,7 @@ def test_a_diagnosis_with_a_gross_error_is_the_one_without_the_row() -> None:
     found = diagnose(robot, rows)
     place = rows.place(7)
     assert found.outliers == (place,)
-    assert any(note.startswith(f"left out: {place}.") for note in found.notes)
+    assert any(note.startswith(f"left out: {place} (49.9 mm off, along x alone).") for note in found.notes)
     named = [cause.key for cause in diagnose(*with_wrong(*CAUSES)).decomposition.causes]
     assert [cause.key for cause in found.decomposition.causes] == named
     assert found.to_dict()["outliers"] == [place]
@@ -60,5 +128,7 @@ def test_a_displacement_that_is_wrong_stands_apart_whatever_rows_share_its_unloa
     rows = campaign(plan(10), base_compliance)
     wrong = rows.displacement.copy()
     wrong[12, 0] += 0.02
-    assert places_apart(fit_baseline(kr240(), rows)) == ()
-    assert places_apart(fit_baseline(kr240(), replace(rows, displacement=wrong))) == (rows.place(12),)
+    assert places_apart(fit_baseline(kr240(), rows)) == Apart()
+    found = places_apart(fit_baseline(kr240(), replace(rows, displacement=wrong)))
+    assert found.left_out == (rows.place(12),)
+    assert found.said == (f"{rows.place(12)} (20 mm off, along dx alone)",)
