@@ -28,6 +28,7 @@ CHANCE = 1e-3  # of so large an error of any row, by what the middle of them sca
 ROUNDS, CAUCHY = 20, 2.4  # of a robust fit; its width in middle errors, usual for one that loses 5 % by it
 TRIED = 3  # gaps between the errors of such a fit
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
+NEAREST = 0.01  # m, of two reflectors: no play moves one so far
 LISTED = 6  # rows that are named
 
 
@@ -54,7 +55,7 @@ def rows_apart(model: OpenModel, rows: Measurements) -> Apart:
     beyond = errors.many(few)
     found, doubtful = np.concatenate([few, beyond]), ""
     if not found.size:
-        return Apart()
+        return Apart(doubtful=next(errors.two_under_one_name(), ""))
     change = errors.change(found)
     said = {row: errors.said(row, change) for row in found.tolist()}
     unsaid = [row for row in beyond.tolist() if not said[row][1]]
@@ -186,9 +187,14 @@ class _Errors:
         """Return where a row is and what went wrong, in words, and whether anything is said of that."""
         off = self.off(row, change)
         size = float(np.linalg.norm(off))
-        place = f"{self.rows.place(row)} ({1e3 * size:.3g} mm off"
+        place = f"{self.rows.place(row)} ({_in_mm(size)} mm off"
         if name := next(self._other_names(row, change, off), ""):
             return f"{place}: reads as {name}, not {self.rows.point[row]})", True
+        read = self.rows.position[row] if self.rows.kind == "absolute" else self.rows.displacement[row, :3]
+        for order in ((1, 0, 2), (2, 1, 0), (0, 2, 1)):
+            if np.linalg.norm(off + read[list(order)] - read) * APART <= size:
+                one, other = (axis for axis, place in zip("xyz", order, strict=True) if "xyz"[place] != axis)
+                return f"{place}, {one} and {other} exchanged)", True
         axis = int(np.abs(off).argmax())
         if np.linalg.norm(np.delete(off, axis)) * APART <= size:
             name = f"{'d' * (self.rows.kind != 'absolute')}{'xyz'[axis]}"
@@ -208,11 +214,41 @@ class _Errors:
             if np.linalg.norm(off - way) * APART <= np.linalg.norm(off):
                 yield name
 
+    def two_under_one_name(self) -> Iterator[str]:
+        """Yield, in words, points whose rows read two places of their link, in turn."""
+        if self.model.problem is None:
+            return
+        kinematics = compile_kinematics(self.model.baseline.robot)
+        where = posture(kinematics, self.rows.q)
+        left = np.where(self.model.used, self.model.baseline.gap, np.nan)[:, :3, None]
+        for name in np.unique(self.rows.point[self.every]).tolist():
+            turn = pose_of(kinematics, where, name)[:, :3, :3]
+            own = (turn.swapaxes(-1, -2) @ left)[:, :, 0][self.rows.point == name]
+            own = own[np.isfinite(own).all(axis=1)]
+            if not len(own):
+                continue
+            own = own - own.mean(axis=0)
+            first = own @ np.linalg.svd(own, full_matrices=False)[2][0] > 0.0
+            if min(first.sum(), (~first).sum()) < MANY * len(own):
+                continue
+            places = np.where(first[:, None], own[first].mean(axis=0), own[~first].mean(axis=0))
+            way = float(np.linalg.norm(own[first].mean(axis=0) - own[~first].mean(axis=0)))
+            within = float(np.sqrt(((own - places) ** 2).sum(axis=1).mean()))
+            if way > max(NEAREST, APART * 2 * within):
+                yield (
+                    f"The {len(own)} rows of {name} read two places of its link, {_in_mm(way)} mm apart: "
+                    "one name for two reflectors"
+                )
+
     def doubt(self, rows: Integers, change: Array) -> str:
         """Return, in words, that some rows stand apart from all others."""
         off = {row: float(np.linalg.norm(self.off(row, change))) for row in rows.tolist()}
         places = [self.rows.place(row) for row in sorted(off, key=lambda row: -off[row])]
         return (
-            f"{len(off)} of {len(self.every)} rows are {1e3 * min(off.values()):.3g} to "
-            f"{1e3 * max(off.values()):.3g} mm from where all others have them: {listed(places, LISTED)}"
+            f"{len(off)} of {len(self.every)} rows are {_in_mm(min(off.values()))} to "
+            f"{_in_mm(max(off.values()))} mm from where all others have them: {listed(places, LISTED)}"
         )
+
+
+def _in_mm(size: float) -> str:
+    return np.format_float_positional(1e3 * size, precision=3, fractional=False, trim="-")

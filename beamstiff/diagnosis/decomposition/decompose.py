@@ -19,7 +19,12 @@ from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes
 from beamstiff.diagnosis.decomposition.loads import follows_drives, has_loads
 from beamstiff.diagnosis.decomposition.nested import nested, promised
-from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_as_determined, open_stiffness
+from beamstiff.diagnosis.decomposition.open_model import (
+    OpenModel,
+    open_as_determined,
+    open_geometry,
+    open_stiffness,
+)
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
 from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
@@ -28,6 +33,7 @@ from beamstiff.diagnosis.inference.library import REVERSED, check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -113,9 +119,19 @@ def _beside_geometry(
 
     `balance`: of that calibration, see `open_geometry`.
     """
-    model, parameters = open_as_determined(robot, rows, stations, opened, balance)
-    apart = Apart() if "outliers" in prior.without else rows_apart(model, rows)
-    if apart.left_out:
+    apart, model = Apart(), None
+    try:
+        model, parameters = open_as_determined(robot, rows, stations, opened, balance)
+        if "outliers" not in prior.without:
+            apart = rows_apart(model, rows)
+        bent = float(np.abs(model.baseline.gap[:, :3]).max()) > LARGE_DISPLACEMENT and not apart.left_out
+    except BeamstiffError:
+        bent = True
+    if bent and "outliers" not in prior.without:
+        # a few rows so far off bend any geometry: it is of the robot as described that they stand apart
+        coarse = open_geometry(robot, rows, parameters=OPEN[-1], stations=stations)
+        apart = rows_apart(coarse, rows)
+    if apart.left_out or model is None:
         sound = without_rows(rows, apart.left_out)
         model, parameters = open_as_determined(robot, sound, stations, opened, balance)
     check_names(model.baseline, prior)

@@ -93,6 +93,26 @@ def test_rows_named_as_another_reflector_say_so(count: int) -> None:
     assert all(re.search(r": reads as (A, not B|B, not A)\)$", said) for said in found.said)
 
 
+def test_exchanged_coordinates_say_so() -> None:
+    robot, rows = with_wrong(*CAUSES)
+    position = rows.position.copy()
+    for row in (3, 17, 40, 55):
+        position[row] = position[row][[1, 0, 2]]
+    found = diagnose(robot, replace(rows, position=position))
+    assert found.outliers == places(rows, (3, 17, 40, 55))
+    assert sum(note.count("x and y exchanged") for note in found.notes) == 4
+    sound = diagnose(*with_wrong(*CAUSES)).decomposition
+    assert {one.key for one in found.decomposition.causes} == {one.key for one in sound.causes}
+
+
+def test_two_reflectors_under_one_name_are_told() -> None:
+    robot, rows = two_reflectors(0)
+    found = diagnose(robot, replace(rows, point=np.full(len(rows), "A")))
+    said = "The 60 rows of A read two places of its link, "
+    assert verdict(found).action.startswith(f"Check the table: {said}")
+    assert apart(*two_reflectors(0)) == Apart()
+
+
 def two_reflectors(wrong: int) -> tuple[Robot, Measurements]:
     """Return a robot with two reflectors and a table of 60 rows, some of them named as the other."""
     robot, rows = table(CAUSES, 60)
