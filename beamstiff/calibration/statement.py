@@ -81,17 +81,16 @@ def build_calibration(
     """
     problem, of_problem = state_problem(robot, measurements, parameters, **stated)
     rows, every, poses = problem.rows, problem.parameters, len(problem.geometry.poses)
-    described = zip(every, problem.expected.tolist(), strict=True)
-    ended = np.array([(near or {}).get(item.name, value) for item, value in described])
-    if near is None:
-        start = registered(problem, problem.expected)
-    else:
-        start = np.where([item.group in STANDS for item in every], ended, problem.expected)
+    start = registered(problem, problem.expected)
     problem = with_set_ups(problem, start)
     held = consistent(problem, start) if rows.targets else start
     _, jacobian = problem.linearised(held, deformed=False)
     seen = observability(jacobian, every, noticed)
-    start = np.where(np.isin(seen.names, seen.identified), held if near is None else ended, start)
+    known = np.isin(seen.names, seen.identified)
+    start = np.where(known, held, start)
+    if near is not None:  # what can be seen is judged of the robot as described all the same
+        ended = [near.get(item.name, value) for item, value in zip(every, problem.expected, strict=True)]
+        start = np.where(known, ended, start)
     if not seen.identified:
         raise BeamstiffError(f"{rows.source}: the readings show none of {listed(seen.names)}")
     told = problem.count + int(np.isfinite(problem.prior).sum())

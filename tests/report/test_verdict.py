@@ -9,6 +9,7 @@ import pytest
 
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.candidate import Candidate
+from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.calibrated_text import moved_load
@@ -119,7 +120,14 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     model = open_stiffness(result.baseline)
     nothing = np.zeros(len(result.baseline.fitted))
     found: Any = SimpleNamespace(
-        causes=(), verdict=None, unclear=(tilt,), every=(tilt,), model=model, change=nothing, scatter=1.0
+        causes=(),
+        verdict=None,
+        unclear=(tilt,),
+        every=(tilt,),
+        model=model,
+        change=nothing,
+        scatter=1.0,
+        apart=Apart(),
     )
     result = replace(result, verdict=unknown, candidates=(unknown,), decomposition=found)
     result.__dict__["recalibration"] = None  # such a decomposition has no calibration
