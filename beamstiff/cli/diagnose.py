@@ -60,6 +60,7 @@ def diagnose(
       beamstiff diagnose robot.yaml data.csv --next next.csv --region z=0.3m:2m
       beamstiff diagnose robot.yaml data.csv next.csv
     """
+    from beamstiff.diagnosis.decomposition.forms import SLIP
     from beamstiff.diagnosis.next_measurement.test_plan import proposed_csv
     from beamstiff.diagnosis.notes import in_words
     from beamstiff.functions.checks import effects_text
@@ -101,6 +102,8 @@ def diagnose(
             found = () if result.decomposition is None else result.decomposition.causes
             lost = in_words([one.key for one in found if one.forms[0].effect not in kept])
             measuring = f"; {lost} is an error of measuring and is not included" if lost else ""
+            if SLIP in {one.forms[0].effect for one in found}:
+                measuring += ": the reflector is written where it stood in the end"
             head = f"Stiffness fitted by beamstiff to {file_names(data)}, and {added} added."
             below = f"# {BeamstiffError(doubt[0].upper() + doubt[1:])}.\n" if doubt else ""
             guessed = listed(result.kept)

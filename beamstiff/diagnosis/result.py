@@ -68,8 +68,8 @@ class Diagnosis(Shown):
     fits : tuple of Fitted
         Of the verdict, and of the second cause with it.
     ceiling : float, m
-        What the best elastic model would leave on held-out postures: no cause can be
-        expected to leave less.
+        The least that effects of the library leave on held-out postures, all at once or
+        the best alone: no cause of theirs can be expected to leave less.
     features : mapping of str to float
         What the verdict rests on.
     decomposition : Decomposition or None

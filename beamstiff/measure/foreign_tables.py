@@ -27,6 +27,7 @@ from beamstiff.robot.dh_tables import KINDS
 _POINT = {"point", "name", "target", "reflector", "marker", "prism", "smr"}
 _POSE = {"pose", "pos", "position", "no", "nr", "id"}
 _LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
+_TIME = {"time", "timestamp", "zeit"}
 _JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
 _FORCE = re.compile(r"(?:f|force|kraft)[ _.]?([xyz])")
 _PLAIN = re.compile(r"[A-Za-z][\w.]*")
@@ -50,7 +51,8 @@ def refuse_foreign(raw: RawTable, robot: Robot) -> None:
             )
         return  # of as many joints by other names
     if 2 * len(unknown) > len(names) or (raw.separator != "," and not measured):
-        raw.fail_in_header("", profile_hint(raw.header, raw.source, raw.separator, joints, raw.cells))
+        nodes = [node.name for node in robot.nodes]
+        raw.fail_in_header("", profile_hint(raw.header, raw.source, raw.separator, joints, raw.cells, nodes))
 
 
 def refuse_points(text: str, source: str) -> None:
@@ -76,32 +78,43 @@ def profile_hint(
     separator: str,
     joints: Sequence[str] = (),
     cells: Sequence[Sequence[str]] = (),
+    nodes: Sequence[str] = (),
 ) -> str:
     """Return that a header is that of another program's export, and the profile that would read it.
 
-    `joints`: variables of the robot, where it is known; else they are called q1, q2, ...
+    `joints`, `nodes`: variables and nodes of the robot, where it is known; else they are called q1, q2, ...
     """
     found = f"unknown columns {listed([shown(name) for name in header], 3)}: an export of a controller? "
     call = f"`beamstiff convert {quote(file)} --profile profile.yaml --out data.csv` reads it (docs/files.md)"
-    guess = guessed_profile(header, separator, joints, cells)
+    guess = guessed_profile(header, separator, joints, cells, nodes)
     if not guess:
         return f"{found}{call}; the profile says which columns hold which values, and their units"
-    many = "points: {" in guess
-    node = "NODE_... are the nodes at the reflectors" if many else "NODE is the node at the reflector"
-    return f"{found}{call}, with this in profile.yaml, once it is checked ({node}): {guess}"
+    asked = {
+        "NODE_": "NODE_... are the nodes at the reflectors",
+        "point: NODE": "NODE is the node at the reflector",
+        "NOISE": "NOISE is what the instrument reads to, such as 0.02",
+        "UNIT": "UNIT is that of the column",
+    }
+    said = [what for mark, what in asked.items() if mark in guess]
+    said += [] if joints or "q1: " not in guess else ["q1, q2, ... are the joints of the robot file"]
+    return f"{found}{call}, with this in profile.yaml, once it is checked ({'; '.join(said)}): {guess}"
 
 
 def guessed_profile(
-    header: Sequence[str], separator: str, joints: Sequence[str] = (), cells: Sequence[Sequence[str]] = ()
+    header: Sequence[str],
+    separator: str,
+    joints: Sequence[str] = (),
+    cells: Sequence[Sequence[str]] = (),
+    nodes: Sequence[str] = (),
 ) -> str:
     """Return a profile, YAML in one line, of the columns that can be guessed; empty without positions.
 
     >>> guessed_profile(["P", "X [mm]", "Y [mm]", "Z [mm]"], ";")  # doctest: +ELLIPSIS
-    '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE}'
+    '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE, sigma_...}'
     """
     names = [bare_name(cell) for cell in header]
     forces = {match[1] for name in names if (match := _FORCE.fullmatch(name.casefold()))}
-    at, points = _reflectors(names, cells)
+    at, points = _reflectors(names, cells, nodes)
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
     for place, (cell, name) in enumerate(zip(header, names, strict=True)):
@@ -122,11 +135,14 @@ def guessed_profile(
         f"columns: {{{', '.join(f'{key}: {_quoted(cell)}' for key, cell in columns.items())}}}",
         f"units: {{{', '.join(f'{key}: {_quoted(unit)}' for key, unit in units.items())}}}",
         f"points: {{{', '.join(points)}}}" if points else "point: NODE",
+        "sigma_position: NOISE mm",
     ]
     return f"{{{', '.join(filter(None, parts))}}}"
 
 
-def _reflectors(names: Sequence[str], cells: Sequence[Sequence[str]]) -> tuple[int | None, list[str]]:
+def _reflectors(
+    names: Sequence[str], cells: Sequence[Sequence[str]], known: Sequence[str]
+) -> tuple[int | None, list[str]]:
     """Return the column of text with few different values and its entries of `points`; None without one.
 
     One that is called like a point comes first, one that is called like a pose is none.
@@ -139,7 +155,7 @@ def _reflectors(names: Sequence[str], cells: Sequence[Sequence[str]]) -> tuple[i
         named = bool(words & _POINT)
         few = 2 - named <= len(values) <= min(MOST_POINTS, len(texts) // 2)
         if few and all(re.match(r"[^\W\d]", value) for value in values) and not words & _POSE:
-            nodes = [re.sub(r"\W", "_", f"NODE_{value}") for value in values]
+            nodes = [value if value in known else re.sub(r"\W", "_", f"NODE_{value}") for value in values]
             found[at] = [f"{_quoted(value)}: {node}" for value, node in zip(values, nodes, strict=True)]
             if named:
                 return at, found[at]
@@ -157,6 +173,8 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
         return f"f{match[1]}", "force"
     if len(axes := [word for word in words if word in POSITION]) == 1:
         return axes[0], "length"
+    if _TIME & {*words}:
+        return "t", "time"
     if _LOAD & {*words}:
         return "fz", "fz"
     return ("pose", "") if (_POSE | _POINT) & {*words} else ("", "")

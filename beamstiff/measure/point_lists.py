@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.columns import LABELS, QUANTITIES
 from beamstiff.measure.joint_tables import joined, read_joints
@@ -106,7 +106,7 @@ def _skipped_notes(read: NDArray[np.str_], named: Mapping[str, str], notes: Sequ
     if skipped.sum() > MOST_SKIPPED * len(read):
         said.insert(0, f"{int(skipped.sum())} of {len(read)} rows skipped, {others}")
     elif skipped.any():
-        said.append(f"skipped, {others}")
+        said.append(f"{counted(int(skipped.sum()), 'row')} skipped, {others}")
     if missing := [point for point in named if point not in set(read.tolist())]:
         said.append(f"`points` names what the list lacks: {listed(missing)}")
     return said

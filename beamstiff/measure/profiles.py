@@ -36,7 +36,7 @@ from beamstiff.measure.columns import LABELS, QUANTITIES, unit_fault
 from beamstiff.measure.orientation import named_orientation
 from beamstiff.robot.fields import Described, DescriptionError, Name, Point
 from beamstiff.robot.yaml_text import parse_yaml
-from beamstiff.units import UNITS
+from beamstiff.units import UNITS, quantity
 
 JOINTS = "joints"  # of `units`: of all joint variables that have none of their own
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": " "}
@@ -174,12 +174,20 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
         kind, unit = QUANTITIES.get(name), profile.unit_of(name)
         if unit is None or (name == "fz" and profile.hung_mass):
             continue
-        if fault := unit_fault(unit, (kind,) if kind else ("angle", "length")):
+        if kind is None and all(unit_fault(unit, (one,)) for one in ("angle", "length")):
+            fault = f"{name}: found the unit {unit!r}, expected one of angle, such as deg, or of length"
+            yield ("units",), f"{fault}; {name!r} is taken for a joint variable{suggest(name, known)}"
+        elif fault := unit_fault(unit, (kind,) if kind else ("angle", "length")):
             hangs = kind == "force" and not unit_fault(unit, ("mass",))
             why = (
                 ": a mass that hangs pulls along -z of the base, so that only fz may be one" if hangs else ""
             )
             yield ("units",), f"{name}: {fault}{why}"
+    if profile.sigma_position is not None:
+        try:
+            quantity(profile.sigma_position, "length")
+        except BeamstiffError as error:
+            yield ("sigma_position",), str(error)
     for name in profile.units:
         if name not in profile.columns and name not in UNITS and name != JOINTS:
             hint = suggest(name, [*UNITS, JOINTS, *profile.columns])

@@ -72,6 +72,9 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
     each = each[:1].upper() + each[1:]
     rest = sum(max(len(some) - NAMED, 0) for some in kinds.values())
     more = f" ({rest} more {others})" if rest > 0 else ""
+    moved = reflectors_off(changed)
+    if moved:
+        more += f". Reflectors stand elsewhere than in the robot file: {listed(moved, NAMED)}"
     alike = (
         f" {listed(changed.together)} moved alike, which mounts of their own hardly do: their link is off, "
         "and the tool on it. A reflector at the tool would correct its place."
@@ -79,6 +82,16 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
         else ""
     )
     return f"Largest changes of the geometry, with standard deviations. {each}{more}.{alike}"
+
+
+def reflectors_off(changed: Recalibration) -> list[str]:
+    """Return how far reflectors stand from their places in the robot file, in words, the farthest first."""
+    off: dict[str, float] = {}
+    for one in changed.changes:
+        if one.parameter.group == "target" and one.parameter.unit == "m":
+            node = one.parameter.name.rpartition(".")[0]
+            off[node] = float(np.hypot(off.get(node, 0.0), one.by))
+    return [f"{node} by {rounded(1e3 * by)} mm" for node, by in sorted(off.items(), key=lambda one: -one[1])]
 
 
 def changes_table(changed: Recalibration, title: str) -> Table:

@@ -140,7 +140,8 @@ def compensation_verdict(result: Compensated) -> Verdict:
         action = (
             "If the robot itself touched off the workpiece (taught its base), give the three points with "
             f"--base-taught and run this again: commands then move by roughly {differs} instead of {was}. "
-            f"If the workpiece was measured by other means, use this result. {action}"
+            "If the workpiece was measured by other means, use this result, in the base that "
+            f"beamstiff verify --refit-frame prints. {action}"
         )
     if result.extrapolated:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposition.causes import HALF, Decomposition
+from beamstiff.diagnosis.decomposition.forms import SLIP
 from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import in_words
@@ -228,7 +229,9 @@ def names_text(result: Diagnosis) -> list[str]:
     said = [f"{part}: {means}" for pattern, part, means in NAMES if re.search(pattern, names)]
     marks = [DOUBTFUL] if any(not item.plausible for item in items) else []
     marks += [OPEN] if any(map(_open, items)) else []
-    own = [(words.named(one), one.shape) for one in words.told(result) if one.shape]
+    # at which row a target slipped is told by its place in the file
+    shown = [one for one in words.told(result) if one.shape and one.effect != SLIP]
+    own = [(words.named(one), one.shape) for one in shown]
     forms = [f"Fitted forms: {'; '.join(f'{cause}: {shape}' for cause, shape in own)}."] if own else []
     return [*marks, *([f"Names: {'; '.join(said)}."] if said else []), *forms, *_slips_text(result)]
 

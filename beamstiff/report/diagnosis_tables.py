@@ -44,7 +44,7 @@ def steps(result: Diagnosis) -> list[Step]:
     if found is None:
         if result.verdict.shrink is not None:
             made.append(Step(f"with {words.causes(result)}", result.verdict.shrink.after))
-        made.append(Step("any elastic model", result.ceiling))
+        made.append(Step("least with effects of the library", result.ceiling))
     else:
         made += [Step(f"and {in_words([one.key])}", one.rms_after, one) for one in found.causes]
         if found.unclear:

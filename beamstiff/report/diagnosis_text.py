@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED = "Undecided"
-ELASTIC = "best achievable by any elastic model (compliance of every kind at every place)"
+BEST = "least that effects of the library leave, all at once or one alone,"
 
 
 def verdict(result: Diagnosis) -> Verdict:
@@ -212,7 +212,7 @@ def summary(result: Diagnosis) -> str:
     gap = f"{rms:.3f} mm RMS between measured and predicted position"
     first = f"Gap {words.tested(result)}: {gap}; noise floor {noise:.3f} mm{_scaled(result)}"
     if not words.one_posture(result) and result.decomposition is None:
-        first += f"; {ELASTIC} {1e3 * result.ceiling:.3f} mm"
+        first += f"; {BEST} {1e3 * result.ceiling:.3f} mm"
     first += "."
     verdict, head = result.verdict, headline(result)
     if found := words.several(result):

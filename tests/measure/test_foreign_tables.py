@@ -25,8 +25,8 @@ def test_an_export_is_told_from_a_spelling_mistake_and_its_profile_reads_it(arm:
     guess = said[said.index(": {") + 2 :]
     assert "q1: " in guess
     assert "d2: " in guess  # the robot's own names, in its order
-    text = guess.replace("joints: deg", "q1: deg, d2: mm").replace("NODE", "tip")
-    row = parse_points(EXPORT, parse_profile(text)).text.splitlines()[1].split(",")
+    text = guess.replace("joints: deg", "q1: deg, d2: mm").replace("NODE", "tip").replace("NOISE", "0.02")
+    row = parse_points(EXPORT, parse_profile(text)).text.splitlines()[2].split(",")
     assert row[:2] == IN_SI[:2]
     assert [float(cell) for cell in row[2:]] == pytest.approx(IN_SI[2:], rel=1e-14, abs=1e-15)
 
@@ -51,12 +51,14 @@ def test_forces_and_names_of_reflectors_are_part_of_the_guess_which_reads_the_ta
     with pytest.raises(BeamstiffError) as caught:
         parse_measurements("\n".join(lines), arm, "run.csv")
     said = str(caught.value)
-    assert "(NODE_... are the nodes at the reflectors)" in said
+    assert "(NODE_... are the nodes at the reflectors; NOISE is what the instrument reads to" in said
     guess = said[said.index(": {") + 2 :]
-    assert guess.endswith("points: {A: NODE_A, B: NODE_B}}")
+    assert guess.endswith("points: {A: NODE_A, B: NODE_B}, sigma_position: NOISE mm}")
     text = guess.replace("joints: UNIT", "q1: deg, d2: mm").replace("length: UNIT", "length: m")
-    made = parse_points("\n".join(lines), parse_profile(text.replace("UNIT", "N")))
-    head, first = (line.split(",") for line in made.text.splitlines()[:2])
+    with pytest.raises(BeamstiffError, match="sigma_position"):
+        parse_profile(text.replace("UNIT", "N"))
+    made = parse_points("\n".join(lines), parse_profile(text.replace("UNIT", "N").replace("NOISE", "0.02")))
+    head, first = (line.split(",") for line in made.text.splitlines()[1:3])
     row = {name.partition(" ")[0]: cell for name, cell in zip(head, first, strict=True)}
     assert [row[name] for name in ("pose", "point", "fx", "fy", "fz")] == [
         "0",
@@ -81,7 +83,8 @@ def test_forces_and_names_of_reflectors_are_part_of_the_guess_which_reads_the_ta
 )
 def test_a_column_of_few_texts_names_the_reflectors(name: str, texts: str, points: str) -> None:
     cells = [[text, "1", "2", "3"] for text in texts.split(",")]
-    assert guessed_profile([name, "X", "Y", "Z"], ";", (), cells).endswith(f"{points}}}")
+    guess = guessed_profile([name, "X", "Y", "Z"], ";", (), cells)
+    assert guess.endswith(f"{points}, sigma_position: NOISE mm}}")
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_a_mass_in_a_log_is_a_weight_too() -> None:
 @pytest.mark.parametrize(
     ("skipped", "note"),
     [
-        (1, "skipped, as `points` does not name them: SMR9"),
+        (1, "1 row skipped, as `points` does not name them: SMR9"),
         (2, "2 of 11 rows skipped, as `points` does not name them: SMR9"),
     ],
 )

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from beamstiff.diagnosis.candidate import Candidate, Estimate
@@ -301,7 +302,9 @@ def test_what_the_calibration_changed_is_told() -> None:
     assert "±" not in changes_text(held)  # it was not sought
     by = {unit: [one for one in changed.changes if one.parameter.unit == unit] for unit in ("m", "rad")}
     assert min(map(len, by.values())) > 3
-    assert largest.count(" mm") == largest.count(" mrad") == 3
+    most, _, moved = largest.partition(". Reflectors stand elsewhere than in the robot file: ")
+    assert most.count(" mm") == most.count(" mrad") == 3
+    assert moved == f"reflector by {rounded(1e3 * float(np.linalg.norm(SLIP)))} mm."
     assert re.search(r"deviations\. Lengths: [^;]* mm; angles: [^;]* mrad \(", largest)
     rest = len(changed.changes) - 6
     assert f"({rest} more in --json and --apply)" in largest

@@ -200,10 +200,7 @@ def _how_far(result: Diagnosis) -> Section:
     )
     caption = "Position gap on held-out data."
     if result.decomposition is None:
-        caption += (
-            " Any elastic model: compliance of every kind at every place at once, less than which no cause "
-            "can be expected to leave."
-        )
+        caption += " The least with effects of the library: all at once or one alone, whichever leaves less."
     rows = [[step.model, f"{1e3 * step.error:.4f}"] for step in some]
     table = Table("What is left", ("model", "mm"), rows)
     figure = Figure("how-far", "What is left", caption, *drawn, table)
