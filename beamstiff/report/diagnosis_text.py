@@ -39,7 +39,7 @@ def verdict(result: Diagnosis) -> Verdict:
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = words.several(result), result.verdict.shrink, level_of(ratio)
     gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(words.postures(result), 'posture')}"
-    each = doubt = ""
+    each, doubt, left = "", "", np.inf
     worse = calibrated_worse(result)
     changed = result.recalibration
     if changed is not None and changed.placed > result.rms:
@@ -60,7 +60,7 @@ def verdict(result: Diagnosis) -> Verdict:
     else:
         level = "doubtful" if level == "agrees" else level  # what is systematic is no agreement
         if found:
-            by = _first_cause(found)
+            by, left = _first_cause(found), found[-1].rms_after
             if len(found) > 1:
                 each = f"Causes, with the share that each closes: {_each(found)}."
             said = f"{gap}, {_explained(result, words.closed(found), by)}{_outside(result)}"
@@ -69,6 +69,7 @@ def verdict(result: Diagnosis) -> Verdict:
         elif result.verdict.effect == "unknown":
             said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
+            left = close.after
             share = "" if words.one_posture(result) else words.percent(close.shrink)
             alike = [key for key in result.indistinguishable if key != UNKNOWN]
             said = f"{gap}, {_explained(result, share, _or_alike(words.causes(result), alike))}"
@@ -82,7 +83,8 @@ def verdict(result: Diagnosis) -> Verdict:
         if MASSLESS in result.notes:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
     data = data_of(result.baseline.rows) + _warmth(result)
-    return Verdict(said, level, data, action(result, head), each, doubt)
+    explained = result.noise > 0.0 and level_of(left / result.noise) == "agrees"
+    return Verdict(said, level, data, action(result, head), each, doubt, explained)
 
 
 def _before(result: Diagnosis) -> str:

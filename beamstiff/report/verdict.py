@@ -45,11 +45,12 @@ class Verdict:
     action: str = ""  # the one thing to do next
     causes: str = ""  # all causes, where there are several; what an error comes from
     doubt: str = ""  # why not to believe the headline
+    explained: bool = False  # whether what is named leaves but noise
 
     @property
     def badge(self) -> str:
         """What the colour means, in words; empty where nothing is judged."""
-        return BADGES.get(self.level, "")
+        return BADGES.get(self.level, "") + ", explained to within it" * self.explained
 
     def lines(self) -> Iterator[Text]:
         """Yield what a terminal shows of it, an empty line last."""

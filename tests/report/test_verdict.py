@@ -36,6 +36,7 @@ def test_a_terminal_shows_headline_data_and_action_in_their_order() -> None:
     assert [line.plain for line in lines] == ["Gap of 1 mm", "Data: a.csv, 3 rows.", "Next: Measure.", ""]
     assert str(lines[0].style) == "bold red"
     assert Verdict("x", "doubtful").badge == "gap beyond noise"
+    assert Verdict("x", "differs", explained=True).badge == "gap far beyond noise, explained to within it"
 
 
 def test_a_fit_that_leaves_several_times_the_noise_is_amber_and_sends_to_the_diagnosis() -> None:
@@ -73,6 +74,7 @@ def test_a_cause_is_named_with_the_gap_and_what_it_explains() -> None:
     )
     assert found.headline == (doubted if hardly_checked(result) else sure)
     assert found.level in ("doubtful", "differs")
+    assert found.explained == (result.verdict.shrink.after <= 1.5 * result.noise)
     assert data_of(result.baseline.rows) == found.data
 
 
