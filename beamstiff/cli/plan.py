@@ -61,7 +61,6 @@ def plan(
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.campaign import campaign_told
-    from beamstiff.robot.doubts import robot_doubts
 
     machine = as_robot(robot, assembly=assembly)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
@@ -89,4 +88,4 @@ def plan(
     if out is not None:
         write(out, found.to_csv(), "to be filled in")
     how = ["--out FILE writes the tests as a table to fill in"] if out is None else []
-    outputs.result([*robot_doubts(machine), *how], campaign_told(found), found.to_dict())
+    outputs.result([*found.notes, *how], campaign_told(found), found.to_dict())
