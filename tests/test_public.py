@@ -25,6 +25,7 @@ from beamstiff.functions.campaign import CampaignState
 from beamstiff.maps.summary import summary
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.shown import notes_of
+from beamstiff.robot.library import robot_path
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.shown import Shown
 from tests.diagnosis.planted import diagnosed
@@ -287,9 +288,18 @@ def test_what_is_neither_robot_nor_table_is_refused(name: str, robot: Any, data:
     assert message in str(raised.value)
 
 
+def test_a_table_is_read_for_a_robot_however_it_is_given() -> None:
+    robot = beamstiff.load_robot("ir663")
+    expected = beamstiff.read_measurements(DATA, robot)
+    for given in ("ir663", robot_path("ir663"), str(robot_path("ir663"))):
+        np.testing.assert_array_equal(beamstiff.read_measurements(DATA, given).q, expected.q)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: beamstiff.read_measurements(DATA, 5), "robot: found 5, expected a Robot, the path"),
+        (lambda: beamstiff.read_measurements(5, "ir663"), "path: found 5, expected the path of a CSV file"),
         (lambda: beamstiff.identify("ir663", DATA, "J12.torsional"), "parameters: found 'J12"),
         (lambda: beamstiff.identify("ir663", DATA, folds=1), "folds: found 1, expected"),
         (lambda: beamstiff.identify("ir663", DATA, loss="l1"), "loss: found 'l1'"),
