@@ -26,7 +26,8 @@ def plan(
     sigma_rotation: str | None = option("ANGLE", "Noise of a measured rotation; default: none is measured."),
     gauges: str | None = option("AXES", "Axes along which dial gauges read, such as z; default: a tracker."),
     parameters: list[str] | None = option(
-        "NAME,...", "Stiffness values to find; default: what the robot lists under `identify`."
+        "NAME,...",
+        "Stiffness values to find; default: what the robot lists under `identify`, or its drives.",
     ),
     speed: list[str] | None = option(
         "[NAME=]VALUE",

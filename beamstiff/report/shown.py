@@ -20,6 +20,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.functions.campaign import CampaignState
+from beamstiff.functions.checks import robot_notes
 from beamstiff.functions.fitted import worse_notes
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
@@ -45,7 +46,6 @@ from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.report.tables import Table, spaced
 from beamstiff.report.verification import verification_summary
 from beamstiff.robot.description import Robot
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import reference_posture
 from beamstiff.shown import Shown
 
@@ -250,5 +250,5 @@ told.register(Calibration, calibration_told)
 told.register(Verification, verification_summary)
 told.register(RunComparison, changes_told)
 told.register(CampaignState, lambda thing: campaign_state_told(thing.to_dict()))
-notes_of.register(Robot, robot_doubts)
+notes_of.register(Robot, robot_notes)
 notes_of.register(Models, lambda thing: [*thing.notes, *worse_notes(thing)])
