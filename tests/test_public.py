@@ -22,6 +22,7 @@ from beamstiff.diagnosis.next_measurement.outlook import outlook
 from beamstiff.diagnosis.notes import MASSLESS
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.functions.campaign import CampaignState
+from beamstiff.functions.examine import Examination
 from beamstiff.maps.summary import summary
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.shown import notes_of
@@ -29,6 +30,7 @@ from beamstiff.robot.library import robot_path
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.shown import Shown
 from tests.diagnosis.planted import diagnosed
+from tests.exam.answered import of_every_kind
 from tests.remembered import remembered
 
 DATA = Path(__file__).parents[1] / "examples" / "data" / "ir663_compliance_xx.csv"
@@ -166,9 +168,10 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "plan": lambda: beamstiff.plan("ir663", tests=8, candidates=20),
     "compensate": lambda: beamstiff.compensate("kr500", "path.csv"),
     "stiffness": lambda: beamstiff.stiffness("ir663", Q),
+    "examine": lambda: Examination(of_every_kind(), {}),
     "load_robot": lambda: beamstiff.load_robot("ir663"),
 }
-TABLES_ONLY = {"compare_runs", "verify", "plan", "stiffness", "campaign"}  # no batch: nothing to draw
+TABLES_ONLY = {"compare_runs", "verify", "plan", "stiffness", "examine", "campaign"}  # without a batch
 
 
 def batch(found: Diagnosis) -> CampaignState:

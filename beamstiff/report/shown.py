@@ -21,6 +21,7 @@ from beamstiff.diagnosis.verify import Verification
 from beamstiff.errors import BeamstiffError, counted, listed, suggest
 from beamstiff.functions.campaign import CampaignState
 from beamstiff.functions.checks import robot_notes
+from beamstiff.functions.examine import Examination
 from beamstiff.functions.fitted import worse_notes
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
@@ -35,6 +36,7 @@ from beamstiff.report.compare import models_figure, models_told
 from beamstiff.report.compensation import compensation_figure, compensation_told
 from beamstiff.report.deflection import deflection_figure, deflection_told
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
+from beamstiff.report.exam import examination_told
 from beamstiff.report.figures import BLUE, new_figure, plain
 from beamstiff.report.geometry import calibration_figure, calibration_told
 from beamstiff.report.identification import identification_told
@@ -248,6 +250,7 @@ told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(Calibration, calibration_told)
 told.register(Verification, verification_summary)
+told.register(Examination, examination_told)
 told.register(RunComparison, changes_told)
 told.register(CampaignState, lambda thing: campaign_state_told(thing.to_dict()))
 notes_of.register(Robot, robot_notes)
