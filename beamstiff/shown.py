@@ -24,15 +24,15 @@ class Shown:
         return plot(self, **options)
 
     def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
-        """Show tables where rich prints."""
-        from beamstiff.report.shown import console, told
+        """Show tables and notes where rich prints."""
+        from beamstiff.report.shown import console, told_with_notes
 
         plain = console(options.max_width)  # names from files are no markup
-        for part in told(self):
+        for part in told_with_notes(self):
             yield from plain.render(part, options)
 
     def __str__(self) -> str:
-        """Return the same tables as text."""
+        """Return the same as text."""
         from beamstiff.report.shown import as_text
 
         return as_text(self)
@@ -44,7 +44,7 @@ class Shown:
         return f"<{type(self).__name__}: {line(self)}>"
 
     def _repr_html_(self) -> str:
-        """Return the same tables for Jupyter."""
+        """Return the same for Jupyter."""
         from beamstiff.report.shown import as_html
 
         return as_html(self)

@@ -1,7 +1,10 @@
 """One function a command: paths and names do what objects do, and `--json` is `to_dict()`."""
 
+import html
+import io
 import json
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -9,14 +12,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import beamstiff
 from beamstiff.cli.main import app
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.next_measurement.outlook import outlook
+from beamstiff.diagnosis.notes import MASSLESS
+from beamstiff.diagnosis.result import Diagnosis
+from beamstiff.functions.campaign import CampaignState
+from beamstiff.functions.examine import Examination
 from beamstiff.maps.summary import summary
 from beamstiff.measure.table import make_measurements
+from beamstiff.report.shown import notes_of
+from beamstiff.robot.library import robot_path
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.shown import Shown
+from tests.diagnosis.planted import diagnosed
+from tests.exam.answered import of_every_kind
 from tests.remembered import remembered
 
 DATA = Path(__file__).parents[1] / "examples" / "data" / "ir663_compliance_xx.csv"
@@ -139,6 +153,122 @@ def test_identify_takes_the_effects_of_the_robot_off_the_readings_as_the_command
     assert found.robot.effects == larger.effects
 
 
+# what every function returns, for little work
+RESULTS: dict[str, Callable[[], Any]] = {
+    "identify": lambda: beamstiff.identify("ir663", DATA, folds=0),
+    "calibrate": lambda: beamstiff.calibrate("kr500", "poses.csv", ["q2"], folds=0),
+    "compare": lambda: beamstiff.compare("ir663", DATA, models=["rigid", "parametric"]),
+    "compare_runs": lambda: beamstiff.compare_runs("ir663", DATA, "later.csv"),
+    "diagnose": lambda: diagnosed("backlash"),
+    "verify": lambda: beamstiff.verify("ir663", DATA),
+    "campaign": lambda: beamstiff.campaign("ir663", [], rows=6),
+    "campaign with a batch": lambda: batch(diagnosed("backlash")),
+    "predict": lambda: beamstiff.predict("ir663", DATA),
+    "predict positions": lambda: beamstiff.predict("kr500", "poses.csv"),
+    "plan": lambda: beamstiff.plan("ir663", tests=8, candidates=20),
+    "compensate": lambda: beamstiff.compensate("kr500", "path.csv"),
+    "stiffness": lambda: beamstiff.stiffness("ir663", Q),
+    "examine": lambda: Examination(of_every_kind(), {}),
+    "load_robot": lambda: beamstiff.load_robot("ir663"),
+}
+TABLES_ONLY = {"compare_runs", "verify", "plan", "stiffness", "examine", "campaign"}  # without a batch
+
+
+def batch(found: Diagnosis) -> CampaignState:
+    return CampaignState(12, found, outlook(found), 0, "")
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> dict[str, Any]:
+    (folder / "later.csv").write_text(DATA.read_text(encoding="utf-8"), encoding="utf-8")
+    with chdir(folder):
+        return {name: make() for name, make in RESULTS.items()}
+
+
+def test_everything_that_shows_itself_is_among_the_results(results: dict[str, Any]) -> None:
+    for name in beamstiff.__all__:
+        getattr(beamstiff, name)  # loads it
+    assert {type(result) for result in results.values()} == set(Shown.__subclasses__())
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_printed_with_its_notes_each_once(name: str, results: dict[str, Any]) -> None:
+    result = results[name]
+    assert "\n" not in repr(result)
+    assert repr(result).startswith(f"<{type(result).__name__}: ")
+    assert repr(result) != f"<{type(result).__name__}: {type(result).__name__}>"
+    console = Console(file=io.StringIO(), width=200, record=True)
+    console.print(result)
+    page = html.unescape(result._repr_html_())
+    for text in (console.export_text(), str(result), page):
+        words = " ".join(text.split())
+        for note in notes_of(result):
+            assert words.count(" ".join(note[1:].split())) == 1
+
+
+@pytest.mark.parametrize("name", set(RESULTS) - {"load_robot", "campaign"})
+def test_what_to_mind_is_said_wherever_a_result_shows_itself(name: str, results: dict[str, Any]) -> None:
+    result, notes = results[name], ("fz is <reversed>", "is fx too?", "fz is <reversed>")
+    if isinstance(result, CampaignState):
+        assert result.diagnosis is not None
+        result = replace(result, diagnosis=replace(result.diagnosis, notes=notes))
+    else:
+        result = replace(result, notes=notes)
+    for text in (str(result), html.unescape(result._repr_html_())):
+        assert text.count("Mind: fz is <reversed>.") == 1
+        assert text.count("Mind: is fx too?") == 1
+        assert "?." not in text
+
+
+def test_a_doubt_of_the_verdict_is_no_note_again() -> None:
+    result = replace(diagnosed("backlash"), notes=(MASSLESS,))
+    assert " ".join(str(result).lower().split()).count(MASSLESS.lower()) == 1
+
+
+def test_long_notes_are_printed_to_the_last_name() -> None:
+    """Of an arm whose drives have long names, what was chosen for it is said whole."""
+    arm = beamstiff.load_robot("kr240-2").model_copy(update={"identify": ()})
+    names = {joint.name: f"{joint.name}_of_the_arm_beside_the_conveyor" for joint in arm.joints}
+    joints = [joint.model_copy(update={"name": names[joint.name]}) for joint in arm.joints]
+    found = beamstiff.plan(arm.model_copy(update={"joints": tuple(joints)}), tests=8, candidates=20)
+    said = " ".join(str(found).split())
+    assert all(f"{name}.torsional" in said.partition("Mind: ")[2] for name in names.values())
+    assert "...." not in said
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_drawn_or_says_that_there_are_tables_only(name: str, results: dict[str, Any]) -> None:
+    if name not in TABLES_ONLY:
+        assert results[name].plot()._repr_png_().startswith(b"\x89PNG")
+        return
+    with pytest.raises(beamstiff.BeamstiffError, match=r"of which there (are tables|is nothing)"):
+        results[name].plot()
+
+
+def test_a_prediction_draws_what_was_measured_beside_what_is_predicted(results: dict[str, Any]) -> None:
+    found = results["predict"]
+    above, below = found.plot().axes
+    predicted, measured = (line.get_ydata() for line in above.lines)
+    np.testing.assert_allclose(measured, 1e3 * np.abs(found.rows.displacement[:, 0]))  # x alone was measured
+    np.testing.assert_allclose(predicted, 1e3 * np.abs(found.displacement[:, 0]))
+    np.testing.assert_allclose(below.lines[0].get_ydata(), 1e3 * found.gap)
+    assert below.get_xlabel() == "line of the table"
+    bare = replace(found, rows=replace(found.rows, displacement=np.full_like(found.displacement, np.nan)))
+    (alone,) = bare.plot().axes
+    np.testing.assert_allclose(
+        alone.lines[0].get_ydata(), 1e3 * np.linalg.norm(found.displacement[:, :3], axis=1)
+    )
+
+
+def test_a_plan_finds_the_drives_of_a_robot_that_names_nothing_as_identify_does() -> None:
+    named = beamstiff.load_robot("kr240-2")
+    unnamed = named.model_copy(update={"identify": ()})
+    found, same = (beamstiff.plan(one, tests=8, candidates=20) for one in (unnamed, named))
+    assert found.to_dict() == same.to_dict()
+    assert "names nothing under `identify:`" in found.notes[0]
+    assert same.notes == ()
+
+
 @pytest.mark.parametrize("name", ["identify", "diagnose", "predict", "compare", "calibrate"])
 @pytest.mark.parametrize(
     ("robot", "data", "message"),
@@ -161,14 +291,24 @@ def test_what_is_neither_robot_nor_table_is_refused(name: str, robot: Any, data:
     assert message in str(raised.value)
 
 
+def test_a_table_is_read_for_a_robot_however_it_is_given() -> None:
+    robot = beamstiff.load_robot("ir663")
+    expected = beamstiff.read_measurements(DATA, robot)
+    for given in ("ir663", robot_path("ir663"), str(robot_path("ir663"))):
+        np.testing.assert_array_equal(beamstiff.read_measurements(DATA, given).q, expected.q)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: beamstiff.read_measurements(DATA, 5), "robot: found 5, expected a Robot, the path"),
+        (lambda: beamstiff.read_measurements(5, "ir663"), "path: found 5, expected the path of a CSV file"),
         (lambda: beamstiff.identify("ir663", DATA, "J12.torsional"), "parameters: found 'J12"),
         (lambda: beamstiff.identify("ir663", DATA, folds=1), "folds: found 1, expected"),
         (lambda: beamstiff.identify("ir663", DATA, loss="l1"), "loss: found 'l1'"),
         (lambda: beamstiff.plan("ir663", force="2 kg"), "force: "),
         (lambda: beamstiff.plan("ir663", tests=4, poses=2), "tests: found beside"),
+        (lambda: beamstiff.plan("cantilever"), "parameters: robot 'cantilever' names no parameters"),
         (lambda: beamstiff.compensate("kr500", 7), "path: found 7, expected a program"),
         (lambda: beamstiff.stiffness("ir663", Q, wrench=[0] * 6), "wrench: needs --preload"),
         (lambda: beamstiff.stiffness("ir663", Q, preload=True, wrench=[0]), "wrench: found [0]"),

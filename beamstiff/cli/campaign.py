@@ -53,6 +53,7 @@ def campaign(
     from beamstiff.campaign_folder import new_campaign, opened
     from beamstiff.functions.checks import axes_of
     from beamstiff.functions.robots import as_robot
+    from beamstiff.report.campaign_state import campaign_state_told
     from beamstiff.robot.writer import robot_to_yaml
 
     words, place = what or [], Path(folder)
@@ -86,9 +87,8 @@ def campaign(
             {"number": k, "source": one.source, "withdrawn": one.withdrawn}
             for k, one in enumerate(kept.batches, 1)
         ]
-    outputs.result(
-        told.get("diagnosis", {}).get("notes", ()), _shown(told, counted), told | {"batches": counted}
-    )
+    notes = told.get("diagnosis", {}).get("notes", ())
+    outputs.result(notes, campaign_state_told(told, counted), told | {"batches": counted})
     if out is not None and told["proposal"]:
         write(out, told["proposal"])
     elif out is not None:
@@ -106,32 +106,3 @@ def _check(action: Action, words: list[str], out: str | None) -> None:
         )
     if out is not None and action is not Action.next:
         raise BeamstiffError(f"--out: is of campaign next, found campaign {action.value}")
-
-
-def _shown(told: dict[str, Any], batches: list[dict[str, Any]]) -> list[Any]:
-    """Return what a terminal shows: verdict, expectation of the proposal, batches."""
-    from beamstiff.diagnosis.notes import in_words
-    from beamstiff.errors import counted
-    from beamstiff.report.diagnosis_words import percent
-    from beamstiff.report.tables import table
-    from beamstiff.report.verdict import Verdict
-
-    proposed = f"Measure {counted(told['proposed'], 'row')} (campaign next --out writes them)."
-    if "leading" not in told:
-        return [*Verdict("No batch yet", action=proposed).lines()]
-    name, share = in_words([told["leading"]]), percent(told["probability"])
-    head = {
-        "decided": f"Decided: {name} ({share})",
-        "undecidable": f"Nothing more can be decided with this instrument: likeliest is {name} ({share})",
-        "": f"Go on: likeliest is {name} ({share})",
-    }[told["stop"]]
-    if told["separates"]:
-        expected = f"It is to tell apart {in_words(told['separates'])}"
-    else:
-        expected = f"It is to bound the parameters of {name}"
-    expected += f", and settles which it is with a probability of {percent(told['settles'])}."
-    cells = ([str(b["number"]), b["source"], "withdrawn" if b["withdrawn"] else ""] for b in batches)
-    rows = table("Batches", "number", "table", "", rows=cells)
-    end = "Stop measuring." if told["stop"] else proposed
-    shown = Verdict(head, data=counted(told["rows"], "row"), action=end).lines()
-    return [*shown, *([expected] if told["proposal"] else []), rows]

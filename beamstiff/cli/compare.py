@@ -66,7 +66,7 @@ def compare(
     """
     from beamstiff.diagnosis.apply import written_std
     from beamstiff.functions.compare import compare as run
-    from beamstiff.functions.fitted import best_of, judged_notes, robot_with
+    from beamstiff.functions.fitted import best_of, robot_with, worse_notes
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
     from beamstiff.report.compare import models_figure, models_told
@@ -96,9 +96,7 @@ def compare(
             seed=seed,
             separate=separate,
         )
-    judged = judged_notes(found)
-    worse = [text for text in judged if "worse" in text]
-    outputs.result([*found.notes, *worse], models_told(found), found.to_dict())
+    outputs.result([*found.notes, *worse_notes(found)], models_told(found), found.to_dict())
     if out is not None:
         best = best_of(found)
         robot_found = robot_with(found, best)

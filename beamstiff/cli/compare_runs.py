@@ -6,8 +6,6 @@ from typing import Annotated
 from beamstiff.cli.options import Assembly, RobotFile, argument, option
 from beamstiff.cli.output import Outputs, working
 from beamstiff.cli.parse import parse_names, robot_file
-from beamstiff.errors import listed
-from beamstiff.report.tables import number, table
 
 
 def compare_runs(
@@ -41,7 +39,7 @@ def compare_runs(
     """
     from beamstiff.functions.compare_runs import compare_runs as run
     from beamstiff.functions.robots import as_robot
-    from beamstiff.report.changes import changes_verdict
+    from beamstiff.report.changes import changes_told
 
     outputs = Outputs([robot_file(robot), a, b])
     with working("comparing"):
@@ -54,16 +52,5 @@ def compare_runs(
             compliances=parse_names(compliances, "--compliances") or [],
             level=level,
         )
-    lines = []
-    for one in sorted(found.changes, key=lambda one: one.p):
-        values = map(number, (one.a, one.b, one.change, one.std))
-        lines.append([one.name, *values, f"{one.p_holm:.2g}", one.unit, "changed" if one.changed else ""])
-    heads = ("parameter", "A", "B", "change", "std", "p (Holm)", "unit", "")
-    rows = table("From A to B", *heads, rows=lines)
-    verdict = changes_verdict(found, [Path(a).name, Path(b).name])
-    said = []
-    if found.changed and not any(one.changed for one in found.changes):
-        said.append("Which parameter, these data do not say: each by itself might be as before.")
-    if found.not_compared:
-        said.append(f"Not determined by both campaigns: {listed(found.not_compared)}.")
-    outputs.result(found.notes, [*verdict.lines(), rows, *said], found.to_dict())
+    told = changes_told(found, [Path(a).name, Path(b).name])
+    outputs.result(found.notes, told, found.to_dict())

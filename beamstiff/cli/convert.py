@@ -167,7 +167,8 @@ def convert(
         raise BeamstiffError(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
-    from beamstiff.functions.convert import missing_notes, read_any, robot_text, with_joint_stiffness
+    from beamstiff.functions.convert import missing_notes, read_any, robot_text
+    from beamstiff.robot.joint_stiffness import with_joint_stiffness
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.stiffness import stiffness_parameters
 

@@ -65,17 +65,9 @@ def exam(
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """
     from beamstiff.errors import OptionError, counted
-    from beamstiff.exam.table import by_design, headline
+    from beamstiff.exam.table import by_design
     from beamstiff.functions.examine import check_kept, examine, reports_of
-    from beamstiff.report.exam import (
-        crowded_tables,
-        exam_tables,
-        exam_verdict,
-        plan_tables,
-        plan_verdict,
-        reliability_figure,
-    )
-    from beamstiff.report.tables import spaced
+    from beamstiff.report.exam import examination_told, reliability_figure
 
     if crowded and (figure or html):
         raise OptionError("crowded", "found --figure or --html, which are of single effects, expected --json")
@@ -105,14 +97,10 @@ def exam(
         )
     if out is not None:
         written(out, f"a line a case, {counted(len(found.records), 'case')}")
-    records = list(found.records)
+    outputs.result(found.notes, examination_told(found), found.to_dict())
     if crowded:
-        outputs.result(found.notes, spaced(crowded_tables(records)), found.to_dict())
         return
-    tables = plan_tables(records) if plan else exam_tables(records)
-    told = by_design(records)[0]
-    head = plan_verdict(records) if plan else exam_verdict(headline(told), records)
-    outputs.result(found.notes, [*head.lines(), *spaced(tables)], found.to_dict())
-    outputs.draw("figure", lambda: reliability_figure(told))
+    records = list(found.records)
+    outputs.draw("figure", lambda: reliability_figure(by_design(records)[0]))
     examined = robot or sets or "Robots of the exam"
     outputs.page("exam", records, examined, facts=found.to_dict(), plan=plan is not None)

@@ -26,7 +26,8 @@ def plan(
     sigma_rotation: str | None = option("ANGLE", "Noise of a measured rotation; default: none is measured."),
     gauges: str | None = option("AXES", "Axes along which dial gauges read, such as z; default: a tracker."),
     parameters: list[str] | None = option(
-        "NAME,...", "Stiffness values to find; default: what the robot lists under `identify`."
+        "NAME,...",
+        "Stiffness values to find; default: what the robot lists under `identify`, or its drives.",
     ),
     speed: list[str] | None = option(
         "[NAME=]VALUE",
@@ -61,7 +62,6 @@ def plan(
     from beamstiff.functions.plan import plan as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.campaign import campaign_told
-    from beamstiff.robot.doubts import robot_doubts
 
     machine = as_robot(robot, assembly=assembly)
     own = None if not load else np.array([parse_wrench([text], "--load") for text in load])
@@ -89,4 +89,4 @@ def plan(
     if out is not None:
         write(out, found.to_csv(), "to be filled in")
     how = ["--out FILE writes the tests as a table to fill in"] if out is None else []
-    outputs.result([*robot_doubts(machine), *how], campaign_told(found), found.to_dict())
+    outputs.result([*found.notes, *how], campaign_told(found), found.to_dict())

@@ -41,13 +41,11 @@ def show(
         lines = ["Bundled robots:", *(f"  {name}" for name in robot_names())]
         Outputs([]).result([], lines, {"robots": robot_names()})
         return
-    from beamstiff.functions.checks import effects_text
+    from beamstiff.functions.checks import effects_text, robot_notes
     from beamstiff.functions.robots import as_robot
     from beamstiff.report.overview import describe
     from beamstiff.report.overview_tables import overview_tables
     from beamstiff.report.tables import number, spaced
-    from beamstiff.robot.doubts import robot_doubts
-    from beamstiff.robot.stiffness import missing_stiffness
 
     if not 1 <= samples <= MOST_SAMPLES:
         raise BeamstiffError(f"--samples: found {samples}, expected 1 to {MOST_SAMPLES}")
@@ -55,13 +53,8 @@ def show(
         raise BeamstiffError(f"--seed: found {seed}, expected 0 or more")
     description = as_robot(robot, assembly=assembly)
     outputs = Outputs([robot_file(robot)])
-    for doubt in robot_doubts(description):
+    for doubt in robot_notes(description):
         note(doubt)
-    if missing := missing_stiffness(description):
-        note(
-            f"no compliance: the joints {listed(missing, 12)} are rigid; give them a stiffness (of a URDF: "
-            "beamstiff convert IN --joint-stiffness '1e6 N*m/rad' --out OUT)"
-        )
     with working("sampling the reach"):
         facts = describe(description, samples, seed)
     told = list(spaced(overview_tables(facts)))

@@ -7,8 +7,8 @@ without effects and with the scales that are written beside it, times its parame
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from beamstiff.measure.rows import ranges_of
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
+from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect, AddedShape
 from beamstiff.robot.stiffness import stiffness_parameters
@@ -170,6 +171,20 @@ def extended(diagnosis: Diagnosis) -> Robot:
     ranges = ranges_of(diagnosis.baseline.rows)
     found = found.with_fitted_rows(diagnosis.fitted_rows, ranges, diagnosis.left)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
+
+
+@dataclass(frozen=True)
+class FittedStiffness:
+    """A stiffness value that a diagnosis fitted, SI."""
+
+    given: float  # in the robot file
+    value: float  # as the robot with what was found has it
+    std: float | None  # of the value; None where these rows do not determine it
+    touched: bool  # by any load of the rows: else the value is the given one
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; an infinite value is ``rigid``."""
+        return asdict(self) | {"value": stiffness_text(self.value)}
 
 
 def written_stiffness(diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:

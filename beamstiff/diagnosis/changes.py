@@ -26,6 +26,7 @@ from beamstiff.identification.information import CHANCE, invert
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
+from beamstiff.shown import Shown
 
 DEPENDENT = 1e-10  # eigenvalue of a correlation of estimates, below which only rounding is left
 SAYS_NOTHING = 100.0  # realistic deviations: a parameter known no better is not compared
@@ -59,8 +60,8 @@ class Change:
     changed: bool
 
 
-@dataclass(frozen=True)
-class RunComparison:
+@dataclass(frozen=True, repr=False)
+class RunComparison(Shown):
     """What changed between two campaigns A and B.
 
     Attributes

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamstiff.diagnosis.absorbed import calibrated_without
-from beamstiff.diagnosis.apply import extended, readable, written_stiffness
+from beamstiff.diagnosis.apply import FittedStiffness, extended, readable, written_stiffness
 from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.decomposition.applied import (
     VAGUE,
@@ -29,7 +29,6 @@ from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baselin
 from beamstiff.diagnosis.smallest import Smallest, smallest_sizes
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
@@ -166,11 +165,19 @@ class Diagnosis(Shown):
         return named
 
     @property
-    def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
-        """Stiffness values that were fitted: as given, and as `robot` has them, SI.
+    def fitted(self) -> dict[str, FittedStiffness]:
+        """Stiffness values that were fitted: `given`, `value` as `robot` has it, `std` and `touched`, SI.
 
         Those in `kept` are as given.
         """
+        return {
+            name: FittedStiffness(given, value, self.stiffness_std(name, value), name not in self.untouched)
+            for name, (given, value) in self.fitted_stiffness.items()
+        }
+
+    @property
+    def fitted_stiffness(self) -> dict[str, tuple[float, float]]:
+        """The same as pairs: as given, and as `robot` has them."""
         return written_stiffness(self)
 
     @property
@@ -330,15 +337,7 @@ class Diagnosis(Shown):
                 for one in self.runners_up
             ],
             "calibration": None if self.recalibration is None else self.recalibration.to_dict(),
-            "fitted": {
-                name: {
-                    "given": given,
-                    "value": stiffness_text(value),
-                    "std": self.stiffness_std(name, value),
-                    "touched": name not in self.untouched,
-                }
-                for name, (given, value) in self.fitted_stiffness.items()
-            },
+            "fitted": {name: one.to_dict() for name, one in self.fitted.items()},
             "next": [dict(item) for item in self.next],
             "untestable": [
                 {"effect": one.effect, "component": one.component, "why": one.why} for one in self.untestable

@@ -50,6 +50,11 @@ class CampaignState(Shown):
             return ""
         return "decided" if self.outlook.decided else "undecidable" if self.outlook.undecidable else ""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the diagnosis."""
+        return () if self.diagnosis is None else self.diagnosis.notes
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         ahead = self.outlook

@@ -10,7 +10,9 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.planning.candidates import force_loads
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
+from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.se3 import Array
 
 
@@ -65,6 +67,16 @@ def left_out(effects: Iterable[AddedEffect], what: str) -> tuple[str, ...]:
     """Return the note that a robot's effects are no part of something; none where it has none."""
     told = effects_text(effects)
     return (f"the robot's effects ({told}) are not part of {what}",) if told else ()
+
+
+def robot_notes(robot: Robot) -> tuple[str, ...]:
+    """Return what to know of a robot that is shown: what is hardly meant, and whether all is rigid."""
+    missing = listed(missing_stiffness(robot), 12)
+    said = (
+        f"no compliance: the joints {missing} are rigid; give them a stiffness (of a URDF: beamstiff convert "
+        "IN --joint-stiffness '1e6 N*m/rad' --out OUT)"
+    )
+    return (*robot_doubts(robot), *([said] if missing else []))
 
 
 def start_values(robot: Robot) -> tuple[str, ...]:

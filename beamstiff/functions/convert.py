@@ -1,4 +1,4 @@
-"""A robot from any file into any format, the stiffness that conversion gives its joints; logs as tables."""
+"""A robot from any file into any format; logs as tables."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
+from beamstiff.errors import BeamstiffError, OptionError, listed, shown
 from beamstiff.files import read_text
 from beamstiff.functions.robots import check_known, load_robot
 from beamstiff.measure.bags import is_bag, read_bag
@@ -20,7 +20,6 @@ from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.signals import Signal
 from beamstiff.measure.swapped_labels import mend_labels
 from beamstiff.measure.writer import measurements_to_csv
-from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.dh_output import robot_to_table
 from beamstiff.robot.dh_tables import is_table, parse_yaml_table, read_table
@@ -28,7 +27,7 @@ from beamstiff.robot.link_tree import robot_of, tree_robot
 from beamstiff.robot.pruning import pruned
 from beamstiff.robot.sdf import read_sdf, unread
 from beamstiff.robot.sdf_writer import robot_to_sdf
-from beamstiff.robot.stiffness import missing_stiffness, stiffness_parameters
+from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.robot.urdf.reader import read_tree, read_urdf
 from beamstiff.robot.urdf.writer import robot_to_urdf
 from beamstiff.robot.xml_text import parse_xml
@@ -112,48 +111,6 @@ def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, li
         return None  # the reader says what is wrong
     chain, notes = pruned(tree, tcp, values)
     return (tree_robot(chain, tcp), notes) if notes or values else None
-
-
-def with_joint_stiffness(robot: Robot, texts: list[str]) -> Robot:
-    """Return the robot with a stiffness about or along the axis of joints that are rigid there."""
-    if not texts:
-        return robot
-    kinds = variable_kinds(robot)
-    own = {
-        joint.name: "axial" if kinds[joint.variable] == "length" else "torsional"
-        for joint in robot.joints
-        if joint.variable is not None
-    }
-    given: dict[str, float] = {}
-    for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
-        name, named, value = text.rpartition("=")
-        name = name.strip()
-        if named and name not in own:
-            hint = f"{suggest(name, own)}, expected one of {listed(own, 12)}"
-            raise OptionError("joint_stiffness", f"there is no moving joint {name!r}{hint}")
-        found: dict[str, float] = {}
-        problems: dict[str, BeamstiffError] = {}
-        for direction, kind in (("torsional", "rotational stiffness"), ("axial", "translational stiffness")):
-            try:
-                found[direction] = quantity(value, kind)
-            except BeamstiffError as error:
-                problems[direction] = error
-        if len(found) != 1:  # a plain number fits both
-            meant = own.get(name, "torsional" if "torsional" in own.values() else "axial")
-            why = f": {problems[meant]}" if not found else ""
-            expected = f"expected a stiffness with its unit, such as '1e6 N*m/rad' or '1e8 N/m'{why}"
-            raise OptionError("joint_stiffness", f"found {shown(text)}, {expected}")
-        ((direction, size),) = found.items()
-        fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
-        if not fitting or own[fitting[0]] != direction:
-            why = f"which is {direction}; no joint {'of this name ' if named else ''}moves so"
-            raise OptionError("joint_stiffness", f"found {shown(text)}, {why}")
-        parameters = [f"{joint}.{direction}" for joint in fitting]
-        given |= {one: size for one in parameters if named or robot.parameter(one) == float("inf")}
-    wanted = {*robot.identify, *given}
-    ordered = [name for name in stiffness_parameters(robot) if name in wanted]
-    started = robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
-    return started.with_unmeasured((), given)
 
 
 def missing_notes(robot: Robot) -> list[str]:

@@ -25,12 +25,13 @@ from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
 from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.reader import RobotLike
+from beamstiff.shown import Shown
 
 Path_ = str | os.PathLike[str]
 
 
-@dataclass(frozen=True, eq=False)
-class Examination:
+@dataclass(frozen=True, eq=False, repr=False)
+class Examination(Shown):
     """What an exam found."""
 
     records: Sequence[Any]  # `Record` or `CrowdedRecord`

@@ -78,6 +78,11 @@ def judged_notes(found: Models) -> list[str]:
     return notes
 
 
+def worse_notes(found: Models) -> list[str]:
+    """Return which fitted models are worse than constant springs on held-out rows."""
+    return [text for text in judged_notes(found) if "worse" in text]
+
+
 def best_of(found: Models) -> Judged:
     """Return the model that is best on held-out rows, of those that a robot's file can hold."""
     unseen = ~found.split.fitted

@@ -9,6 +9,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamstiff.diagnosis.notes import chosen_for
+from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.files import write_whole
 from beamstiff.functions.checks import axes_of, names_of, one_of, whole
@@ -26,9 +28,10 @@ from beamstiff.planning.designs import (
 )
 from beamstiff.planning.moving import driven, sooner_driven
 from beamstiff.robot.description import Robot
+from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness import check_stiffness, parameter_unit
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 from beamstiff.units import quantity
@@ -52,6 +55,7 @@ class MeasurementPlan(Shown):
     seed: int
     # s: for moving, of the most telling tests and of those chosen; None where no speed is known
     moving: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()  # what in the robot is hardly meant, and what was chosen for it
 
     def to_csv(self) -> str:
         """Return the tests as the text of a CSV table to fill in."""
@@ -125,7 +129,7 @@ def plan(
     robot : Robot, path, or name of a bundled robot
         Its stiffness values are what is expected.
     parameters : sequence of str, optional
-        Stiffness values to find; default ``robot.identify``.
+        Stiffness values to find; default ``robot.identify``, or where that is empty the drives.
     tests : int, optional
         Tests (rows) to make; default 20.
     poses : int, optional
@@ -169,6 +173,7 @@ def plan(
     (12, 'D')
     """
     machine = as_robot(robot)
+    check_stiffness(machine)
     if tests is not None and poses is not None:
         raise OptionError("tests", "found beside --poses (poses=...), expected one of them")
     count = poses if poses is not None else TESTS if tests is None else tests
@@ -181,6 +186,10 @@ def plan(
     noise = _noise(sigma_position, sigma_rotation, axes_of("gauges", gauges))
     wrenches = _loads(force, moment, directions) if loads is None else np.asarray(loads, dtype=np.float64)
     names, fastest = names_of("parameters", parameters), _speed(machine, speed)
+    notes = [*robot_doubts(machine)]
+    if names is None and not machine.identify:
+        names = list(fitted_names(machine))
+        notes += chosen_for(machine)
     drawn = candidate_poses(compile_kinematics(machine), candidates, seed, region)
     possible = candidate_tests(machine, drawn, wrenches)
     found, tells, left_out = identifiable(machine, possible, noise, names)
@@ -207,6 +216,7 @@ def plan(
         unit="test" if poses is None else "pose",
         seed=seed,
         moving=moving,
+        notes=tuple(notes),
     )
 
 

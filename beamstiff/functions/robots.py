@@ -5,12 +5,14 @@ of a user reads it here, so that every command refuses the same files.
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from beamstiff.diagnosis.apply import EffectError, check_effects
-from beamstiff.errors import BeamstiffError, OptionError
+from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.robot import reader
 from beamstiff.robot.description import Robot
+from beamstiff.robot.joint_stiffness import with_joint_stiffness
 from beamstiff.robot.reader import RobotLike
 
 
@@ -28,13 +30,17 @@ def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None)
     return found.model_copy(update={"assembly": assembly})
 
 
-def load_robot(path: str | os.PathLike[str]) -> Robot:
+def load_robot(path: str | os.PathLike[str], *, joint_stiffness: str | Sequence[str] = ()) -> Robot:
     """Return the robot that a YAML, URDF, SDF or MJCF (.xml) file describes, by its ending.
 
     Parameters
     ----------
     path : str or os.PathLike
         A file, or the name of a robot that comes with the package, such as ``ir663``.
+    joint_stiffness : str or sequence of str
+        Start values about or along the axes of the joints that are rigid there, such as ``"1e6 N*m/rad"``:
+        of a URDF all. ``"joint-2=2e6 N*m/rad"`` is of one joint and replaces its value. They count as guesses
+        (``robot.unmeasured``) until a fit determines them, and are what it fits (``robot.identify``).
 
     Returns
     -------
@@ -51,11 +57,17 @@ def load_robot(path: str | os.PathLike[str]) -> Robot:
     >>> load_robot("cantilever").fixed
     ('root',)
     """
-    if _mjcf(path):
-        from beamstiff.simulators.mjcf_reader import read_mjcf
+    robot = _from_mjcf(path) if _mjcf(path) else check_known(reader.load_robot(path), Path(path))
+    texts = [joint_stiffness] if isinstance(joint_stiffness, str) else list(joint_stiffness)
+    if not all(isinstance(text, str) for text in texts):
+        raise OptionError("joint_stiffness", f"found {shown(texts)}, expected a list of texts")
+    return with_joint_stiffness(robot, texts)
 
-        return read_mjcf(path).robot
-    return check_known(reader.load_robot(path), Path(path))
+
+def _from_mjcf(path: str | os.PathLike[str]) -> Robot:
+    from beamstiff.simulators.mjcf_reader import read_mjcf
+
+    return read_mjcf(path).robot
 
 
 def _mjcf(path: object) -> bool:

@@ -23,6 +23,7 @@ decided so:
 - Lines that begin with ``#`` after the header are comments; empty lines are skipped.
 """
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -42,6 +43,7 @@ from beamstiff.measure.orientation import EulerAngles, Orientation, named_orient
 from beamstiff.measure.table import MEASURED, WRENCH, Kind, Measurements, Names, make_measurements
 from beamstiff.measure.text import CHOICES, RawTable, RowError, choice, decimal_comma, numbers, split_table
 from beamstiff.robot.description import Robot
+from beamstiff.robot.reader import RobotLike, as_robot
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.units import MOST_TURN, quantity, unit_factor
 
@@ -55,13 +57,13 @@ _WHOLE = re.compile(r"([+-]?\d{1,15})(?:\.0*)?", re.ASCII)
 _NO_LABEL = re.compile(r"|[+-]?(?:[\d.,]+(?:e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
 
-def read_measurements(path: str | Path, robot: Robot, *, require_measured: bool = True) -> Measurements:
+def read_measurements(path: str | Path, robot: RobotLike, *, require_measured: bool = True) -> Measurements:
     """Read a CSV table of measurements.
 
     Parameters
     ----------
     path : path of the file
-    robot : Robot
+    robot : Robot, path, or name of a bundled robot
         Names the actuated variables and the nodes.
     require_measured : bool
         Whether a table without a single measured value is an error; a plan or a list of loads has none.
@@ -76,10 +78,12 @@ def read_measurements(path: str | Path, robot: Robot, *, require_measured: bool 
     BeamstiffError
         When the file cannot be read as such a table: ``FILE:LINE: column: found ..., expected ...``.
     """
-    file = Path(path)
+    if not isinstance(path, str | os.PathLike):
+        raise BeamstiffError(f"path: found {shown(path)}, expected the path of a CSV file")
+    file, machine = Path(path), as_robot(robot)
     if file.suffix.lower() in SPREADSHEETS:
         raise BeamstiffError(f"{path}: found a spreadsheet, expected CSV: save it as 'CSV UTF-8'")
-    return parse_measurements(read_text(file, LARGEST), robot, str(path), require_measured=require_measured)
+    return parse_measurements(read_text(file, LARGEST), machine, str(path), require_measured=require_measured)
 
 
 def parse_measurements(

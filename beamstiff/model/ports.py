@@ -20,7 +20,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, OptionError, listed, suggest
 from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Port, condense, without_ports
 from beamstiff.fem.geometry import place
@@ -322,9 +322,9 @@ def reduce_to_ports(
     if not names:
         given = stiffness_parameters(robot).items()
         such = next((f", such as {name}" for name, value in given if FREE < value < RIGID), "")
-        raise BeamstiffError(
-            f"robot {robot.name!r} names no parameters under `identify`; name some there or with "
-            f"--parameters{such}"
+        raise OptionError(
+            "parameters",
+            f"robot {robot.name!r} names no parameters under `identify`; name some there or here{such}",
         )
     ports, owner = find_ports(robot, names)
     open_robot = opened(robot, names)

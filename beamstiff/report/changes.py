@@ -1,10 +1,33 @@
-"""What changed between two campaigns, in a line."""
+"""What changed between two campaigns: in a line, and parameter by parameter."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+from rich.console import RenderableType
 
 from beamstiff.diagnosis.changes import RunComparison
 from beamstiff.errors import listed
+from beamstiff.report.tables import Table, number, table
 from beamstiff.report.verdict import Verdict
+
+
+def changes_told(found: RunComparison, files: Sequence[str] = ("A", "B")) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of two campaigns, the files of which are named."""
+    yield from changes_verdict(found, files).lines()
+    yield changes_table(found)
+    if found.changed and not any(one.changed for one in found.changes):
+        yield "Which parameter, these data do not say: each by itself might be as before."
+    if found.not_compared:
+        yield f"Not determined by both campaigns: {listed(found.not_compared)}."
+
+
+def changes_table(found: RunComparison) -> Table:
+    """Return the table of parameters in both campaigns, the surest change first."""
+    lines = []
+    for one in sorted(found.changes, key=lambda one: one.p):
+        values = map(number, (one.a, one.b, one.change, one.std))
+        lines.append([one.name, *values, f"{one.p_holm:.2g}", one.unit, "changed" if one.changed else ""])
+    heads = ("parameter", "A", "B", "change", "std", "p (Holm)", "unit", "")
+    return table("From A to B", *heads, rows=lines)
 
 
 def changes_verdict(found: RunComparison, files: Sequence[str]) -> Verdict:

@@ -1,13 +1,15 @@
-"""Table and sentences of predicted displacements: the gap to measured ones, and the effects included."""
+"""Table, sentences and figure of predicted displacements: the gap to measured ones, the effects included."""
 
 from collections.abc import Iterator
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import RenderableType
 
 from beamstiff.functions.checks import effects_text
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT
+from beamstiff.report.figures import BLUE, ORANGE, new_figure, plain
 from beamstiff.report.tables import Table, number, table
 from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
@@ -92,6 +94,33 @@ def deflection_text(found: Prediction) -> list[str]:
     if found.robot.effects:
         said.append(f"With the robot's effects: {effects_text(found.robot.effects)}.")
     return said
+
+
+def deflection_figure(found: Prediction) -> Figure:
+    """Draw how far every row moves, and where displacements or positions were measured, the gap to them."""
+    rows, known = found.rows, np.asarray(np.isfinite(found.gap))
+    figure = new_figure(7.0, 3.2 + 2.2 * known.any())
+    axes = figure.subplots(1 + int(known.any()), 1, sharex=True, squeeze=False).ravel()
+    seen = rows.measured_mask[:, :3] if rows.kind == "displacement" else np.zeros((len(rows), 3), dtype=bool)
+    own = np.asarray(seen.any(axis=1))
+    counted = seen | ~own[:, None]  # what was measured of a row, or all of it
+    moved = 1e3 * np.linalg.norm(np.where(counted, found.displacement[:, :3], 0.0), axis=1)
+    one_table = len(rows.sources) == 1
+    at = rows.rows if one_table else np.arange(1, len(rows) + 1)
+    axes[0].plot(at, moved, "o", color=BLUE, label="predicted")
+    if own.any():
+        size = 1e3 * np.linalg.norm(np.where(seen, rows.displacement[:, :3], 0.0), axis=1)
+        axes[0].plot(at[own], size[own], "x", color=ORANGE, label="measured")
+        axes[0].legend()
+    axes[0].set(ylabel="displacement, mm", title=found.robot.name.replace("$", r"\$"))
+    if known.any():
+        axes[1].plot(at[known], 1e3 * found.gap[known], "s", color=ORANGE)
+        axes[1].set(ylabel="measured less\npredicted, mm")
+    axes[-1].set_xlabel("line of the table" if one_table else "row")
+    for one in axes:
+        one.set_ylim(bottom=0.0)
+        plain(one)
+    return figure
 
 
 def without_rounding(displacement: Array) -> Array:

@@ -7,6 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from rich.console import RenderableType
 
 from beamstiff.errors import counted
 from beamstiff.exam import score
@@ -17,8 +18,9 @@ from beamstiff.exam.rates import Figure
 from beamstiff.exam.record import Record
 from beamstiff.exam.score import calibration_error, reliability
 from beamstiff.exam.table import Row, banded, by_design, controls, effect_figures, groups, headline
+from beamstiff.functions.examine import Examination
 from beamstiff.report.figures import BLUE, GREY, ORANGE, new_figure, plain
-from beamstiff.report.tables import Table, table
+from beamstiff.report.tables import Table, spaced, table
 from beamstiff.report.verdict import Verdict
 
 Records = Sequence[Record]
@@ -34,6 +36,19 @@ def _seen(rows: Iterable[Row]) -> list[Row]:
     """Return the rows that have a case; all where none has."""
     known = list(rows)
     return [row for row in known if row.figure.count] or known
+
+
+def examination_told(found: Examination) -> Iterator[RenderableType]:
+    """Yield what a terminal shows of an exam, by what was examined."""
+    records = list(found.records)
+    if "crowded" in found.settings:
+        yield from spaced(crowded_tables(records))
+    elif found.settings.get("plan") is not None:
+        yield from plan_verdict(records).lines()
+        yield from spaced(plan_tables(records))
+    else:
+        yield from exam_verdict(headline(by_design(records)[0]), records).lines()
+        yield from spaced(exam_tables(records))
 
 
 def exam_tables(records: Records) -> Iterator[Table]:

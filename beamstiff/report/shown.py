@@ -1,9 +1,9 @@
-"""One way to show anything: `plot` draws a robot or a result, `told` yields what rich prints of it."""
+"""One way to show anything: `plot` draws a robot or a result, `told_with_notes` yields what is printed."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import singledispatch
 from html import escape
 from typing import TYPE_CHECKING, Any, cast
@@ -15,9 +15,14 @@ from rich.text import Text
 
 from beamstiff.calibration.result import Calibration
 from beamstiff.compensation.rewrite import Compensated
+from beamstiff.diagnosis.changes import RunComparison
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.errors import BeamstiffError, counted, listed, suggest
+from beamstiff.functions.campaign import CampaignState
+from beamstiff.functions.checks import robot_notes
+from beamstiff.functions.examine import Examination
+from beamstiff.functions.fitted import worse_notes
 from beamstiff.functions.plan import MeasurementPlan
 from beamstiff.functions.predict import Prediction
 from beamstiff.functions.stiffness import TcpStiffness
@@ -25,10 +30,13 @@ from beamstiff.identification.models.side_by_side import Models
 from beamstiff.identification.result import Identification
 from beamstiff.measure.table import Measurements
 from beamstiff.report.campaign import campaign_told
+from beamstiff.report.campaign_state import campaign_state_told
+from beamstiff.report.changes import changes_told
 from beamstiff.report.compare import models_figure, models_told
 from beamstiff.report.compensation import compensation_figure, compensation_told
-from beamstiff.report.deflection import deflection_told
+from beamstiff.report.deflection import deflection_figure, deflection_told
 from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
+from beamstiff.report.exam import examination_told
 from beamstiff.report.figures import BLUE, new_figure, plain
 from beamstiff.report.geometry import calibration_figure, calibration_told
 from beamstiff.report.identification import identification_told
@@ -41,6 +49,7 @@ from beamstiff.report.tables import Table, spaced
 from beamstiff.report.verification import verification_summary
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import reference_posture
+from beamstiff.shown import Shown
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -58,15 +67,15 @@ def console(width: int = WIDTH) -> Console:
 def as_text(thing: object) -> str:
     """Return what rich prints as plain text."""
     page = console()
-    for part in told(thing):
+    for part in told_with_notes(thing):
         page.print(part)
     return "\n".join(one.rstrip() for one in page.export_text().rstrip().splitlines())
 
 
 def as_html(thing: object) -> str:
-    """Return the tables and sentences as HTML, everything from files escaped; trees as rich prints them."""
+    """Return the tables, sentences and notes as HTML, all from files escaped; trees as rich prints them."""
     made = []
-    for part in told(thing):
+    for part in told_with_notes(thing):
         if isinstance(part, Table):
             made.append(_html_table(part))
         elif isinstance(part, str | Text):
@@ -115,7 +124,9 @@ def plot(thing: object, **options: Any) -> Figure:
 
     Parameters
     ----------
-    thing : Robot, Identification, Calibration, Models, Diagnosis, Compensated, or a map (xarray.Dataset)
+    thing : robot, result or map (xarray.Dataset)
+        A Robot, Identification, Calibration, Models, Diagnosis, CampaignState, Prediction or Compensated; of
+        other results there are tables only.
     **options
         Of a robot: ``q``, actuated joint values by name, rad or m (default: the posture that
         ``beamstiff show`` calls the reference), and ``shares``, 0 to 1 by part, which colour it. Of an
@@ -142,13 +153,36 @@ def plot(thing: object, **options: Any) -> Figure:
         from beamstiff.report.workspace import map_figure  # loads what maps alone need
 
         return map_figure(cast("Dataset", thing), **options)
-    raise BeamstiffError(f"plot: found {type(thing).__name__}, expected a robot or a result of beamstiff")
+    drawn = sorted(kind.__name__ for kind in plot.registry if kind is not object)
+    tables = ", of which there are tables only (print)" if isinstance(thing, Shown) else ""
+    raise BeamstiffError(
+        f"plot: found {type(thing).__name__}{tables}, expected a robot or a result that is drawn: "
+        f"{listed(drawn, len(drawn))} or a map"
+    )
 
 
 @singledispatch
 def told(thing: object) -> Iterable[RenderableType]:
     """Return the tables and sentences that describe a robot or a result."""
-    return [repr(thing)]
+    return [type(thing).__name__]  # not its repr, which is made of this
+
+
+def told_with_notes(thing: object) -> Iterator[RenderableType]:
+    """Yield what describes a robot or a result, then its notes, which commands print on stderr."""
+    said = ""
+    for part in told(thing):
+        said += f"{part}\n" if isinstance(part, str | Text) else ""
+        yield part
+    for note in dict.fromkeys(notes_of(thing)):
+        if note[1:] not in said:  # a doubt of the verdict begins with a capital
+            yield f"Mind: {note}" + ("" if note.endswith(("?", ".")) else ".")
+
+
+@singledispatch
+def notes_of(thing: object) -> Iterable[str]:
+    """Return what to know of a robot or a result, a sentence each."""
+    notes: Iterable[str] = getattr(thing, "notes", ())
+    return notes
 
 
 @plot.register
@@ -191,14 +225,15 @@ def _(thing: Identification, measured: Measurements | None = None) -> Figure:
     return figure
 
 
-@told.register
-def _(thing: Identification) -> Iterable[RenderableType]:
-    yield from identification_told(thing)
-    if thing.notes:
-        yield f"Mind: {listed(thing.notes, 4)}."
+def _of_campaign(thing: CampaignState) -> Figure:
+    if thing.diagnosis is None:
+        raise BeamstiffError("plot: this campaign has no batch yet, of which there is nothing to draw")
+    return diagnosis_figure(thing.diagnosis)
 
 
 plot.register(Diagnosis, diagnosis_figure)
+plot.register(CampaignState, _of_campaign)
+plot.register(Prediction, deflection_figure)
 plot.register(Compensated, compensation_figure)
 plot.register(Models, lambda thing: models_figure(thing, ""))
 plot.register(
@@ -206,6 +241,7 @@ plot.register(
     lambda thing: calibration_figure(thing, f"{thing.robot.name}: calibrated geometry".replace("$", r"\$")),
 )
 told.register(Robot, lambda thing: spaced(overview_tables(describe(thing, samples=100))))
+told.register(Identification, identification_told)
 told.register(Diagnosis, diagnosis_tables)
 told.register(Compensated, compensation_told)
 told.register(Models, models_told)
@@ -214,3 +250,8 @@ told.register(MeasurementPlan, campaign_told)
 told.register(TcpStiffness, stiffness_tables)
 told.register(Calibration, calibration_told)
 told.register(Verification, verification_summary)
+told.register(Examination, examination_told)
+told.register(RunComparison, changes_told)
+told.register(CampaignState, lambda thing: campaign_state_told(thing.to_dict()))
+notes_of.register(Robot, robot_notes)
+notes_of.register(Models, lambda thing: [*thing.notes, *worse_notes(thing)])

@@ -40,7 +40,6 @@ def verification_summary(found: Verification) -> Iterator[RenderableType]:
     """Yield what a verification says of itself, whatever its files are called."""
     yield _judged(found, "ROBOT", ["ROWS"]).headline  # its action would need their names
     yield from _errors_told(found, refitted=False)
-    yield from (f"Mind: {note}." for note in found.notes)
 
 
 def _errors_told(found: Verification, refitted: bool) -> Iterator[RenderableType]:

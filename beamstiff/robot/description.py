@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from beamstiff.errors import BeamstiffError, listed, suggest
+from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.robot.checks import find_problems
 from beamstiff.robot.fields import (
     FREE,
@@ -161,6 +161,27 @@ class Robot(Shown, Described):
             "identify": identify,
         }
         return self.model_copy(update=update)
+
+    def without_effects(self, *labels: str) -> Self:
+        """Return the same robot without its effects, or without some of them, to predict what they do.
+
+        `labels`: as a diagnosis names them, such as ``"backlash:q2"``, ``"base-compliance"``. The stiffness
+        stays as it was fitted beside them.
+
+        Raises
+        ------
+        BeamstiffError
+            When the robot has no such effect.
+        """
+        own = [effect.label for effect in self.effects]
+        for label in labels:
+            if label not in own:
+                raise BeamstiffError(
+                    f"robot {self.name!r} has no effect {shown(label)}{suggest(label, own)}; "
+                    f"expected {listed(own) or 'none, as it has no effects'}"
+                )
+        left = (effect for effect in self.effects if labels and effect.label not in labels)
+        return self.model_copy(update={"effects": tuple(left)})
 
     def with_unmeasured(self, fitted: Collection[str], untouched: Collection[str]) -> Self:
         """Return the robot, of whose `fitted` stiffness values no measured load touched some."""

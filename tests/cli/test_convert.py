@@ -2,12 +2,13 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, load_robot, read_measurements
-from beamstiff.functions.convert import with_joint_stiffness
+from beamstiff.robot.joint_stiffness import with_joint_stiffness
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.cli.conftest import Refused, Run
 from tests.robot.urdf_texts import EVERYTHING
@@ -174,6 +175,29 @@ def test_a_value_for_one_joint_wins_over_that_for_all_in_any_order() -> None:
         assert (new.parameter("base-yaw.torsional"), new.parameter("grip.torsional")) == (5e5, 1e6)
     with pytest.raises(BeamstiffError, match="N/m"):
         with_joint_stiffness(robot, ["1 N"])
+
+
+@pytest.mark.parametrize("given", ["5e5 N*m/rad", ["q1=5e5 N*m/rad"], ["q1=5e5 N*m/rad", "1e6 N*m/rad"]])
+def test_python_gives_the_start_values_that_the_command_gives(succeed: Run, given: str | list[str]) -> None:
+    succeed("convert crane.urdf --joint-stiffness", "5e5 N*m/rad", "--out", "start.yaml")
+    assert load_robot("crane.urdf", joint_stiffness=given) == load_robot("start.yaml")
+    assert load_robot("crane.urdf", joint_stiffness=given).unmeasured == ("q1.torsional",)
+    # it has its own
+    assert load_robot("crane.yaml", joint_stiffness="5e5 N*m/rad") == load_robot("crane.yaml")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("5e5", "joint_stiffness: found '5e5', expected a stiffness with its unit"),
+        (["q2=1 N/m"], "joint_stiffness: there is no moving joint 'q2'"),
+        ([5e5], "joint_stiffness: found [500000.0], expected a list of texts"),
+    ],
+)
+def test_start_values_that_make_no_sense_are_named_as_the_argument(given: Any, message: str) -> None:
+    with pytest.raises(BeamstiffError) as raised:
+        load_robot("crane.urdf", joint_stiffness=given)
+    assert message in str(raised.value)
 
 
 def test_a_table_says_that_it_drops_a_coupling(run: Run, folder: Path) -> None:

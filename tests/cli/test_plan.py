@@ -78,6 +78,23 @@ def test_what_cannot_be_identified_is_told_and_the_rest_is_planned(succeed: Run,
     assert (answer["left_out"], len(answer["parameters"])) == ({}, 6)
 
 
+def test_of_a_robot_that_names_nothing_the_drives_are_planned_for(succeed: Run, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    (folder / "bare.yaml").write_text(text.replace("identify: [J1.torsional]\n", ""))
+    bare, named = (succeed("plan", f"{name}.yaml", "--tests", "6") for name in ("bare", "crane"))
+    assert bare.stdout == named.stdout
+    assert "names nothing under `identify:`: the stiffness of its joints" in bare.stderr
+    assert bare.stderr.endswith(named.stderr)
+
+
+def test_a_rigid_robot_is_told_to_be_rigid(refused: Refused, folder: Path) -> None:
+    text = (folder / "crane.yaml").read_text()
+    start, end = text.index("     stiffness:"), text.index("fixed:")
+    bare = f"{text[:start]}     stiffness: {{}}}}\n{text[end:]}".replace("identify: [J1.torsional]\n", "")
+    (folder / "rigid.yaml").write_text(bare)
+    refused("plan rigid.yaml", ["nothing is compliant, the joints J1 are rigid"])
+
+
 @pytest.mark.parametrize("criterion", ["D", "a", "E"])
 def test_people_see_errors_certificate_and_how_many_are_enough(succeed: Run, criterion: str) -> None:
     result = succeed(f"plan ir663 --candidates 80 --criterion {criterion}")

@@ -114,5 +114,11 @@ def test_python_has_what_the_terminal_and_the_written_robot_have(name: str) -> N
     for one, (given, value) in result.fitted_stiffness.items():
         assert given == result.baseline.nominal.parameter(one)
         assert value == robot.parameter(one) == report["fitted"][one]["value"]
+    assert {*result.fitted} == {*result.fitted_stiffness} != set()
+    for one, fitted in result.fitted.items():
+        assert (fitted.given, fitted.value) == result.fitted_stiffness[one]
+        assert fitted.std == result.stiffness_std(one, fitted.value)
+        assert fitted.to_dict() == report["fitted"][one]
+    assert any(fitted.std for fitted in result.fitted.values())
     assert all(result.fitted_stiffness[one][0] == result.fitted_stiffness[one][1] for one in result.kept)
     assert diagnosed(None).causes == []

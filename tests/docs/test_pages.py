@@ -6,12 +6,14 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
 
-from beamstiff import __version__
+from beamstiff import __version__, load_robot
 from beamstiff.cli.main import app
+from beamstiff.robot.urdf.writer import robot_to_urdf
 from tests.printed import prints
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -54,9 +56,22 @@ def test_the_campaign_of_the_tutorial_is_what_its_example_simulates() -> None:
     assert FILE.read_text(encoding="utf-8") == campaign()
 
 
+def write_foreign_files(folder: Path) -> None:
+    """Write what the page begins with: a maker's URDF, and the tutorial's table as another program has it."""
+    robot = load_robot("kr240-2")
+    rigid = robot.with_parameters(dict.fromkeys(robot.identify, np.inf))
+    text = re.sub("<beamstiff.*?</beamstiff>", "", robot_to_urdf(rigid), flags=re.DOTALL)
+    (folder / "arm.urdf").write_text(text, encoding="utf-8")
+    table = (REPOSITORY / "examples" / "data" / "tutorial_campaign.csv").read_text(encoding="utf-8")
+    rows = [line for line in table.splitlines() if not line.startswith(("#", "q1"))]
+    lines = ["A1;A2;A3;A4;A5;A6;Fx;Fy;Fz;dX;dY;dZ", *(line.replace(",", ";") for line in rows)]
+    (folder / "export.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
 def test_the_python_of_the_pages_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(REPOSITORY / "examples")
+    write_foreign_files(tmp_path)
     blocks = re.findall(r"```pycon\n(.*?)```", (DOCS / "python.md").read_text(encoding="utf-8"), re.DOTALL)
     example = doctest.DocTestParser().get_doctest("\n".join(blocks), {}, "python.md", "python.md", 0)
     runner = doctest.DocTestRunner(verbose=False)

@@ -79,6 +79,13 @@ def test_a_robot_is_told_as_the_command_show_tells_it(robot: Robot) -> None:
     assert "four_bar" in robot._repr_html_()
 
 
+def test_a_robot_says_what_the_command_show_notes() -> None:
+    rigid = load_robot("kr500").with_parameters({f"J{k}.torsional": np.inf for k in range(1, 7)})
+    for shown in (str(rigid), rigid._repr_html_()):
+        assert "Mind: no compliance: the joints J1, J2, J3, J4, J5, J6 are rigid" in " ".join(shown.split())
+    assert "Mind" not in str(load_robot("kr500"))
+
+
 def test_names_from_files_run_nothing_and_are_no_markup() -> None:
     odd = load_robot("cantilever").model_copy(update={"name": "<script>alert(1)</script>[/red] $x"})
     assert "<script>" not in odd._repr_html_()

@@ -26,6 +26,20 @@ def test_effects_are_read_and_written_back() -> None:
     assert robot_to_yaml(parse_robot(written)) == written
 
 
+def test_effects_are_left_out_all_or_by_name() -> None:
+    text = WITH + (
+        "  - {effect: backlash, component: q2, shape: flank, parameters: {a: 0.2 mrad}}\n"
+        "  - {effect: base-compliance, shape: tilt, parameters: {tilting: 2e-7 rad/(N*m)}}\n"
+    )
+    robot, bare = parse_robot(text), parse_robot(POINT)
+    assert robot.without_effects() == robot.without_effects("backlash:q2", "base-compliance") == bare
+    assert robot.without_effects("backlash:q2").effects == robot.effects[1:]
+    with pytest.raises(BeamstiffError, match=r"has no effect 'backlash:q3' \(did you mean 'backlash:q2'\?\)"):
+        robot.without_effects("backlash:q3")
+    with pytest.raises(BeamstiffError, match="expected none, as it has no effects"):
+        bare.without_effects("backlash")
+
+
 @pytest.mark.parametrize(
     ("effect", "message"),
     [
