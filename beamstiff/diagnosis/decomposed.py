@@ -174,8 +174,10 @@ def _overclaimed(found: Decomposition) -> Iterator[str]:
 
 def _left_out(found: Decomposition) -> Iterator[str]:
     if found.apart:
+        by = zip(found.apart, found.apart_by, strict=True) if found.apart_by else ()
+        which = [f"{place} ({off})" for place, off in by] or found.apart
         yield (
-            f"left out: {listed(found.apart, 6)}. The model that all other readings determine predicts these "
+            f"left out: {listed(which, 6)}. The model that all other readings determine predicts these "
             "far elsewhere: measure them again"
         )
     if found.first:

@@ -37,9 +37,9 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
-from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, order_taken
+from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, off_by, order_taken
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Diagnosis
@@ -47,9 +47,10 @@ from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.errors import BeamstiffError, UnusableError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
-from beamstiff.measure.rows import in_runs, without_rows
+from beamstiff.measure.rows import in_runs, subset, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
@@ -137,13 +138,16 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     at = by_candidate(library.hypotheses)
     known: Shapes | None = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     apart = () if "outliers" in prior.without else places_apart(stated)
+    apart_by: tuple[str, ...] = ()
     if apart:
         stated, known = fit_baseline(robot, without_rows(rows, apart)), None
+        wrong = subset(rows, [row for row in range(len(rows)) if rows.place(row) in apart])
+        apart_by = tuple(off_by(wrong, row, off) for row, off in enumerate(at_rows(stated, wrong).gap))
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     promised = sum(cause.closes for cause in several.every)
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
         said = notes(screened, whiten(screened.baseline, screened.used))
-        return diagnosis_of(replace(several, apart=apart), tuple(said))
+        return diagnosis_of(replace(several, apart=apart, apart_by=apart_by), tuple(said))
     return found
 
 
@@ -256,7 +260,7 @@ def _diagnosis(weighed: Weighed, may_be_outliers: bool, seed: int) -> Diagnosis:
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(
             *notes(screened, white),
-            *notes_of_verdict(screened, verdict.effect, scale),
+            *notes_of_verdict(screened, verdict.effect, scale, _off(screened, linear, models, scale)),
             *_unclear(judged),
             *_unmodelled(judged, found),
             *left_out,
@@ -273,10 +277,16 @@ def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weight
     """Return how many of the rows that were left out the likeliest cause does not explain either."""
     if not screened.outliers.size:
         return 0
-    fits = fitted(baseline, screened.used, [shapes], scale)
+    used, off = baseline.used, _off(screened, baseline, [shapes], scale)
+    off = np.where(used, off / (scale * baseline.sigma), 0.0)[screened.outliers]
+    return int(unlikely((off**2).sum(axis=1), used[screened.outliers].sum(axis=1), len(used)).sum())
+
+
+def _off(screened: Screened, baseline: Baseline, models: Sequence[Sequence[Weighted]], scale: float) -> Array:
+    """Return how far rows are from what effects, fitted to the rows without outliers, predict, (N, 6)."""
+    fits = fitted(baseline, screened.used, models, scale)
     moved = shift(baseline, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
-    off = np.where(baseline.used, (baseline.gap - moved) / (scale * baseline.sigma), 0.0)[screened.outliers]
-    return int(unlikely((off**2).sum(axis=1), baseline.used[screened.outliers].sum(axis=1), len(moved)).sum())
+    return np.where(baseline.used, baseline.gap - moved, 0.0)
 
 
 def _each_posture_its_own(pair: Pair) -> bool:

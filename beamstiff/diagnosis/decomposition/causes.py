@@ -164,6 +164,8 @@ class Decomposition:
         What encoders behind the gears say.
     apart : tuple of str
         Rows that were left out as gross errors, ``file:line``.
+    apart_by : tuple of str
+        By how much each of these is off, in words; none where that is not told.
     first : tuple of str
         Rows that were left out as nobody knows from which side joints came that stop short, ``file:line``.
     """
@@ -183,6 +185,7 @@ class Decomposition:
     hanging: tuple[Cause, ...] = ()
     behind: tuple[Behind, ...] = ()
     apart: tuple[str, ...] = ()
+    apart_by: tuple[str, ...] = ()
     first: tuple[str, ...] = ()
 
     @property

@@ -1,5 +1,6 @@
 """Gross errors of reading are left out before causes are sought; what effects leave is none."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -62,3 +63,14 @@ def test_a_displacement_that_is_wrong_stands_apart_whatever_rows_share_its_unloa
     wrong[12, 0] += 0.02
     assert places_apart(fit_baseline(kr240(), rows)) == ()
     assert places_apart(fit_baseline(kr240(), replace(rows, displacement=wrong))) == (rows.place(12),)
+
+
+def test_a_row_that_is_left_out_is_said_with_how_far_it_is_off() -> None:
+    rows = campaign(plan(), base_compliance)
+    wrong = rows.displacement.copy()
+    wrong[12, 2] -= 0.01
+    found = diagnose(kr240(), replace(rows, displacement=wrong))
+    told = next(note for note in found.notes if note.startswith("left out"))
+    by = re.search(rf"{re.escape(rows.place(12))} \(dz off by (\S+) mm\)", told)
+    assert by is not None
+    assert float(by[1]) == pytest.approx(10.0, abs=0.3)
