@@ -20,8 +20,8 @@ def require_displacements(table: Measurements, robot: Robot) -> None:
     """Refuse displacements beyond a tenth of the robot's reach: they are in another unit."""
     if table.kind != "displacement":
         return
-    reach = compile_kinematics(robot).size
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore"):  # numbers beyond reason are told as such
+        reach = compile_kinematics(robot).size
         moved = np.sqrt(np.nansum(table.displacement[:, :3] ** 2, axis=1))
     far = np.flatnonzero(moved > REACH * reach)
     if not far.size:
