@@ -41,11 +41,14 @@ def require_displacements(table: Measurements, robot: Robot) -> None:
 
 
 def require_limits(table: Measurements, robot: Robot) -> None:
-    """Refuse joint angles that lie beyond the robot's limits by more than a turn in most rows: degrees."""
+    """Refuse readings at angles that lie beyond the robot's limits by more than a turn in most rows: degrees.
+
+    Loads alone, without readings, are asked about and keep their note.
+    """
     turns = [at for at, variable in enumerate(robot.actuated) if variable.kind == "angle"]
     limits = [robot.actuated[at].limits for at in turns]
     known = np.array([pair for pair in limits if pair is not None and np.isfinite(pair).all()])
-    if not turns or len(known) < len(turns):
+    if not turns or len(known) < len(turns) or not table.measured_mask.any():
         return
     low, high = known.T
     beyond = _beyond(table.q[:, turns], low, high)
