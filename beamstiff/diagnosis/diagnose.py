@@ -37,9 +37,9 @@ from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
-from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, off_by, order_taken
+from beamstiff.diagnosis.notes import each_off_by, in_words, notes, notes_of_verdict, order_taken
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
+from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.screening import Screened, screen, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Diagnosis
@@ -47,7 +47,7 @@ from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.errors import BeamstiffError, UnusableError, optional
 from beamstiff.identification.problem import LEAST_LOAD
 from beamstiff.measure.doubts import counted_once, require_usable
-from beamstiff.measure.rows import in_runs, subset, without_rows
+from beamstiff.measure.rows import in_runs, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -138,16 +138,14 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     at = by_candidate(library.hypotheses)
     known: Shapes | None = {key: [library.hypotheses[k].shape for k in places] for key, places in at.items()}
     apart = () if "outliers" in prior.without else places_apart(stated)
-    apart_by: tuple[str, ...] = ()
     if apart:
         stated, known = fit_baseline(robot, without_rows(rows, apart)), None
-        wrong = subset(rows, [row for row in range(len(rows)) if rows.place(row) in apart])
-        apart_by = tuple(off_by(wrong, row, off) for row, off in enumerate(at_rows(stated, wrong).gap))
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     promised = sum(cause.closes for cause in several.every)
     if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
         said = notes(screened, whiten(screened.baseline, screened.used))
-        return diagnosis_of(replace(several, apart=apart, apart_by=apart_by), tuple(said))
+        by = each_off_by(stated, rows, apart)
+        return diagnosis_of(replace(several, apart=apart, apart_by=by), tuple(said))
     return found
 
 

@@ -7,11 +7,12 @@ from scipy.stats import chi2
 
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
-from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fitted_names
 from beamstiff.diagnosis.residual.repeats import DIGITS, repeats
 from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import MEASURED, Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -100,6 +101,14 @@ def off_by(rows: Measurements, row: int, off: Array) -> str:
     at = int(off[:3].argmax()) if off[:3].any() else 3 + int(off[3:].argmax())
     along = MEASURED[rows.kind][at] if np.isnan(rows.direction[row]).all() else "the reading"
     return f"{along} off by {1e3 * off[at]:#.3g} {'mm' if at < 3 else 'mrad'}"
+
+
+def each_off_by(fit: Baseline, rows: Measurements, apart: Sequence[str]) -> tuple[str, ...]:
+    """Return `off_by` of rows, ``file:line`` each, from what a fit to the others predicts."""
+    if not apart:
+        return ()
+    wrong = subset(rows, [row for row in range(len(rows)) if rows.place(row) in apart])
+    return tuple(off_by(wrong, row, off) for row, off in enumerate(at_rows(fit, wrong).gap))
 
 
 def unloaded(baseline: Baseline) -> Iterator[str]:
