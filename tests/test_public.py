@@ -206,7 +206,7 @@ def test_a_result_is_printed_with_its_notes_each_once(name: str, results: dict[s
             assert words.count(" ".join(note[1:].split())) == 1
 
 
-@pytest.mark.parametrize("name", set(RESULTS) - {"load_robot", "campaign"})
+@pytest.mark.parametrize("name", sorted({*RESULTS} - {"load_robot", "campaign"}))
 def test_what_to_mind_is_said_wherever_a_result_shows_itself(name: str, results: dict[str, Any]) -> None:
     result, notes = results[name], ("fz is <reversed>", "is fx too?", "fz is <reversed>")
     if isinstance(result, CampaignState):

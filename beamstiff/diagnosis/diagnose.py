@@ -50,6 +50,7 @@ from beamstiff.measure.doubts import counted_once, require_usable
 from beamstiff.measure.rows import in_runs, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
 MOST_ROWS = 4000  # that are diagnosed: they take 3 GB and a minute, and more say hardly more
@@ -256,7 +257,7 @@ def _diagnosis(weighed: Weighed, may_be_outliers: bool, seed: int) -> Diagnosis:
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(
             *notes(screened, white),
-            *notes_of_verdict(screened, verdict.effect, scale),
+            *notes_of_verdict(screened, verdict.effect, scale, _off(screened, linear, models, scale)),
             *_unclear(judged),
             *_unmodelled(judged, found),
             *left_out,
@@ -273,10 +274,16 @@ def _still_wrong(screened: Screened, baseline: Baseline, shapes: Sequence[Weight
     """Return how many of the rows that were left out the likeliest cause does not explain either."""
     if not screened.outliers.size:
         return 0
-    fits = fitted(baseline, screened.used, [shapes], scale)
+    used, off = baseline.used, _off(screened, baseline, [shapes], scale)
+    off = np.where(used, off / (scale * baseline.sigma), 0.0)[screened.outliers]
+    return int(unlikely((off**2).sum(axis=1), used[screened.outliers].sum(axis=1), len(used)).sum())
+
+
+def _off(screened: Screened, baseline: Baseline, models: Sequence[Sequence[Weighted]], scale: float) -> Array:
+    """Return how far rows are from what effects, fitted to the rows without outliers, predict, (N, 6)."""
+    fits = fitted(baseline, screened.used, models, scale)
     moved = shift(baseline, fits, [[one.hypothesis.shape.columns for one in fit.shapes] for fit in fits])
-    off = np.where(baseline.used, (baseline.gap - moved) / (scale * baseline.sigma), 0.0)[screened.outliers]
-    return int(unlikely((off**2).sum(axis=1), baseline.used[screened.outliers].sum(axis=1), len(moved)).sum())
+    return np.where(baseline.used, baseline.gap - moved, 0.0)
 
 
 def _each_posture_its_own(pair: Pair) -> bool:

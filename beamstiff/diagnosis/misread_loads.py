@@ -12,13 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import permutations, product
 
 import numpy as np
 from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
-from beamstiff.measure.load_doubts import FORCES, KILO, NEARER, SAME
+from beamstiff.measure.misread_columns import FORCES, KILO, NEARER, SAME, turns
 from beamstiff.measure.position_doubts import axes_in_words
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.se3 import Array
@@ -75,10 +74,7 @@ def misread_loads(model: OpenModel) -> str:
 
 def _readings(forces: Array) -> Iterator[tuple[str, Array]]:
     """Yield other ways to read forces (N, 3), in words, the fewest changes first, and each once."""
-    every = product(permutations(np.eye(3)), product((1.0, -1.0), repeat=3))
-    turns = [np.array(order) * np.array(signs)[:, None] for order, signs in every]
-    turned = [(axes_in_words(turn, FORCES), turn) for turn in sorted(turns, key=np.trace, reverse=True)]
-    other = [(how, forces @ turn.T) for how, turn in turned]
+    other = [(axes_in_words(turn, FORCES), forces @ turn.T) for turn in turns()]
     other += [("fx fy fz in kg, and read in N", GRAVITY * forces)]
     other += [("fx fy fz in kg and reversed, and read in N", -GRAVITY * forces)]
     other += [("fx fy fz in kN, and read in N", KILO * forces)]

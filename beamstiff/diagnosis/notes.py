@@ -12,7 +12,9 @@ from beamstiff.diagnosis.residual.repeats import DIGITS, repeats
 from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
+from beamstiff.measure.table import MEASURED, Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.se3 import Array
 
 OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
@@ -61,11 +63,14 @@ def notes(screened: Screened, white: Whitened) -> Iterator[str]:
             yield "one load level only: nonlinear effects can hardly show"
 
 
-def notes_of_verdict(screened: Screened, verdict: str, scale: float) -> Iterator[str]:
+def notes_of_verdict(
+    screened: Screened, verdict: str, scale: float, off: Array | None = None
+) -> Iterator[str]:
     """Yield what limits a verdict of one cause, or two.
 
     `verdict`: name of the effect, ``none`` or ``unknown``.
     `scale`: of the noise that the verdict leaves, against the sigma counted with.
+    `off`: (N, 6); how far each row is from what the verdict says, m and rad.
     """
     if verdict == "unknown":
         yield (
@@ -78,8 +83,23 @@ def notes_of_verdict(screened: Screened, verdict: str, scale: float) -> Iterator
             "acts that these rows cannot show"
         )
     if count := len(screened.outliers):
-        places = [screened.baseline.rows.place(row) for row in screened.outliers.tolist()]
+        rows = screened.baseline.rows
+        places = [
+            rows.place(row) if off is None else f"{rows.place(row)} ({off_by(rows, row, off[row])})"
+            for row in screened.outliers.tolist()
+        ]
         yield f"left out as {'outliers' if count > 1 else 'an outlier'}: {listed(places, 3)}"
+
+
+def off_by(rows: Measurements, row: int, off: Array) -> str:
+    """Return, in words, along which axis a row is off the most, and by how much, of (6,), m and rad.
+
+    Rotations where no position was measured, or none is off.
+    """
+    off = np.abs(np.nan_to_num(off))
+    at = int(off[:3].argmax()) if off[:3].any() else 3 + int(off[3:].argmax())
+    along = MEASURED[rows.kind][at] if np.isnan(rows.direction[row]).all() else "the reading"
+    return f"{along} off by {1e3 * off[at]:#.3g} {'mm' if at < 3 else 'mrad'}"
 
 
 def unloaded(baseline: Baseline) -> Iterator[str]:

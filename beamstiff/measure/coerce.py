@@ -11,6 +11,7 @@ from beamstiff.errors import BeamstiffError, OptionError, UnusableError, shown
 from beamstiff.measure.doubts import copies_between, doubts
 from beamstiff.measure.load_doubts import require_loads
 from beamstiff.measure.position_doubts import require_joints, require_scale
+from beamstiff.measure.range_doubts import require_displacements, require_limits
 from beamstiff.measure.reader import read_measurements
 from beamstiff.measure.rotation_doubts import require_rotations
 from beamstiff.measure.table import Measurements
@@ -49,9 +50,12 @@ def as_tables(
 def doubts_of(robot: Robot, tables: Sequence[Measurements]) -> list[str]:
     """Return what in a robot and in tables is hardly meant, a sentence each.
 
-    Raises UnusableError where positions have another scale, or joint values or loads surely another sign.
+    Raises UnusableError where readings or joint values surely are in another unit, or joint values or loads
+    in another column or sign.
     """
     for table in tables:
+        require_limits(table, robot)
+        require_displacements(table, robot)
         require_joints(table, robot)
         require_scale(table, robot)
         require_rotations(table, robot)

@@ -12,6 +12,7 @@ import numpy as np
 from beamstiff.errors import UnusableError, listed
 from beamstiff.measure.load_doubts import load_doubts
 from beamstiff.measure.position_doubts import BEYOND_NOISE, SEVERAL, position_doubts
+from beamstiff.measure.range_doubts import joint_doubts
 from beamstiff.measure.rotation_doubts import rotation_doubts
 from beamstiff.measure.rows import subset
 from beamstiff.measure.swapped_labels import label_doubts
@@ -38,7 +39,7 @@ def doubts(measurements: Measurements, robot: Robot) -> tuple[str, ...]:
         *(misread or loads or _of_the_load(measurements)),
         *(() if misread else rotation_doubts(measurements, robot)),
         *_of_the_noise(measurements),
-        *_of_the_joints(measurements, robot),
+        *joint_doubts(measurements, robot),
         *_of_sizes(measurements),
         *_of_copies(measurements),
         *_of_the_robot(measurements, robot),
@@ -126,41 +127,6 @@ def _of_the_noise(table: Measurements) -> Iterator[str]:
             f"{table.source}: {key}: {sigma:.3g} {unit} is large{than}; a number without a unit is in "
             f"{unit}, write for instance {key}: 0.02 {small}"
         )
-
-
-def _of_the_joints(table: Measurements, robot: Robot) -> Iterator[str]:
-    wound: list[tuple[str, int, float]] = []
-    for variable, q in zip(robot.actuated, table.q.T, strict=True):
-        row = int(np.abs(q).argmax())
-        turns = variable.kind == "angle"
-        if turns and abs(q[row]) > 4 * np.pi:
-            wound.append((variable.name, row, float(q[row])))
-        elif variable.limits is not None:
-            low, high = variable.limits
-            slack = 1e-6 * (high - low)
-            outside = (q < low - slack) | (q > high + slack)
-            if outside.any():
-                row = int(outside.argmax())
-                degrees = f" ({_degrees(q[row])}; {_degrees(low)} to {_degrees(high)})" if turns else ""
-                turned = q[outside] - 2 * np.pi * np.round((q[outside] - 0.5 * (low + high)) / (2 * np.pi))
-                if turns and ((turned >= low - slack) & (turned <= high + slack)).all():
-                    degrees += ": is it off by a full turn?"
-                unit = "rad" if turns else "m"
-                yield (
-                    f"{table.place(row)}: {variable.name}: {q[row]:.6g} {unit} lies outside the limits "
-                    f"{low:.6g} to {high:.6g} {unit} of robot {robot.name}{degrees}"
-                )
-    if wound:
-        name, row, value = wound[0]
-        others = f" (and so for {listed([other for other, _, _ in wound[1:]], 12)})" if wound[1:] else ""
-        yield (
-            f"{table.place(row)}: {name}: {value:.6g} rad is more than two turns; if the column is in "
-            f"degrees, write {name} [deg]{others}"
-        )
-
-
-def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.4g} deg"
 
 
 def _of_sizes(table: Measurements) -> Iterator[str]:

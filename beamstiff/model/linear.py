@@ -14,6 +14,7 @@ from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.table import Measurements
+from beamstiff.model.pose_errors import named_by_row
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.se3 import Array
@@ -77,7 +78,8 @@ def compliance_of_rows(robot: Robot, loads: Measurements) -> Array:
     refuse_idle_moments(robot, replace(loads, wrench=np.ones_like(loads.wrench)))
     structure = compile_structure(robot)
     poses, pose = np.unique(loads.q, axis=0, return_inverse=True)
-    return _compliance(structure, posture(structure.kinematics, poses), pose.reshape(-1), loads)
+    number = pose.reshape(-1).astype(np.int64)
+    return _compliance(structure, posture(structure.kinematics, poses), number, loads)
 
 
 def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
@@ -86,7 +88,8 @@ def _by_compliance(structure: Structure, where: Posture, pose: Integers, loads: 
 
 def _compliance(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
     observed = list(dict.fromkeys([*loads.point.tolist(), *loads.load_point.tolist()]))
-    compliance = condense(structure, where, observed).clamped
+    with named_by_row(loads, pose):
+        compliance = condense(structure, where, observed).clamped
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.stack([at[name] for name in loads.point.tolist()])
     loaded = np.stack([at[name] for name in loads.load_point.tolist()])
@@ -110,7 +113,8 @@ def displaced_points(robot: Robot, loads: Measurements) -> tuple[Array, Array]:
 def _with_preload(structure: Structure, where: Posture, pose: Integers, loads: Measurements) -> Array:
     index, rows = structure.kinematics.node_index, np.arange(len(loads))
     nothing = np.zeros((len(where.values), len(structure.robot.nodes), 6))
-    unloaded = loaded_displacement(structure, where, nothing, gravity=True)[pose]
+    with named_by_row(loads, pose):
+        unloaded = loaded_displacement(structure, where, nothing, gravity=True)[pose]
     loaded = _loaded(structure, where.only(pose), loads)
     seen = [index[name] for name in loads.point.tolist()]
     return between(unloaded[rows, seen], loaded[rows, seen])

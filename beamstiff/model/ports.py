@@ -30,6 +30,7 @@ from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import refuse_idle_moments
 from beamstiff.model.port_derivatives import moved_with_slopes
+from beamstiff.model.pose_errors import named_by_row
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, posture
@@ -351,7 +352,8 @@ def reduce_to_ports(
         # springs in parallel: those at the others act at the independent ones
         structure, ports = without_ports(structure, ports), [ports[at] for at in independent]
         springs = share.T @ springs @ share
-    condensed = condense(structure, at_poses, observed, ports)
+    with named_by_row(measurements, pose):
+        condensed = condense(structure, at_poses, observed, ports)
     at = {name: 6 * number + np.arange(6) for number, name in enumerate(observed)}
     seen = np.array([at[name] for name in measurements.point])
     loaded = np.array([at[name] for name in measurements.load_point])

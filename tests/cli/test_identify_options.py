@@ -221,9 +221,11 @@ def test_ctrl_c_after_the_fit_leaves_the_fit(run: Run, monkeypatch: pytest.Monke
         (["--reduce", "crane.yaml"], ["--reduce crane.yaml: would overwrite the input"]),
         (["--reduce", "a.yaml", "--out", "a.yaml"], ["would overwrite the output"]),
         (["crane.csv"], ["crane.csv: is given twice"]),
-        (["metres.csv"], ["conflicting units?", "metres.csv", "crane.csv"]),
+        (["metres.csv"], ["metres.csv:3: dy: the tool would have moved 1.5 m", "in mm, and read in m?"]),
+        (["microns.csv"], ["conflicting units?", "microns.csv", "crane.csv"]),
     ],
 )
 def test_nonsense_is_refused(refused: Refused, folder: Path, arguments: list[str], says: list[str]) -> None:
     (folder / "metres.csv").write_text((folder / "crane.csv").read_text().replace(" [mm]", ""))
+    (folder / "microns.csv").write_text((folder / "crane.csv").read_text().replace("[mm]", "[um]"))
     refused(["identify", "crane.yaml", "crane.csv", *arguments], says)

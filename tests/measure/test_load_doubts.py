@@ -1,5 +1,6 @@
 """Columns of forces that cannot be those that moved the tool."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -90,13 +91,37 @@ def changed(table: Measurements, wrong: Callable[[Array], Array]) -> Measurement
         (lambda f: f * [1, -1, 1], "fy reversed ("),
         (lambda f: f * [1, 1, 1e-3], "fz in kN, and read in N ("),
         (lambda f: f * [1e3, 1, 1], "fx in N, and read in kN ("),
-        (lambda f: 1e-3 * f, "are fx fy fz in kN, and read in N? Or is"),
-        (lambda f: 1e3 * f, "are fx fy fz in N, and read in kN? Or is"),
     ],
 )
 def test_columns_of_forces_are_named(wrong: Callable[[Array], Array], told: str, kind: str) -> None:
-    (note,) = said(changed(pushed(kind), wrong))
+    table = changed(pushed(kind), wrong)
+    (note,) = said(table)
     assert told in note
+    if kind == "displacement":
+        with pytest.raises(UnusableError, match=re.escape(told)):
+            require_loads(table, kr240())
+    else:  # which are held against the geometry that they fit
+        require_loads(table, kr240())
+
+
+@pytest.mark.parametrize(
+    ("factor", "kind", "told"),
+    [
+        (1e-3, "absolute", "are fx fy fz in kN, and read in N? Or is"),
+        (1e3, "absolute", "are fx fy fz in N, and read in kN? Or is"),
+        (1e-3, "displacement", "are dx dy dz in um, and read in mm, or fx fy fz in kN, and read in N? Or is"),
+        (1e3, "displacement", "are dx dy dz in mm, and read in um, or fx fy fz in N, and read in kN? "),
+    ],
+)
+def test_units_of_forces_or_displacements_are_named(factor: float, kind: str, told: str) -> None:
+    table = changed(pushed(kind), lambda f: factor * f)
+    (note,) = said(table)
+    assert told in note
+    if kind == "displacement" and factor > 1.0:  # stiffer than any robot; softer ones may be soft
+        with pytest.raises(UnusableError, match="N/m is no robot; if it is one, state its stiffness"):
+            require_loads(table, kr240())
+    else:
+        require_loads(table, kr240())
 
 
 def test_forces_along_the_axes_of_the_tool_are_named() -> None:

@@ -151,6 +151,9 @@ def test_a_pendulum_too_heavy_for_its_spring_is_refused_and_named() -> None:
     table = rows(robot, [[0.0]], [[1.0, 0, 0, 0, 0, 0]])
     with pytest.raises(BeamstiffError, match=r"'pendulum' buckles under its load.*J\.torsional"):
         predict_displacements(robot, table, preload=True)
+    heavy = rows(robot, [[3.0], [0.0]], [[1.0, 0, 0, 0, 0, 0]] * 2)  # hanging, then standing
+    with pytest.raises(BeamstiffError, match=rf"^{heavy.place(1)}: robot 'pendulum' buckles under its load"):
+        predict_displacements(robot, heavy, preload=True)
     for load, meant in ((-2e4, ""), (-3e5, r" \(300 N meant\?\)")):  # the second as if 300 were read in kN
         pushed = rows(pendulum(), [[0.0]] * 3, [[0, 0, one, 0, 0, 0] for one in (0, 1e4, load)])
         said = rf"{pushed.place(2)}: .* buckles under its load: .* this row is {-load:.0f} N{meant}: check"

@@ -152,3 +152,15 @@ def test_a_displacement_that_is_wrong_stands_apart_whatever_rows_share_its_unloa
     found = places_apart(fit_baseline(kr240(), replace(rows, displacement=wrong)))
     assert found.left_out == (rows.place(12),)
     assert found.said == (f"{rows.place(12)} (20 mm off, along dx alone)",)
+
+
+def test_a_row_that_is_left_out_is_said_with_how_far_it_is_off() -> None:
+    rows = campaign(plan(), base_compliance)
+    wrong = rows.displacement.copy()
+    wrong[12, 2] -= 0.01
+    rows = replace(rows, displacement=wrong)
+    found = diagnose(kr240(), rows)
+    told = next(note for note in found.notes if note.startswith("left out"))
+    size = re.search(rf"{re.escape(rows.place(12))} \(dz off by (\S+) mm\)", told)
+    assert size is not None
+    assert float(size[1]) == pytest.approx(10.0, abs=0.3)
