@@ -26,7 +26,7 @@ def test_a_command_that_breaks_would_be_found(tmp_path: Path, monkeypatch: pytes
         raise ZeroDivisionError
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("beamstiff.robot.doubts.robot_doubts", broken)
+    monkeypatch.setattr("beamstiff.functions.checks.robot_doubts", broken)
     (tmp_path / "crane.yaml").write_text(CRANE, encoding="utf-8")
     found, said = outcome(["show", "crane.yaml"])
     assert found == "internal error"

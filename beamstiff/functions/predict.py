@@ -8,18 +8,23 @@ import numpy as np
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.residual.baseline import predict as predict_rows
+from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.structure import compile_structure
 from beamstiff.functions.checks import start_values
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.rows import concatenate, require_tracker
+from beamstiff.measure.rows import concatenate, require_tracker, subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.correction import extrapolation_notes, model_correction, model_std
 from beamstiff.model.linear import predict_displacements, preload_notes
 from beamstiff.robot.description import Robot
+from beamstiff.robot.kinematics import posture
 from beamstiff.robot.reader import RobotLike
 from beamstiff.robot.stiffness import check_stiffness
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
+
+SMALL_TURN = 0.05  # rad: its square, what a linear model leaves out, is a four-hundredth
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,6 +51,22 @@ class Prediction(Shown):
         else:
             gap = np.where(known, self.rows.position - self.pose[:, :3], 0.0)
         return np.asarray(np.where(known.any(axis=1), np.linalg.norm(gap, axis=1), np.nan))
+
+    def energy_shares(self, row: int) -> dict[str, float]:
+        """Return the share of every part in the strain energy of a row, the largest first: what is compliant.
+
+        Beams and struts by their names, springs as ``J2.torsional``. Under the load of the row, and under the
+        weight where the table has positions; by the linear model, without the robot's effects. Empty where
+        nothing deforms.
+        """
+        rows, robot = subset(self.rows, [row]), self.robot.model_copy(update={"effects": (), "model": None})
+        structure = compile_structure(robot)
+        loads = nodal_loads(structure, 1, {str(rows.load_point[0]): rows.wrench})
+        where = posture(structure.kinematics, rows.q)
+        response = respond(structure, where, loads, gravity=self.pose is not None)
+        shares = {name: float(share[0]) for name, share in response.energy_shares().items()}
+        largest = sorted(shares, key=lambda name: -shares[name])
+        return {name: shares[name] for name in largest if shares[name] > 0.0}
 
     def to_measurements(self) -> Measurements:
         """Return the rows with the predicted displacements, or poses, as those measured."""
@@ -124,8 +145,19 @@ def predict(robot: RobotLike, data: DataLike, *, preload: bool = False) -> Predi
             doubts += preload_notes(machine, rows)
         if machine.effects:
             moved = moved + effects_displacement(machine, replace(rows, kind="displacement"))
-    notes = (*doubts, *extrapolation_notes(machine, rows.q))
+    notes = (*doubts, *extrapolation_notes(machine, rows.q), *_too_far(moved))
     return Prediction(machine, rows, moved, preload, notes, std=model_std(machine, rows))
+
+
+def _too_far(moved: Array) -> tuple[str, ...]:
+    """Return the note on displacements (N, 6), m and rad, that are too large for a linear model."""
+    turn = float(np.linalg.norm(moved[:, 3:], axis=1).max(initial=0.0))
+    if turn <= SMALL_TURN:
+        return ()
+    return (
+        f"the tool turns by up to {turn:.2g} rad, which is no small displacement: check the loads, and the "
+        "units of stiffness and materials in the robot file",
+    )
 
 
 def _positions(robot: Robot, rows: Measurements, notes: tuple[str, ...]) -> Prediction:

@@ -56,7 +56,7 @@ def misread_columns(table: Measurements, robot: Robot) -> Iterator[tuple[bool, s
     """Yield whether it is sure that columns are misread, and a sentence that says how; mostly nothing.
 
     Sure are displacements alone that leave more than their noise and fit one reading only, of robots without
-    loops: these may also be put together in another way.
+    loops: these may also be put together in another way, so that their joints are not tried.
     """
     rows, more, moved = some_moved(table, robot)
     if len(np.unique(table.q[rows], axis=0)) < POSTURES or not robot.actuated:
@@ -67,7 +67,7 @@ def misread_columns(table: Measurements, robot: Robot) -> Iterator[tuple[bool, s
         return
     stated, whole = springs.left(more, moved), float(np.sqrt((moved**2).sum(axis=1).mean()))
     noise = float(np.sqrt((np.nan_to_num(table.sigma[rows, :3]) ** 2).sum(axis=1).mean()))
-    shows = table.kind == "displacement" and stated > SHOWS * noise
+    shows = table.kind == "displacement" and stated > SHOWS * noise and not robot.loops
     others = list(_of_loads(springs, more, moved))
     others += _of_joints(table, robot, rows, more, moved) if shows else ()
     enough = NEARER * min(stated, whole)

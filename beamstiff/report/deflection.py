@@ -15,6 +15,7 @@ from beamstiff.report.verdict import Level, Verdict, data_of, level_of, rounded
 from beamstiff.se3 import Array
 
 ROUNDING = 1e-12
+SHOWN = 0.01  # share of the strain energy from which a part is listed
 UNITS = ("mm",) * 3 + ("mrad",) * 3
 
 
@@ -90,6 +91,14 @@ def deflection_text(found: Prediction) -> list[str]:
     if found.pose is not None and gap.size:
         said.append(
             "Readings in a frame of the tracker's own: `beamstiff verify --refit-frame` fits it first."
+        )
+    most = int(np.linalg.norm(found.displacement[:, :3], axis=1).argmax())
+    if shares := found.energy_shares(most):
+        parts = [f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= SHOWN]
+        weight = " and the weight" if found.pose is not None else ""
+        said.append(
+            f"What is compliant in {found.rows.place(most)}, where the tool moves most: "
+            f"{', '.join(parts)} of the strain energy under the load{weight}."
         )
     if found.robot.effects:
         said.append(f"With the robot's effects: {effects_text(found.robot.effects)}.")

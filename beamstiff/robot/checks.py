@@ -318,9 +318,14 @@ def _support(robot: Robot) -> Iterator[Problem]:
     unsupported: Sequence[set[str]] = parts_without_support(graph, robot.fixed)
     if unsupported:
         part = sorted(unsupported[0])
-        end = robot.fixed[0] if robot.tcp in part else robot.tcp
+        first = next(at for at, node in enumerate(robot.nodes) if node.name in part)
+        own = robot.nodes[first]
+        near = [node for node in robot.nodes if node.frame == own.frame and node.name not in unsupported[0]]
+        # a rigid to a node that moves otherwise would hold what is to move
+        end = min(near, key=lambda node: math.dist(node.at, own.at)).name if near else "..."
         yield (
-            ("fixed",),
-            f"disconnected part: nodes {listed(part)} are connected to no fixed node; join them to the "
-            f"others, such as rigids: [{{name: mount, nodes: [{end}, {part[0]}]}}]",
+            ("nodes", first),
+            f"disconnected part: nodes {listed(part)} are connected to no fixed node; join them to what "
+            "carries them with a beam, a joint or a rigid, such as "
+            f"{{name: mount, nodes: [{end}, {own.name}]}} under `rigids`",
         )

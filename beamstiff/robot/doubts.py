@@ -12,12 +12,13 @@ from beamstiff.robot.kinematics import compile_kinematics
 
 MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
 FARTHEST = 200.0  # m, that a slide may have
+SOFTEST, STIFFEST = 1e7, 2e12  # Pa, of what machines are built of: from rubber to diamond
 
 
 def robot_doubts(robot: Robot) -> tuple[str, ...]:
     """Return, one sentence each, what in a robot looks like a mistake; mostly nothing, and no error."""
     of_loops = assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
-    return (*_of_limits(robot), *_of_joints(robot), *of_loops)
+    return (*_of_limits(robot), *_of_joints(robot), *_of_materials(robot), *of_loops)
 
 
 def _of_limits(robot: Robot) -> Iterator[str]:
@@ -35,6 +36,16 @@ def _of_limits(robot: Robot) -> Iterator[str]:
                 f"{head} rad are {turns:.0f} turns; a number without a unit is in rad, write for instance "
                 f"'{high:g} deg'"
             )
+
+
+def _of_materials(robot: Robot) -> Iterator[str]:
+    for name, material in robot.materials.items():
+        for modulus, value in (("E", material.E), ("G", material.G)):
+            if not SOFTEST <= value <= STIFFEST:
+                yield (
+                    f"robot {robot.name!r}: material {name}: {modulus} is {value:g} Pa; a number without a "
+                    "unit is in Pa, write for instance '210 GPa'"
+                )
 
 
 def _of_joints(robot: Robot) -> Iterator[str]:

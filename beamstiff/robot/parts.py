@@ -183,7 +183,7 @@ class Node(Described):
 
 
 class Beam(Described):
-    """A beam between two nodes; local y lies in the plane of its axis and `up` (frame of the first node)."""
+    """A beam between two nodes; the width of its section points along `up` (frame of the first node)."""
 
     name: Name
     nodes: tuple[Name, Name]

@@ -28,6 +28,22 @@ def test_loads_alone_are_enough(told: Run, folder: Path) -> None:
     np.testing.assert_allclose(answer["displacement"], [BY_HAND[0], -2 * BY_HAND[0]], atol=1e-15)
 
 
+def test_what_is_compliant_is_told_by_its_share_of_the_strain_energy(succeed: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1 [deg],fy [kN]\n0,0.5\n0,1\n")  # by hand: 1 mm and 0.5
+    said = " ".join(succeed("deflect crane.yaml loads.csv").stdout.split())
+    assert (
+        "in loads.csv:3, where the tool moves most: J1.torsional 67 %, J1.radial 33 % of the strain energy under the load."
+        in said
+    )
+
+
+def test_a_turn_that_no_linear_model_holds_for_is_told(run: Run, folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1 [deg],fy [kN]\n0,100\n")  # turns 0.1 rad, by hand
+    assert "the tool turns by up to 0.1 rad" in run("deflect crane.yaml loads.csv").stderr
+    (folder / "loads.csv").write_text("q1 [deg],fy [kN]\n0,49\n")
+    assert "the tool turns" not in run("deflect crane.yaml loads.csv").stderr
+
+
 def test_preload_takes_in_what_the_load_does_to_the_stiffness(succeed: Run, told: Run, folder: Path) -> None:
     (folder / "loads.csv").write_text("q1,fx [kN],fy [kN]\n0,-100,1\n0,100,1\n")
     answer = told("deflect crane.yaml loads.csv --preload")

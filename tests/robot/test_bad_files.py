@@ -79,8 +79,8 @@ WHOLE = {
     ),
     "disconnected node": (
         f"{SMALL}{REST}".encode(),
-        "8: fixed: disconnected part: nodes c are connected to no fixed node; join them to the others, "
-        "such as rigids: [{name: mount, nodes: [a, c]}]",
+        "6: nodes[2] (c): disconnected part: nodes c are connected to no fixed node; join them to what "
+        "carries them with a beam, a joint or a rigid, such as {name: mount, nodes: [b, c]} under `rigids`",
     ),
     "frame and node of one name": (
         f"{SMALL}{REST}frames: [{{name: b}}]\nloops: [{{name: l, a: b, b: c, constrain: pose}}]\n".encode(),

@@ -65,3 +65,13 @@ def test_what_is_hardly_meant_is_said(old: str, new: str, message: str) -> None:
     assert old in ARM
     (found,) = robot_doubts(parse_robot(ARM.replace(old, new)))
     assert re.search(message, found), found
+
+
+def test_a_modulus_without_its_unit_is_said() -> None:
+    gantry = load_robot("gantry")
+    (name, steel), *_ = gantry.materials.items()
+    soft = gantry.model_copy(
+        update={"materials": gantry.materials | {name: steel.model_copy(update={"E": 210.0})}}
+    )
+    (found,) = robot_doubts(soft)
+    assert f"material {name}: E is 210 Pa; a number without a unit is in Pa" in found

@@ -81,6 +81,7 @@ class _Errors:
         self.model, self.rows = model, rows
         self.of_value, self.component = np.nonzero(model.used)
         self.every = np.unique(self.of_value)
+        self.by_set_ups = bool(rows.targets) or rows.camera  # no row has a place of its own
         self.most_few = max(FEW, int(SHARE * len(self.every)))
 
     def few(self) -> Integers:
@@ -179,7 +180,7 @@ class _Errors:
         same_run = self.rows.run == self.rows.run[row]
         pairs = self.model.baseline.rows.position, self.rows.position
         whole = same_run & np.isfinite(pairs[0] + pairs[1]).all(axis=1)
-        if self.model.problem is None or whole.sum() < 3:
+        if self.model.problem is None or self.by_set_ups or whole.sum() < 3:
             return np.eye(3)
         return fit_rigid_motion(pairs[0][whole], pairs[1][whole]).rotation
 
@@ -188,6 +189,8 @@ class _Errors:
         off = self.off(row, change)
         size = float(np.linalg.norm(off))
         place = f"{self.rows.place(row)} ({_in_mm(size)} mm off"
+        if self.by_set_ups:
+            return f"{place})", False
         if name := next(self._other_names(row, change, off), ""):
             return f"{place}: reads as {name}, not {self.rows.point[row]})", True
         read = self.rows.position[row] if self.rows.kind == "absolute" else self.rows.displacement[row, :3]
@@ -216,7 +219,7 @@ class _Errors:
 
     def two_under_one_name(self) -> Iterator[str]:
         """Yield, in words, points whose rows read two places of their link, in turn."""
-        if self.model.problem is None:
+        if self.model.problem is None or self.by_set_ups:
             return
         kinematics = compile_kinematics(self.model.baseline.robot)
         where = posture(kinematics, self.rows.q)
