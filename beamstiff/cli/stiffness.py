@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from beamstiff.cli.options import Assembly, Preload, RobotFile, option
 from beamstiff.cli.output import JSON, Outputs, note, working
 from beamstiff.cli.parse import note_limits, parse_variables, parse_wrench, robot_file
-from beamstiff.errors import BeamstiffError, OptionError
+from beamstiff.errors import BeamstiffError, OptionError, listed
 
 if TYPE_CHECKING:
     from beamstiff.robot.description import Robot
@@ -72,13 +72,22 @@ def stiffness(
 @contextmanager
 def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     """Say of a posture that is refused where it comes from, if nobody chose it."""
+    from beamstiff.functions.checks import shown_value
     from beamstiff.robot.stiffness import missing_stiffness
 
     try:
         yield
     except BeamstiffError as error:
-        if isinstance(error, OptionError) or values or not robot.actuated or missing_stiffness(robot):
+        if isinstance(error, OptionError) or not robot.actuated or missing_stiffness(robot):
             raise
+        unnamed = [
+            f"{item.name} is not named in --q and counts as 0, outside its limits "
+            + " to ".join(shown_value(robot, item.name, end) for end in item.limits)
+            for item in robot.actuated
+            if item.name not in values and item.limits and not item.limits[0] <= 0.0 <= item.limits[1]
+        ]
+        if values:
+            raise (BeamstiffError(f"{error}; {listed(unnamed)}") if unnamed else error) from None
         names = ",".join(f"{item.name}=..." for item in robot.actuated[:6])
         raise BeamstiffError(
             f"{error}; this is the reference posture, set another with --q {names}"

@@ -172,3 +172,10 @@ def test_with_drive_springs_only_rigid_wrenches_move_nothing(succeed: Run, prelo
 
 def test_what_closes_to_rounding_is_shown_as_zero(succeed: Run) -> None:
     assert "e-1" not in succeed("stiffness delta").stdout.split("Stiffness at")[0]
+
+
+def test_a_drive_that_is_not_named_and_cannot_be_0_is_told_with_its_limits(run: Run) -> None:
+    said = run("stiffness ir663-screws --q r8=800mm").stderr
+    assert "cannot close at r2 = 0 m" in said
+    assert "r2 is not named in --q and counts as 0, outside its limits 615 mm to 918 mm" in said
+    assert "r8 is not named" not in said
