@@ -6,19 +6,25 @@ import numpy as np
 
 from beamstiff.errors import listed
 from beamstiff.robot.closure import assembly_doubts
-from beamstiff.robot.coupling import frame_expressions
+from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
-from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.kinematics import compile_kinematics, posture, sampled_postures
 
 MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
 FARTHEST = 200.0  # m, that a slide may have
+UNEVEN = 1e-6  # m, of the length of a link over the postures
 SOFTEST, STIFFEST = 1e7, 2e12  # Pa, of what machines are built of: from rubber to diamond
 
 
 def robot_doubts(robot: Robot) -> tuple[str, ...]:
     """Return, one sentence each, what in a robot looks like a mistake; mostly nothing, and no error."""
     of_loops = assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
-    return (*_of_limits(robot), *_of_joints(robot), *_of_materials(robot), *of_loops)
+    return (
+        *_of_limits(robot),
+        *_of_joints(robot),
+        *_of_materials(robot),
+        *(of_loops if robot.loops else _of_lengths(robot)),
+    )
 
 
 def _of_limits(robot: Robot) -> Iterator[str]:
@@ -36,6 +42,28 @@ def _of_limits(robot: Robot) -> Iterator[str]:
                 f"{head} rad are {turns:.0f} turns; a number without a unit is in rad, write for instance "
                 f"'{high:g} deg'"
             )
+
+
+def _of_lengths(robot: Robot) -> Iterator[str]:
+    """Yield links that become longer or shorter as joints turn: they hold what is to move."""
+    if not robot.actuated:
+        return
+    kinds = variable_kinds(robot)
+    q = sampled_postures(robot, 3, 0)
+    slides = [at for at, one in enumerate(robot.actuated) if kinds[one.name] == "length"]
+    q[:, slides] = q[0, slides]  # a link may end where a guide holds
+    at = posture(compile_kinematics(robot), q).node_positions
+    index = {node.name: number for number, node in enumerate(robot.nodes)}
+    for kind, links in (("rigid", robot.rigids), ("beam", robot.beams)):
+        for link in links:
+            first, second = (index[name] for name in link.nodes)
+            length = np.linalg.norm(at[:, first] - at[:, second], axis=1)
+            if np.ptp(length) > UNEVEN:
+                yield (
+                    f"robot {robot.name!r}: the {kind} {link.name!r} would be {1e3 * length.min():.4g} to "
+                    f"{1e3 * length.max():.4g} mm long as joints turn: it holds {link.nodes[0]!r} and "
+                    f"{link.nodes[1]!r} together, which these move apart"
+                )
 
 
 def _of_materials(robot: Robot) -> Iterator[str]:

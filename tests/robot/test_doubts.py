@@ -6,6 +6,7 @@ import pytest
 
 from beamstiff import load_robot, robot_names
 from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.parts import Rigid
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.robot.urdf_texts import EVERYTHING
@@ -75,3 +76,12 @@ def test_a_modulus_without_its_unit_is_said() -> None:
     )
     (found,) = robot_doubts(soft)
     assert f"material {name}: E is 210 Pa; a number without a unit is in Pa" in found
+
+
+def test_a_link_across_joints_that_turn_is_said() -> None:
+    assert robot_doubts(parse_robot(ARM)) == ()
+    arm = parse_robot(ARM)
+    held = Rigid(name="weld", nodes=(arm.fixed[0], arm.tcp))
+    (found,) = robot_doubts(arm.model_copy(update={"rigids": (*arm.rigids, held)}))
+    assert "the rigid 'weld' would be" in found
+    assert f"it holds {arm.fixed[0]!r} and {arm.tcp!r} together" in found
