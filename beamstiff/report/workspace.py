@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from math import degrees
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 PANELS = 5  # slices beside one another
 WIDE = 100.0  # largest over least value above which colours follow the logarithm
 OUTSIDE = 99.5  # per cent of the values that the colours tell apart
+LETTERS = 12  # of a title, an inch wide
 GREY = "0.85"  # where there is no value
 SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "m/N": (1e6, "µm/N"), "rad": (degrees(1.0), "deg")}
 
@@ -117,6 +119,7 @@ def map_figure(dataset: xarray.Dataset, quantities: list[str] | None = None) -> 
             _draw_slices(figure, panels[row], dataset, name, some)
     what = ", ".join(name.replace("_", " ") for name in names)
     title = f"{dataset.attrs.get('robot', '')}: {what}{_loaded(dataset, names)}"
+    title = fill(title, int(LETTERS * figure.get_figwidth()))
     title += f"\n{dataset['reason'].size:,} poses, base frame"
     figure.suptitle(title.replace("$", r"\$"), fontsize="medium")
     return figure
