@@ -52,7 +52,12 @@ def _of_lengths(robot: Robot) -> Iterator[str]:
     q = sampled_postures(robot, 3, 0)
     slides = [at for at, one in enumerate(robot.actuated) if kinds[one.name] == "length"]
     q[:, slides] = q[0, slides]  # a link may end where a guide holds
-    at = posture(compile_kinematics(robot), q).node_positions
+    with np.errstate(over="ignore", invalid="ignore"):
+        at = posture(compile_kinematics(robot), q).node_positions
+    if (
+        not np.abs(at).max() < 1.0 / np.finfo(float).eps
+    ):  # lengths that nothing is built of: elsewhere refused
+        return
     index = {node.name: number for number, node in enumerate(robot.nodes)}
     for kind, links in (("rigid", robot.rigids), ("beam", robot.beams)):
         for link in links:
