@@ -257,7 +257,12 @@ def _diagnosis(weighed: Weighed, may_be_outliers: bool, seed: int) -> Diagnosis:
         outliers=tuple(linear.rows.place(row) for row in outlying.tolist()),
         notes=(
             *notes(screened, white),
-            *notes_of_verdict(screened, verdict.effect, scale, _off(screened, linear, models, scale)),
+            *notes_of_verdict(
+                screened,
+                verdict.effect,
+                scale,
+                _off(screened, linear, models, scale) if outlying.size else None,
+            ),
             *_unclear(judged),
             *_unmodelled(judged, found),
             *left_out,

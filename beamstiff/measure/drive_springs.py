@@ -11,13 +11,16 @@ from scipy.optimize import nnls
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import equal_rows
-from beamstiff.measure.position_doubts import Index, comparable, laid_over, read_rows
+from beamstiff.measure.position_doubts import POSTURES, Index, comparable, laid_over, read_rows
+from beamstiff.measure.rows import evenly
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture, twist_jacobian
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.se3 import Array
+
+MOST = 100  # rows that are fitted: more say no more
 
 
 class DriveSprings:
@@ -58,6 +61,22 @@ class DriveSprings:
 
     def _drives(self, wrench: Array) -> Array:
         return np.asarray(self.moves * np.einsum("mka,mk->ma", self.takes, wrench)[:, None])
+
+
+def springs_of(table: Measurements, robot: Robot) -> tuple[DriveSprings, Index, Array, Array] | None:
+    """Return springs, and some rows (M,), wrenches (M, 6) and what they move (M, 3), as `moved_by_loads`.
+
+    None of a robot without drives, of too few postures, or where the loops do not close.
+    """
+    rows, more, moved = moved_by_loads(table, robot)
+    some = evenly(len(rows), MOST)
+    rows, more, moved = rows[some], more[some], moved[some]
+    if len(np.unique(table.q[rows], axis=0)) < POSTURES or not robot.actuated:
+        return None
+    try:
+        return DriveSprings(table, robot, rows, table.q[rows]), rows, more, moved
+    except BeamstiffError:
+        return None
 
 
 def moved_by_loads(table: Measurements, robot: Robot) -> tuple[Index, Array, Array]:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamstiff.errors import BeamstiffError, UnusableError
-from beamstiff.measure.drive_springs import DriveSprings, moved_by_loads
-from beamstiff.measure.misread_columns import NEARER, misread_columns, require_columns, some_moved
-from beamstiff.measure.position_doubts import BEYOND_NOISE, LOADED, POSTURES
+from beamstiff.errors import UnusableError
+from beamstiff.measure.drive_springs import moved_by_loads, springs_of
+from beamstiff.measure.misread_columns import NEARER, misread_columns, require_columns
+from beamstiff.measure.position_doubts import BEYOND_NOISE, LOADED
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -58,13 +58,9 @@ def _of_the_unit(table: Measurements, robot: Robot) -> Iterator[tuple[bool, str]
 
     And whether that is sure: what moves less than any robot would is; an arm may be soft, or have soft links.
     """
-    rows, more, moved = some_moved(table, robot)
-    if len(np.unique(table.q[rows], axis=0)) < POSTURES or not robot.actuated:
+    if (fitting := springs_of(table, robot)) is None:
         return
-    try:
-        springs = DriveSprings(table, robot, rows, table.q[rows])
-    except BeamstiffError:  # the loops do not close
-        return
+    springs, _, more, moved = fitting
     if not springs.left(more, moved) < NEARER * float(np.sqrt((moved**2).sum(axis=1).mean())):
         return
     described = springs.as_described(more, robot)

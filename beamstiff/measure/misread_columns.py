@@ -16,9 +16,8 @@ from itertools import combinations, compress, permutations, product
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, UnusableError, listed
-from beamstiff.measure.drive_springs import DriveSprings, moved_by_loads
-from beamstiff.measure.position_doubts import POSTURES, REVERSIBLE, Index, axes_in_words
-from beamstiff.measure.rows import evenly
+from beamstiff.measure.drive_springs import DriveSprings, springs_of
+from beamstiff.measure.position_doubts import REVERSIBLE, Index, axes_in_words
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -29,7 +28,6 @@ SAME = 1.0 + 1e-6  # times as much: columns of zeros may be exchanged
 # misread on purpose, and the right reading was found, the next left 1.97 times as much or more
 ALIKE = 1.5
 SHOWS = 2.0  # times the noise, RMS, that columns as they are leave where misread ones are sure
-MOST = 100  # rows that are fitted: more say no more
 KILO = 1e3  # N in a kN
 FORCES = ("fx", "fy", "fz")
 CORRECT = "columns (loads act on the tool, in base axes; displacements are loaded minus unloaded)"
@@ -58,13 +56,9 @@ def misread_columns(table: Measurements, robot: Robot) -> Iterator[tuple[bool, s
     Sure are displacements alone that leave more than their noise and fit one reading only, of robots without
     loops: these may also be put together in another way, so that their joints are not tried.
     """
-    rows, more, moved = some_moved(table, robot)
-    if len(np.unique(table.q[rows], axis=0)) < POSTURES or not robot.actuated:
+    if (fitting := springs_of(table, robot)) is None:
         return
-    try:
-        springs = DriveSprings(table, robot, rows, table.q[rows])
-    except BeamstiffError:  # the loops do not close
-        return
+    springs, rows, more, moved = fitting
     stated, whole = springs.left(more, moved), float(np.sqrt((moved**2).sum(axis=1).mean()))
     noise = float(np.sqrt((np.nan_to_num(table.sigma[rows, :3]) ** 2).sum(axis=1).mean()))
     shows = table.kind == "displacement" and stated > SHOWS * noise and not robot.loops
@@ -84,13 +78,6 @@ def misread_columns(table: Measurements, robot: Robot) -> Iterator[tuple[bool, s
         f"{table.source}: what the loads move fits springs with {said} ({1e3 * best.left:.3g} mm RMS left of "
         f"{1e3 * whole:.3g} mm), not as the table has it ({1e3 * stated:.3g} mm): correct the {correct}",
     )
-
-
-def some_moved(table: Measurements, robot: Robot) -> tuple[Index, Array, Array]:
-    """Return some rows (M,), wrenches (M, 6) and what they move (M, 3), as `moved_by_loads`."""
-    rows, more, moved = moved_by_loads(table, robot)
-    some = evenly(len(rows), MOST)
-    return rows[some], more[some], moved[some]
 
 
 def _of_loads(springs: DriveSprings, wrench: Array, moved: Array) -> Iterator[Reading]:
