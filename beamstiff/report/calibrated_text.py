@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from beamstiff.calibration.parameters import AXES
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
@@ -86,12 +87,18 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
 
 def reflectors_off(changed: Recalibration) -> list[str]:
     """Return how far reflectors stand from their places in the robot file, in words, the farthest first."""
+    off = sorted(_off_by_node(changed).items(), key=lambda one: -one[1])
+    return [f"{node} by {rounded(1e3 * by)} mm" for node, by in off]
+
+
+def _off_by_node(changed: Recalibration) -> dict[str, float]:
+    """Return how far each reflector stands from its place in the robot file, m."""
     off: dict[str, float] = {}
     for one in changed.changes:
-        if one.parameter.group == "target" and one.parameter.unit == "m":
-            node = one.parameter.name.rpartition(".")[0]
+        node, _, axis = one.parameter.name.rpartition(".")
+        if one.parameter.group == "target" and axis in AXES:
             off[node] = float(np.hypot(off.get(node, 0.0), one.by))
-    return [f"{node} by {rounded(1e3 * by)} mm" for node, by in sorted(off.items(), key=lambda one: -one[1])]
+    return off
 
 
 def changes_table(changed: Recalibration, title: str) -> Table:
@@ -135,11 +142,8 @@ def moved_load(result: Diagnosis) -> str:
     """Return, in words, that calibration moved the loads with the reflector; empty where it did not."""
     rows, changed = result.baseline.rows, result.recalibration if result.baseline.absolute else None
     loaded = set(rows.load_point[np.abs(rows.wrench).max(axis=1) > 0.0].tolist())
-    far: dict[str, float] = {}
-    for one in () if changed is None else changed.changes:
-        node = one.parameter.name.rpartition(".")[0]
-        if one.parameter.group == "target" and node in loaded & set(rows.point.tolist()):
-            far[node] = np.hypot(far.get(node, 0.0), one.by)
+    off = {} if changed is None else _off_by_node(changed)
+    far = {node: by for node, by in off.items() if node in loaded & set(rows.point.tolist())}
     node = max(far, key=lambda one: far[one], default="")
     if not node or far[node] < ELSEWHERE:
         return ""
