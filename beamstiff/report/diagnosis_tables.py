@@ -51,7 +51,7 @@ def steps(result: Diagnosis) -> list[Step]:
             undecided = counted(len(found.unclear), "undecided cause")
             made.append(Step(f"and {undecided}", found.unclear[-1].rms_after))
         made += [
-            Step(f"and {one.forms[0].component} (outside the library)", one.rms_after, one)
+            Step(f"and {words.law_in_words(one)} (outside the library)", one.rms_after, one)
             for one in found.unmodelled
         ]
     return [*made, Step("noise floor", result.noise)]

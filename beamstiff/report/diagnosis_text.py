@@ -67,7 +67,11 @@ def verdict(result: Diagnosis) -> Verdict:
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
-            said = f"{gap}, cause unknown" + (f": perhaps {best}" if (best := _perhaps(result)) else "")
+            said = f"{gap}, cause unknown"
+            if law := _outside(result):
+                said += law
+            elif best := _perhaps(result):
+                said += f": perhaps {best}"
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             left = close.after
             share = "" if words.one_posture(result) else words.percent(close.shrink)
@@ -150,11 +154,9 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
 
 def _outside(result: Diagnosis) -> str:
     """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
-    found = result.decomposition
-    if found is None or not found.unmodelled or found.unmodelled[0].closes < found.causes[0].closes:
+    if (law := words.law_of(result)) is None:
         return ""
-    law = found.unmodelled[0]
-    return f"; {words.percent(law.closes)} look as if {law.forms[0].component}, outside the library"
+    return f"; {words.percent(law.closes)} look as if {words.law_in_words(law)}, outside the library"
 
 
 def _shortly(names: Sequence[str], most: int = NAMED) -> str:
@@ -202,7 +204,7 @@ def remainder_text(found: Decomposition) -> str:
             )
     if found.unmodelled:
         each = [
-            f"{one.forms[0].component} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
+            f"{words.law_in_words(one)} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
         ]
         said += f"\nOutside the library, the readings look as if {', '.join(each)}."
     return said
@@ -248,7 +250,9 @@ def summary(result: Diagnosis) -> str:
         if result.decomposition is not None and not result.baseline.claimed:
             gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
         text = f"{first}\nUnknown (probability {certain}): {gap}, and "
-        if best := _perhaps(result):
+        if law := words.law_of(result):
+            text += f"no effect of the library does what most of it looks like: {words.law_in_words(law)}."
+        elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:
             text += (

@@ -9,6 +9,7 @@ import numpy as np
 
 from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposed import cause_candidate
+from beamstiff.diagnosis.decomposition.causes import NAMED
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause
 
 
+BY_NOUN = ("base ", "tool ")  # places that are no names
 LEVER = 0.9  # share of the squares of nine levers that is a force's from another place; by chance a third
 DIFFERS = "it differs much between the postures, as its interval shows"
 FAR = 2.0  # times the largest realistic size, from which the verdict says that a size is unrealistic
@@ -141,6 +143,22 @@ def several(result: Diagnosis) -> tuple[Cause, ...]:
     """Return the causes of a gap that has more than one, or none that makes most of it; else none."""
     found = result.decomposition
     return () if found is None or (found.verdict and len(found.causes) == 1) else found.causes
+
+
+def law_of(result: Diagnosis) -> Cause | None:
+    """Return the law outside the library that explains more than any cause does, if it is likely; or None."""
+    found = result.decomposition
+    laws = () if found is None else found.unmodelled
+    first = max(laws, key=lambda one: one.closes, default=None)
+    if found is None or first is None or first.probability < NAMED:
+        return None
+    return first if all(one.closes <= first.closes for one in found.every) else None
+
+
+def law_in_words(law: Cause) -> str:
+    """Return what a law outside the library does, in words."""
+    does = str(law.forms[0].component)
+    return f"the {does}" if does.startswith(BY_NOUN) else does
 
 
 def closed(found: Sequence[Cause]) -> str:

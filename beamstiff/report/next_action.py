@@ -17,7 +17,15 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted, listed
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load
-from beamstiff.report.diagnosis_words import load_lever, named, several, told, unrealistic
+from beamstiff.report.diagnosis_words import (
+    law_in_words,
+    law_of,
+    load_lever,
+    named,
+    several,
+    told,
+    unrealistic,
+)
 from beamstiff.report.verdict import rigid_drives, rigid_text, rounded, undetermined_text
 
 TOO_FEW, NOTHING = "Too few rows to say anything", "nothing beyond noise"  # headlines
@@ -83,6 +91,8 @@ def _one(result: Diagnosis, head: str) -> str:
     like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
     if like_sag and weightless(result.baseline):
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
+    if law := law_of(result):
+        return f"Check whether {law_in_words(law)}; mend that, measure again and diagnose the new table."
     if not to_check:
         return _also(result, "Measure").strip() or _by_remainder(result)
     if rigid := _compliant(result):

@@ -418,5 +418,6 @@ def test_a_law_outside_the_library_that_explains_more_than_any_cause_is_in_the_h
         law = replace(first, forms=(form,), closes=share, indistinguishable=())
         other = replace(result, decomposition=replace(several, unmodelled=(law,)))
         assert verdict(other).headline.endswith("look as if q3 creeps, outside the library") == told
+        assert verdict(other).action.startswith("Check whether q3 creeps; mend that") == told
         row = next(row for row in steps_table(other).rows if row[0] == "and q3 creeps (outside the library)")
         assert row[2] == percent(share)

@@ -13,9 +13,11 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import drives
 from beamstiff.diagnosis.inference.component_subspaces import (
+    OPENING,
     PLAY,
     SLIPPING,
     SOFTENING,
+    opening_of,
     play_of,
     softening_of,
     structure_places,
@@ -55,6 +57,7 @@ def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
         yield name, PLAY, play_of(baseline, place), False
         if place is baseline.places.base or place is baseline.places.flange:
             yield name, SLIPPING, slipping(baseline, place), False
+    yield "base", OPENING, opening_of(baseline), True
     for drive in map(str, drives(baseline)):
         for does, columns in unmodelled_of_drive(baseline, drive).items():
             yield drive, does, columns, False

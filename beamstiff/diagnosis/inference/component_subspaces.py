@@ -47,6 +47,8 @@ ABSORBED = 1e-6  # share of a column that the fit leaves, below which it leaves 
 TETHERED = "is held by something that acts as a spring to the floor, a hose or a cable"
 STOPPED = "comes up against something that stands still"
 PLAY = "has play"
+OPENING = "opens to one side, as where bolts are loose"
+HINGES = 8  # evenly in half a turn, about which a foot may open: what lies between is a sum of two
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
@@ -176,6 +178,22 @@ def _of_structure(baseline: Baseline, place: Place) -> tuple[Array, Array, Array
 def play_of(baseline: Baseline, place: Place) -> Array:
     """Return what play of a place of the structure could do, (N, 6, 6)."""
     return _bent(baseline, place, lambda q: np.tanh(STEEP * q))
+
+
+def opening_of(baseline: Baseline) -> Array:
+    """Return how the base turns about hinges in the plane of its foot, and lifts, (N, 6, 16).
+
+    Under moments to one side, and to the other: as where bolts are loose, and the foot turns about its edge.
+    """
+    place, angles = baseline.places.base, np.linspace(0.0, np.pi, HINGES, endpoint=False)
+    hinges = np.stack([np.cos(angles), np.sin(angles)])
+    moment, dead = place.load[:, 3:5] @ hinges, place.dead[:, 3:5] @ hinges
+    turned, lifted = place.shift[:, :, 3:5] @ hinges, np.tile(place.shift[:, :, 2:3], HINGES)
+    columns = []
+    for side in (1.0, -1.0):
+        slip = loaded_less_unloaded(baseline, side * moment, side * dead, partial(np.maximum, 0.0))[:, None]
+        columns += [side * turned * slip, lifted * slip]
+    return np.concatenate(columns, axis=-1)
 
 
 def _bent(baseline: Baseline, place: Place, law: Callable[[Array], Array]) -> Array:
