@@ -141,8 +141,11 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     if apart.left_out:
         stated, known = fit_baseline(robot, without_rows(rows, apart.left_out)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
-    promised = sum(cause.closes for cause in several.every)
-    if several.causes and promised >= QUARTER:  # of postures that had no say in their selection
+    told = several.every
+    if found.verdict.effect == UNKNOWN:  # what no effect of the library is says at least what it looks like
+        told = (*told, *several.unmodelled)
+    # of postures that had no say in their selection
+    if told and sum(cause.closes for cause in told) >= QUARTER:
         said = notes(screened, whiten(screened.baseline, screened.used))
         return diagnosis_of(replace(several, apart=apart), tuple(said))
     return found
