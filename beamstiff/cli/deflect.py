@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from beamstiff.cli.options import Assembly, DataFile, Html, Preload, RobotFile, option
+from beamstiff.cli.options import COLUMNS, Assembly, Html, Preload, RobotFile, argument, option
 from beamstiff.cli.output import Outputs, note, working, write
-from beamstiff.cli.parse import robot_file
+from beamstiff.cli.parse import parse_variables, parse_wrench, robot_file
 from beamstiff.errors import BeamstiffError, optional
 
 if TYPE_CHECKING:
@@ -17,7 +18,16 @@ if TYPE_CHECKING:
 
 def deflect(
     robot: RobotFile,
-    data: DataFile,
+    data: Annotated[str | None, argument("[DATA]", f"CSV table, {COLUMNS} Not needed with --wrench.")] = None,
+    q: list[str] | None = option(
+        "NAME=VALUE,...",
+        "With --wrench: actuated joint variables; a number is rad or m. Those not named are 0, passive ones "
+        "are solved. Default: the reference posture of `beamstiff show`.",
+    ),
+    wrench: list[str] | None = option(
+        "NAME=VALUE,...",
+        "In place of DATA: a load on the TCP, base frame, such as fz=-900N,mx=20; the others are 0.",
+    ),
     preload: Preload = False,
     assembly: Assembly = None,
     out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
@@ -27,7 +37,7 @@ def deflect(
     line: int | None = option("N", "With --vtu: the line of the row in DATA."),
     html: Html = None,
 ) -> None:
-    """Predict displacements of a table of postures and loads.
+    """Predict displacements of a table of postures and loads, or of one load.
 
     The prediction is linear, loaded minus unloaded (C wrench), in the base frame. It is the
     displacement of the TCP, or of the row's `point`, under the wrench at the TCP, or at the row's
@@ -44,6 +54,7 @@ def deflect(
     \b
     Examples:
       beamstiff deflect cantilever loads.csv
+      beamstiff deflect ir663 --q q2=10deg,q8=45deg --wrench fz=-900N
       beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
       beamstiff deflect kr240-2 loads.csv --preload --html report.html
       beamstiff deflect kr240-2 loads.csv --vtu shape.vtu --line 3
@@ -64,24 +75,47 @@ def deflect(
     machine = as_robot(robot, assembly=assembly)
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
-    outputs = Outputs([robot_file(robot), data], out=out, vtu=vtu, html=html)
+    load = parse_wrench(wrench)
+    if (data is None) == (load is None):
+        found = "neither" if data is None else "both"
+        raise BeamstiffError(f"found {found} of DATA and --wrench, expected a table of loads or one load")
+    if data is not None and q is not None:
+        raise BeamstiffError("--q: goes with --wrench; DATA has its own joint values")
+    outputs = Outputs([robot_file(robot), *([data] if data else [])], out=out, vtu=vtu, html=html)
     if vtu is not None and Path(vtu).suffix.lower() != ".vtu":
         raise BeamstiffError(f"--vtu {vtu}: found the ending {Path(vtu).suffix!r}, expected .vtu")
     if line is not None and vtu is None:
         raise BeamstiffError("--line: goes with --vtu")
-    (loads,) = as_tables(data, machine, require_measured=False)
+    if data is not None:
+        (loads,) = as_tables(data, machine, require_measured=False)
+    elif load is not None:
+        loads = _one_row(machine, parse_variables(machine, q), load)
     shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows"):
-        found = predict(machine, loads, preload=preload)
-        shown = list(deflection_told(found))  # of numbers that may overflow
-    outputs.result(found.notes, shown, found.to_dict())
+        result = predict(machine, loads, preload=preload)
+        shown = list(deflection_told(result))  # of numbers that may overflow
+    outputs.result(result.notes, shown, result.to_dict())
     if out is not None:
-        write(out, measurements_to_csv(found.to_measurements(), machine))
+        write(out, measurements_to_csv(result.to_measurements(), machine))
     if vtu is not None:
-        most = int((found.displacement[:, :3] ** 2).sum(axis=1).argmax())
+        most = int((result.displacement[:, :3] ** 2).sum(axis=1).argmax())
         with optional(vtu, note):
             _write_shape(machine, loads, most if shape_of is None else shape_of, vtu)
-    outputs.page("deflection", found)
+    outputs.page("deflection", result)
+
+
+def _one_row(robot: Robot, values: Mapping[str, float], wrench: Sequence[float]) -> Measurements:
+    """Return the table of one posture, by default the reference posture, under one load on the TCP."""
+    import numpy as np
+
+    from beamstiff.measure.table import make_measurements
+    from beamstiff.robot.kinematics import reference_posture
+
+    names = [item.name for item in robot.actuated]
+    row = np.array([values.get(name, 0.0) for name in names]) if values else reference_posture(robot)
+    if not values and row.any():
+        note("no --q: the reference posture, the middle of the joint limits where the loops close")
+    return make_measurements(names, row[None], tcp=robot.tcp, wrench=[wrench], source="--wrench")
 
 
 def _row_of(loads: Measurements, line: int) -> int:

@@ -98,7 +98,7 @@ def stiffness(
         raise OptionError(
             "wrench",
             "needs --preload (preload=True). For the displacement under a load use beamstiff deflect ROBOT "
-            "DATA.csv, a table of joint values and loads",
+            "--wrench, or DATA.csv, a table of joint values and loads",
         )
     load = np.zeros(6) if wrench is None else six_numbers("wrench", wrench)
     try:

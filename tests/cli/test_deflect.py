@@ -28,6 +28,30 @@ def test_loads_alone_are_enough(told: Run, folder: Path) -> None:
     np.testing.assert_allclose(answer["displacement"], [BY_HAND[0], -2 * BY_HAND[0]], atol=1e-15)
 
 
+def test_one_load_needs_no_table(told: Run, run: Run) -> None:
+    for q in ("--q q1=0deg ", ""):  # which is the reference posture
+        answer = told(f"deflect crane.yaml {q}--wrench fy=1kN")
+        np.testing.assert_allclose(answer["displacement"], [BY_HAND[0]], atol=1e-15)
+    turned = told("deflect crane.yaml --q q1=90deg --wrench fx=-1kN")["displacement"][0]
+    np.testing.assert_allclose(turned, 1e-3 * np.array([-1.5, 0, 0, 0, 0, 1]), atol=1e-15)
+    warned = run("deflect ir663 --q q2=60deg,q8=45deg --wrench fz=-1").stderr
+    assert "q2: 1.0472 rad lies outside the limits" in warned
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("", "found neither of DATA and --wrench, expected a table of loads or one load"),
+        ("crane.csv --wrench fy=1kN", "found both of DATA and --wrench"),
+        ("crane.csv --q q1=0.1", "--q: goes with --wrench; DATA has its own joint values"),
+        ("--wrench fy=1kN --q q7=0.1", "--q: unknown joint variable 'q7'"),
+        ("--wrench fq=1kN", "--wrench: unknown component 'fq'"),
+    ],
+)
+def test_a_table_or_one_load(refused: Refused, options: str, said: str) -> None:
+    refused(f"deflect crane.yaml {options}", said)
+
+
 def test_what_is_compliant_is_told_by_its_share_of_the_strain_energy(succeed: Run, folder: Path) -> None:
     (folder / "loads.csv").write_text("q1 [deg],fy [kN]\n0,0.5\n0,1\n")  # by hand: 1 mm and 0.5
     said = " ".join(succeed("deflect crane.yaml loads.csv").stdout.split())
