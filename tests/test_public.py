@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     names = [variable.name for variable in robot.actuated]
     rows = make_measurements(names, q, tcp=robot.tcp, position=seen, sigma_position=1e-5)
     beamstiff.write_measurements(rows, folder / "poses.csv", robot)
-    head = "x [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]\n"
+    head = "# orientation: KUKA ABC\nx [mm],y [mm],z [mm],a [deg],b [deg],c [deg],fz [N]\n"
     path = head + "1500,0,900,0,90,0,-500\n1500,100,900,0,90,0,-500\n"
     (folder / "path.csv").write_text(path, encoding="utf-8")
     return folder

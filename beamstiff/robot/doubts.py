@@ -12,7 +12,7 @@ from beamstiff.robot.kinematics import compile_kinematics, posture, sampled_post
 
 MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
 FARTHEST = 200.0  # m, that a slide may have
-UNEVEN = 1e-6  # m, of the length of a link over the postures
+UNEVEN = 0.01  # of a link's length over the postures: calibrated axes stand off their links by less
 SOFTEST, STIFFEST = 1e7, 2e12  # Pa, of what machines are built of: from rubber to diamond
 
 
@@ -63,7 +63,7 @@ def _of_lengths(robot: Robot) -> Iterator[str]:
         for link in links:
             first, second = (index[name] for name in link.nodes)
             length = np.linalg.norm(at[:, first] - at[:, second], axis=1)
-            if np.ptp(length) > UNEVEN:
+            if np.ptp(length) > UNEVEN * length.max():
                 yield (
                     f"robot {robot.name!r}: the {kind} {link.name!r} would be {1e3 * length.min():.4g} to "
                     f"{1e3 * length.max():.4g} mm long as joints turn: it holds {link.nodes[0]!r} and "

@@ -222,15 +222,16 @@ def test_a_rigid_robot_is_said_to_be_one_and_rounding_is_nothing(folder: Path, s
     assert "e-1" not in result.stdout
 
 
-def test_angles_without_a_declaration_are_said_to_be_rotation_vectors(cell: Path, run: Run) -> None:
-    told = "note: path.csv: a, b, c are read as rotation vectors"
-    for head, noted in (
-        ("", True),
-        ("# orientation: rotation vector\n", False),
-        ("# orientation: KUKA ABC\n", False),
-    ):
+def test_degrees_without_a_declaration_are_refused_and_radians_are_a_rotation_vector(
+    cell: Path, run: Run, refused: Refused
+) -> None:
+    (cell / "path.csv").write_text(TABLE)
+    refused("compensate kr500 path.csv", ["path.csv:1: a, b, c in degrees", "# orientation: KUKA ABC"])
+    for head in ("# orientation: rotation vector\n", "# orientation: KUKA ABC\n"):
         (cell / "path.csv").write_text(head + TABLE)
-        assert (told in run("compensate kr500 path.csv").stderr) == noted
+        assert "rotation vectors" not in run("compensate kr500 path.csv").stderr
+    (cell / "path.csv").write_text("x,y,z,a,b,c\n1.8,0,1.7,0.1,1.9,0.1\n")
+    assert "note: path.csv: a, b, c are read as rotation vectors" in run("compensate kr500 path.csv").stderr
 
 
 def test_how_far_a_command_turns_is_told_beside_how_far_it_moves(cell: Path, run: Run) -> None:

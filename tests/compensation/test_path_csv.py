@@ -41,7 +41,7 @@ def test_without_a_declaration_a_b_c_are_a_rotation_vector() -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
 def test_names_and_units_beyond_ascii(encoding: str) -> None:
-    text = "name,x [mm],y,z,a [°],b,c,depth [µm]\nTür,1,2,3,90,0,0,50\n"
+    text = "# orientation: rotation vector\nname,x [mm],y,z,a [°],b,c,depth [µm]\nTür,1,2,3,90,0,0,50\n"
     program = path_csv.read(text.encode(encoding).decode("latin-1"), "a.csv")
     assert program.path.names == ("Tür",)
     np.testing.assert_allclose(program.path.columns["depth"], [5e-5])

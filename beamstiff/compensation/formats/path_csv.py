@@ -1,7 +1,7 @@
 """Path tables (CSV): columns x y z and an orientation, units in the header, SI otherwise.
 
 Orientation, one of: ``a b c``, a rotation vector unless ``# orientation: KUKA ABC`` (or ``Euler ZYX``,
-``fixed XYZ``, ...) before the header says otherwise; ``qw qx qy qz``; ``i j k``, the tool axis from tip to
+``fixed XYZ``, ...) before the header says otherwise, which those in degrees need; ``qw qx qy qz``; ``i j k``, the tool axis from tip to
 holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base frame of the robot. ``name`` names
 a target. Other columns of numbers are kept for the process (depth of cut, feed, ...).
 """
@@ -91,6 +91,12 @@ def read(text: str, source: str) -> Program:
     notes = list(_no_loads(header, source))
     turned = not (program.path.poses[:, :3, :3] == np.eye(3)).all()
     if names == ANGLES and declared is None and turned:
+        if any(column.name in ANGLES and column.unit != 1.0 for column in header):
+            said = (
+                "a, b, c in degrees: angles of a controller, or a rotation vector? Say so in a line before the "
+                "header: # orientation: KUKA ABC (or Euler ZYX, fixed XYZ, ..., rotation vector)"
+            )
+            fail(source, header_line, "", said)
         notes.append(
             f"{source}: a, b, c are read as rotation vectors; angles of a controller are declared before the "
             "header: # orientation: KUKA ABC"
