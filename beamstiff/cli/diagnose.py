@@ -90,7 +90,7 @@ def diagnose(
         with optional(next_to, note):
             write(next_to, proposed_csv(result))
     elif next_to is not None:  # a diagnosis was made all the same
-        note(f"{next_to} was not written: this diagnosis proposes no states to measure")
+        note(f"{next_to} was not written: there are no causes to tell apart; beamstiff plan proposes states")
     if apply is not None:
         from beamstiff.diagnosis.apply import extended, readable, written_std
 

@@ -55,6 +55,8 @@ class Verification(Shown):
         The error of the robot before it was calibrated, where it was given.
     base : tuple of float (6,), m and rad, or None
         Position and rotation vector of the robot's base in the measuring frame, where that was fitted.
+    unexplained : str
+        What the error looks like that the robot's fit left, where its file says so.
     """
 
     before: float
@@ -70,6 +72,7 @@ class Verification(Shown):
     fitted: int = 0
     nominal: float | None = None
     base: tuple[float, ...] | None = None
+    unexplained: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -164,6 +167,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         base=None
         if base is None
         else (*base.translation.tolist(), *vector_from_rotation(base.rotation).tolist()),
+        unexplained=robot.unexplained,
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 

@@ -1,5 +1,7 @@
 """What the calibration beside the causes of a diagnosis changed, in words."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from beamstiff.calibration.parameters import AXES
@@ -63,15 +65,21 @@ def calibrated_worse(result: Diagnosis) -> str:
     )
 
 
-def changes_text(changed: Recalibration, others: str = "in --json and --apply") -> str:
-    """Return what the geometry beside the causes changed most; the `others` stand elsewhere."""
-    kinds = _by_kind(changed)
+def changes_text(result: Diagnosis, others: str = "in --json and --apply") -> str:
+    """Return what changed most in the geometry beside the causes; empty where nothing did.
+
+    The `others` stand elsewhere, what the readings do not determine by itself among them.
+    """
+    changed = result.recalibration
+    if changed is None or not changed.changes:
+        return ""
+    sure = _by_kind([one for one in changed.changes if one.std] or changed.changes)
     each = "; ".join(
         f"{kind}s: {', '.join(f'{_in_words(one)} {unit}' for one in some[:NAMED])}"
-        for (kind, unit), some in kinds.items()
+        for (kind, unit), some in sure.items()
     )
     each = each[:1].upper() + each[1:]
-    rest = sum(max(len(some) - NAMED, 0) for some in kinds.values())
+    rest = len(changed.changes) - sum(len(some[:NAMED]) for some in sure.values())
     more = f" ({rest} more {others})" if rest > 0 else ""
     moved = reflectors_off(changed)
     if moved:
@@ -82,7 +90,9 @@ def changes_text(changed: Recalibration, others: str = "in --json and --apply") 
         if changed.together
         else ""
     )
-    return f"Largest changes of the geometry, with standard deviations. {each}{more}.{alike}"
+    unexplained = result.verdict.effect == "unknown"
+    doubt = " (which do not count what the unexplained gap may have moved)" if unexplained else ""
+    return f"Largest changes of the geometry, with standard deviations{doubt}. {each}{more}.{alike}"
 
 
 def reflectors_off(changed: Recalibration) -> list[str]:
@@ -103,7 +113,7 @@ def _off_by_node(changed: Recalibration) -> dict[str, float]:
 
 def changes_table(changed: Recalibration, title: str) -> Table:
     """Return all that the calibration changed: angles and lengths in a column each, the largest first."""
-    kinds = _by_kind(changed)
+    kinds = _by_kind(changed.changes)
     made = table(title, "parameter", *(head for kind, unit in kinds for head in (f"{kind}, {unit}", "std")))
     for place, some in enumerate(kinds.values()):
         for one in some:
@@ -112,10 +122,10 @@ def changes_table(changed: Recalibration, title: str) -> Table:
     return made
 
 
-def _by_kind(changed: Recalibration) -> dict[tuple[str, str], list[Change]]:
+def _by_kind(changes: Sequence[Change]) -> dict[tuple[str, str], list[Change]]:
     """Return the changes by what they are and its unit, in the order of their sizes: a mrad is no mm."""
     kinds: dict[tuple[str, str], list[Change]] = {}
-    for one in changed.changes:
+    for one in changes:
         kinds.setdefault(KINDS[one.parameter.unit], []).append(one)
     return kinds
 

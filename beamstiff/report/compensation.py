@@ -143,6 +143,9 @@ def compensation_verdict(result: Compensated) -> Verdict:
             "If the workpiece was measured by other means, use this result, in the base that "
             f"beamstiff verify --refit-frame prints. {action}"
         )
+    if looks_like := machine.real.unexplained:
+        doubt = f"Doubtful: what the real robot's file leaves looks as if {looks_like}."
+        action = "Mend that, measure and diagnose again, and correct the path with the new file."
     if result.extrapolated:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."
         action = "Measure postures of this path and diagnose or calibrate with them before you use it."

@@ -93,8 +93,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         if found := by_causes(result):
             yield Text("\n".join([probability_text(found), *next_best_text(result)]))
         said = [remainder_text(result.decomposition)] if result.decomposition.gap_shows else []
-        if result.recalibration is not None and result.recalibration.changes:
-            said.append(changes_text(result.recalibration))
+        said += filter(None, [changes_text(result)])
         yield Text("".join(f"{line}\n" for line in ["", *said]))
     if not by_causes(result):
         candidates = candidates_table(result, likely(result, SHOWN), "Which effect")

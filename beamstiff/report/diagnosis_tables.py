@@ -1,7 +1,7 @@
 """Tables beside the causes of a diagnosis: errors step by step, courses of drifts, what would have shown."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +40,7 @@ class Step:
 def steps(result: Diagnosis) -> list[Step]:
     """Return the models from the robot file to all causes, what each leaves, and the noise floor."""
     found, changed = result.decomposition, result.recalibration
-    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed, result.start_values)
+    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed, _guessed(result))
     if found is None:
         if result.verdict.shrink is not None:
             made.append(Step(f"with {words.causes(result)}", result.verdict.shrink.after))
@@ -51,18 +51,23 @@ def steps(result: Diagnosis) -> list[Step]:
             undecided = counted(len(found.unclear), "undecided cause")
             made.append(Step(f"and {undecided}", found.unclear[-1].rms_after))
         made += [
-            Step(f"and {words.law_in_words(one)} (outside the library)", one.rms_after, one)
+            Step(f"and {one.looks_like} (outside the library)", one.rms_after, one)
             for one in found.unmodelled
         ]
     return [*made, Step("noise floor", result.noise)]
 
 
-def _fitted(changed: Recalibration, start_values: Sequence[str]) -> list[Step]:
+def _guessed(result: Diagnosis) -> bool:
+    """Return whether all stiffness that was fitted is a guess in the robot file."""
+    return bool(result.start_values) and len(result.start_values) == len(result.linear_stiffness)
+
+
+def _fitted(changed: Recalibration, is_guess: bool) -> list[Step]:
     """Return what the file leaves, and what its calibration leaves step by step."""
     made, fitted = [], ", measuring frame fitted"
     if changed.rigid is not None and rounded(changed.rigid) != rounded(changed.before):
         made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
-    guessed = ", its guessed stiffness" if start_values else ", its stiffness" if made else ""
+    guessed = ", its guessed stiffness" if is_guess else ", its stiffness" if made else ""
     made.append(Step(f"robot file{guessed}{fitted}", changed.before))
     if reflectors_moved(changed):
         made.append(Step("and places of the reflectors", changed.placed))

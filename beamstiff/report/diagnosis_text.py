@@ -156,7 +156,7 @@ def _outside(result: Diagnosis) -> str:
     """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
     if (law := words.law_of(result)) is None:
         return ""
-    return f"; {words.percent(law.closes)} look as if {words.law_in_words(law)}, outside the library"
+    return f"; {words.percent(law.closes)} look as if {law.looks_like}, outside the library"
 
 
 def _shortly(names: Sequence[str], most: int = NAMED) -> str:
@@ -184,9 +184,10 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
+    of_what = "" if found.causes else " (no cause is named)"
     said = (
-        f"Remainder, all rows fitted: {1e3 * rest.rms:.3f} mm RMS, corrected for the number of fitted values "
-        f"({words.percent(rest.share)} of the gap)."
+        f"Remainder{of_what}, all rows fitted: {1e3 * rest.rms:.3f} mm RMS, corrected for the number of "
+        f"fitted values ({words.percent(rest.share)} of the gap)."
     )
     if rest.follows:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."
@@ -251,7 +252,7 @@ def summary(result: Diagnosis) -> str:
             gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
         text = f"{first}\nUnknown (probability {certain}): {gap}, and "
         if law := words.law_of(result):
-            text += f"no effect of the library does what most of it looks like: {words.law_in_words(law)}."
+            text += f"no effect of the library fits it. Most of it looks as if {law.looks_like}."
         elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:

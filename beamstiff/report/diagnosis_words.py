@@ -9,7 +9,6 @@ import numpy as np
 
 from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposed import cause_candidate
-from beamstiff.diagnosis.decomposition.causes import NAMED
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from beamstiff.diagnosis.decomposition.causes import Cause
 
 
-BY_NOUN = ("base ", "tool ")  # places that are no names
 LEVER = 0.9  # share of the squares of nine levers that is a force's from another place; by chance a third
 DIFFERS = "it differs much between the postures, as its interval shows"
 FAR = 2.0  # times the largest realistic size, from which the verdict says that a size is unrealistic
@@ -146,19 +144,16 @@ def several(result: Diagnosis) -> tuple[Cause, ...]:
 
 
 def law_of(result: Diagnosis) -> Cause | None:
-    """Return the law outside the library that explains more than any cause does, if it is likely; or None."""
-    found = result.decomposition
-    laws = () if found is None else found.unmodelled
-    first = max(laws, key=lambda one: one.closes, default=None)
-    if found is None or first is None or first.probability < NAMED:
-        return None
-    return first if all(one.closes <= first.closes for one in found.every) else None
+    """Return the law outside the library that explains more than any cause does, if there is one."""
+    return None if result.decomposition is None else result.decomposition.law
 
 
 def law_in_words(law: Cause) -> str:
-    """Return what a law outside the library does, in words."""
-    does = str(law.forms[0].component)
-    return f"the {does}" if does.startswith(BY_NOUN) else does
+    """Return what a law outside the library does, and of a base that opens on which side."""
+    side = law.lifted_side
+    if side is None:
+        return law.looks_like
+    return f"{law.looks_like}, and lifts most at {np.degrees(side):.0f} deg from the base frame's x axis"
 
 
 def closed(found: Sequence[Cause]) -> str:

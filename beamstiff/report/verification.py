@@ -157,7 +157,12 @@ def _action(found: Verification, robot: str, files: Sequence[str], level: Level)
             return f"The {lacks}"
         axis = rounded(1e3 * found.after / math.sqrt(3.0))
         return f"If the readings scatter by {axis} mm per axis, this is noise: state it. If not, the {lacks}"
-    action = f"The model still lacks something: {diagnose_command([robot, *files])} finds it."
+    if found.unexplained:
+        return (
+            f"The robot file says what this looks like, which no effect explains: {found.unexplained}. Mend "
+            "that, and measure again."
+        )
+    action = f"The model still lacks something: {diagnose_command([robot, *files])} looks for it."
     if found.absolute:
         action += " It also fits the reflectors' places, should only these be wrong."
     return action

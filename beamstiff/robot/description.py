@@ -67,6 +67,9 @@ class Robot(Shown, Described):
         and others say that they extrapolate.
     fitted_error : length
         Position error (RMS) that the fit left on held-out postures; `compensate` shows it.
+    unexplained : str
+        What that error looks like, where no effect of the library explains most of it; `diagnose` writes it,
+        `compensate` and `verify` say it.
     effects : list
         What the machine is known to have beyond beams and springs.
     obstacles : list
@@ -114,6 +117,7 @@ class Robot(Shown, Described):
     fitted_rows: Annotated[str, Field(pattern=r"^([0-9a-f]{6}( [0-9a-f]{6})*)?$")] = ""
     fitted_ranges: tuple[FittedRange, ...] = ()
     fitted_error: LeastLength | None = None
+    unexplained: str = ""
     effects: tuple[AddedEffect, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     model: FittedModel | None = None  # of elasticity, in place of constant springs
@@ -194,10 +198,11 @@ class Robot(Shown, Described):
         digests: Iterable[str],
         ranges: Mapping[str, tuple[float, float]] = {},
         error: float | None = None,
+        unexplained: str = "",
     ) -> Self:
         """Return the robot with rows added to those that were fitted: their digests, and ranges by variable.
 
-        `error`: what the fit leaves, m.
+        `error`: what the fit leaves, m. `unexplained`: what that looks like.
         """
         every = sorted({*self.fitted_rows.split(), *digests})
         wider = {one.variable: (one.low, one.high) for one in self.fitted_ranges}
@@ -209,6 +214,7 @@ class Robot(Shown, Described):
                 "fitted_rows": " ".join(every),
                 "fitted_ranges": tuple(FittedRange(variable=k, low=a, high=b) for k, (a, b) in wider.items()),
                 "fitted_error": error,
+                "unexplained": unexplained,
             }
         )
 

@@ -61,6 +61,7 @@ def test_reflectors_that_moved_alike_say_that_their_link_is_off(
     nodes = [Node(name=name, frame="f2", at=tuple(at.tolist())) for name, at in described.items()]
     rigids = [Rigid(name=f"mount_{name}", nodes=("table", name)) for name in described]
     robot = bare.model_copy(update={"nodes": (*bare.nodes, *nodes), "rigids": (*bare.rigids, *rigids)})
-    changed = diagnose(robot, rows).recalibration
+    result = diagnose(robot, rows)
+    changed = result.recalibration
     assert changed.together == together
-    assert ("left, right moved alike" in changes_text(changed)) == bool(together)
+    assert ("left, right moved alike" in changes_text(result)) == bool(together)

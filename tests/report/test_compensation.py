@@ -128,9 +128,21 @@ def test_the_headline_says_how_much_differs_along_the_path_where_the_robot_may_h
     page = compensation_html(found, found.machine.controller, provenance([], 0, []))
     assert "RMS against a measured base; roughly 0.54 mm if the robot touched off" in page
     assert "roughly 0.54 mm if the robot itself touched off the workpiece" in page
-    for other in (replace(found, common=None), common(result, 1e-3, 1e-3)):
+    for other in (replace(found, common=None), common(result, 0.5e-3, 1e-3)):
         assert other.differs_mm is None
         assert "base" not in compensation_verdict(other).headline + compensation_verdict(other).action
+
+
+def test_a_real_robot_whose_error_is_not_explained_is_doubtful(result: Compensated) -> None:
+    real = result.machine.real.model_copy(update={"unexplained": "the base has play"})
+    said = compensation_verdict(replace(result, machine=replace(result.machine, actual=real)))
+    assert "Doubtful" not in said.doubt  # nothing is corrected before all targets are within reach
+    correction = replace(result.correction, reasons={})
+    said = compensation_verdict(
+        replace(result, machine=replace(result.machine, actual=real), correction=correction)
+    )
+    assert said.doubt == "Doubtful: what the real robot's file leaves looks as if the base has play."
+    assert said.action.startswith("Mend that, measure and diagnose again")
 
 
 def test_what_is_reachable_in_another_configuration_is_not_to_be_moved(result: Compensated) -> None:

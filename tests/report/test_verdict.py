@@ -126,7 +126,7 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
         verdict=None,
         unclear=(tilt,),
         every=(tilt,),
-        unmodelled=(),
+        law=None,
         model=model,
         change=nothing,
         scatter=1.0,
@@ -139,12 +139,10 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     assert f"no cause is sure. Best so far: {best} of it" in summary(result)
     tilt.closes = 0.4
     assert verdict(result).headline.endswith("cause unknown")
-    found.unmodelled = (
-        SimpleNamespace(closes=0.5, probability=0.9, forms=(SimpleNamespace(component="base has play"),)),
-    )
+    found.law = SimpleNamespace(closes=0.5, looks_like="the base has play", lifted_side=None)
     law = "50 % look as if the base has play, outside the library"
     assert verdict(result).headline.endswith(f"cause unknown; {law}")
-    assert "no effect of the library does what most of it looks like: the base has play." in summary(result)
+    assert "no effect of the library fits it. Most of it looks as if the base has play." in summary(result)
 
 
 def test_a_load_that_moved_with_the_reflector_is_told() -> None:

@@ -1,9 +1,9 @@
 """Path tables (CSV): columns x y z and an orientation, units in the header, SI otherwise.
 
 Orientation, one of: ``a b c``, a rotation vector unless ``# orientation: KUKA ABC`` (or ``Euler ZYX``,
-``fixed XYZ``, ...) before the header says otherwise, which those in degrees need; ``qw qx qy qz``; ``i j k``, the tool axis from tip to
-holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base frame of the robot. ``name`` names
-a target. Other columns of numbers are kept for the process (depth of cut, feed, ...).
+``fixed XYZ``, ...) before the header says otherwise, which those in degrees need; ``qw qx qy qz``; ``i j k``,
+the tool axis from tip to holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base frame of
+the robot. ``name`` names a target. Other columns of numbers are kept for the process (depth of cut, ...).
 """
 
 import re
@@ -93,8 +93,8 @@ def read(text: str, source: str) -> Program:
     if names == ANGLES and declared is None and turned:
         if any(column.name in ANGLES and column.unit != 1.0 for column in header):
             said = (
-                "a, b, c in degrees: angles of a controller, or a rotation vector? Say so in a line before the "
-                "header: # orientation: KUKA ABC (or Euler ZYX, fixed XYZ, ..., rotation vector)"
+                "a, b, c in degrees: angles of a controller, or a rotation vector? Say so before the header, "
+                "in a line # orientation: KUKA ABC (or Euler ZYX, fixed XYZ, ..., rotation vector)"
             )
             fail(source, header_line, "", said)
         notes.append(

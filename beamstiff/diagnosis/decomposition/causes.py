@@ -11,7 +11,7 @@ from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.remainder import Remainder
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
+from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, lifted_side
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.se3 import Array
 
@@ -19,6 +19,7 @@ PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, f
 NAMED = 0.5  # probability that it is this one, from which it is named
 MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
+BY_NOUN = ("base ", "tool ")  # places that are no names
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
 
@@ -116,6 +117,17 @@ class Cause:
         return self.forms[0].effect == UNMODELLED
 
     @property
+    def looks_like(self) -> str:
+        """What a law outside the library does, in words."""
+        does = str(self.forms[0].component)
+        return f"the {does}" if does.startswith(BY_NOUN) else does
+
+    @property
+    def lifted_side(self) -> float | None:
+        """Of a base that opens: the direction in which it lifts most, rad from its x axis about z."""
+        return lifted_side(self.forms[0], self.theta[0])
+
+    @property
     def named(self) -> bool:
         """Whether it is likely this cause, and more than what the form of another may leave.
 
@@ -201,6 +213,14 @@ class Decomposition:
         """Square of the held-out position gap that is left beside all causes, m^2."""
         closed = sum(cause.closes for cause in (*self.every, *self.unmodelled))
         return self.rms**2 - closed * (self.rms**2 - self.noise**2)
+
+    @property
+    def law(self) -> Cause | None:
+        """The law outside the library that explains more than any cause does, if it is likely."""
+        first = max(self.unmodelled, key=lambda one: one.closes, default=None)
+        if first is None or first.probability < NAMED:
+            return None
+        return first if all(one.closes <= first.closes for one in self.every) else None
 
     @property
     def gap_shows(self) -> bool:

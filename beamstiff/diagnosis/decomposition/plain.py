@@ -36,10 +36,16 @@ def causes_dict(found: Decomposition) -> dict[str, Any]:
                 for cause in found.unclear
             ],
             "outside_library": [
-                {"what": cause.forms[0].component, "closes": cause.closes} for cause in found.unmodelled
+                {"what": cause.forms[0].component, "closes": cause.closes, **_side(cause)}
+                for cause in found.unmodelled
             ],
         },
     }
+
+
+def _side(law: Cause) -> dict[str, float]:
+    """Return, of a base that opens, the direction in which it lifts most, rad from its x axis about z."""
+    return {} if law.lifted_side is None else {"lifts_at": law.lifted_side}
 
 
 def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:

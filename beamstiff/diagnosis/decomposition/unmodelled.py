@@ -13,6 +13,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import drives
 from beamstiff.diagnosis.inference.component_subspaces import (
+    HINGES,
     OPENING,
     PLAY,
     SLIPPING,
@@ -42,10 +43,11 @@ def unmodelled_forms(model: OpenModel) -> list[Form]:
         columns = baseline.rows.along(columns)
         modes = columns @ (np.eye(columns.shape[-1]) if positive else _main(model, columns))
         size = np.sqrt((modes[:, :3] ** 2).sum(axis=1).mean(axis=0))
-        modes = modes[:, :, size > 0] / size[size > 0]
-        if not modes.shape[-1]:
+        moving = np.flatnonzero(size > 0)
+        if not moving.size:
             continue
-        parameters = tuple(Quantity(f"mode_{at + 1}", "m", SIZE, positive) for at in range(modes.shape[-1]))
+        modes = modes[:, :, moving] / size[moving]
+        parameters = tuple(Quantity(f"mode_{at + 1}", "m", SIZE, positive) for at in moving.tolist())
         shape = Shape(does, modes, parameters)
         found.append(Form(UNMODELLED, f"{place} {does}", shape, model.weighed(SIZE * modes), 0.0, SELDOM))
     return found
@@ -62,6 +64,19 @@ def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
         for does, columns in unmodelled_of_drive(baseline, drive).items():
             yield drive, does, columns, False
         yield drive, SOFTENING, softening_of(baseline, drive), True
+
+
+def lifted_side(form: Form, theta: Array) -> float | None:
+    """Return the direction in which a base that opens lifts most, rad from its x about z; of others None."""
+    if form.shape.name != OPENING:
+        return None
+    at = np.array([int(item.name.removeprefix("mode_")) - 1 for item in form.shape.parameters])
+    turn = (
+        at % (2 * HINGES) < HINGES
+    )  # as `opening_of` has them: to one side turns and lifts, then to the other
+    # a foot that turns about a line to the right lifts on its left
+    side = np.pi * (at % HINGES / HINGES + at // (2 * HINGES) + 0.5)
+    return float(np.angle((theta * np.exp(1j * side))[turn].sum()))
 
 
 def _main(model: OpenModel, columns: Array) -> Array:

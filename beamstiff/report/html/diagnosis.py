@@ -45,8 +45,7 @@ def diagnosis_html(result: Diagnosis, provenance: Provenance) -> str:
     said = summary(result).splitlines()
     if result.decomposition is not None and result.decomposition.gap_shows:
         said += remainder_text(result.decomposition).splitlines()
-    if result.recalibration is not None and result.recalibration.changes:
-        said.append(changes_text(result.recalibration, "under Fitted parameters"))
+    said += filter(None, [changes_text(result, "under Fitted parameters")])
     with_them = "with the causes" if result.decomposition is not None else f"with {words.causes(result)}"
     rows = row_figures(compared, ("fitted model", with_them))
     return Page(

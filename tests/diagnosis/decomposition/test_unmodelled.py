@@ -78,9 +78,14 @@ def test_a_base_that_opens_to_one_side_is_no_compliance_of_the_base() -> None:
     found = diagnosis.decomposition
     assert diagnosis.verdict.effect == "unknown"
     assert not found.causes
-    largest = max(found.unmodelled, key=lambda cause: cause.closes)
-    assert largest.key == f"{UNMODELLED}:base {OPENING}"
-    assert largest.closes > 0.5
+    assert found.law.key == f"{UNMODELLED}:base {OPENING}"
+    assert found.law.closes > 0.5
+    # what turns about a line to the right lifts on its left
+    assert found.law.lifted_side == pytest.approx(0.4 + np.pi / 2, abs=np.pi / HINGES / 4)
+    (told,) = diagnosis.to_dict()["remainder"]["outside_library"]
+    assert told["lifts_at"] == found.law.lifted_side
+    assert "lifts most at 11" in remainder_text(found)
+    assert extended(diagnosis).unexplained == found.law.looks_like == f"the base {OPENING}"
 
 
 def test_a_bearing_with_play_is_no_effect_of_the_library() -> None:
@@ -91,6 +96,7 @@ def test_a_bearing_with_play_is_no_effect_of_the_library() -> None:
     assert largest.key == f"{UNMODELLED}:q3 has play"
     assert largest.closes > 0.5
     assert "q3 has play" in remainder_text(found)
+    assert largest.lifted_side is None
     assert diagnosis.to_dict()["remainder"]["outside_library"][0]["what"] == largest.forms[0].component
 
 
