@@ -151,17 +151,17 @@ def _action(found: Verification, robot: str, files: Sequence[str], level: Level)
         if found.causes:
             action += " This confirms what is predicted, not the cause: its look-alikes may predict as well."
         return action
+    if found.unexplained:
+        return (
+            f"The robot file says what this looks like, which no effect explains: {found.unexplained}. Mend "
+            "that, and measure again."
+        )
     if found.causes:
         lacks = f"model still lacks something, and these rows alone hardly tell what. {_again(found, files)}"
         if level == "differs":
             return f"The {lacks}"
         axis = rounded(1e3 * found.after / math.sqrt(3.0))
         return f"If the readings scatter by {axis} mm per axis, this is noise: state it. If not, the {lacks}"
-    if found.unexplained:
-        return (
-            f"The robot file says what this looks like, which no effect explains: {found.unexplained}. Mend "
-            "that, and measure again."
-        )
     action = f"The model still lacks something: {diagnose_command([robot, *files])} looks for it."
     if found.absolute:
         action += " It also fits the reflectors' places, should only these be wrong."

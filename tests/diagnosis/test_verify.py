@@ -96,7 +96,7 @@ def test_an_error_little_above_the_noise_may_be_noise_that_is_stated_too_small()
 def test_what_a_diagnosis_could_not_explain_is_repeated_where_it_shows_again() -> None:
     robot = load_robot("kr500").model_copy(update={"unexplained": "q2 has play"})
     found = verify(robot, fresh(robot))
-    large = replace(found, after=1e-3, noise=2e-5)
+    large = replace(found, before=1e-3, after=1e-3, noise=2e-5)
     said = [verification_verdict(one, "a", ["b"]).action for one in (found, large)]
     assert ["which no effect explains: q2 has play. Mend that" in one for one in said] == [False, True]
 
