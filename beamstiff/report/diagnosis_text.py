@@ -67,11 +67,10 @@ def verdict(result: Diagnosis) -> Verdict:
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
-            said = f"{gap}, cause unknown"
-            if law := _outside(result):
-                said += law
-            elif best := _perhaps(result):
-                said += f": perhaps {best}"
+            best = _perhaps(result)
+            said = f"{gap}, cause unknown{f': perhaps {best}' if best else ''}"
+            if law := words.law_of(result):
+                said = f"{gap}, cause outside the library: {_looks(law)}"
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             left = close.after
             share = "" if words.one_posture(result) else words.percent(close.shrink)
@@ -156,7 +155,11 @@ def _outside(result: Diagnosis) -> str:
     """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
     if (law := words.law_of(result)) is None:
         return ""
-    return f"; {words.percent(law.closes)} look as if {law.looks_like}, outside the library"
+    return f"; {_looks(law)}, outside the library"
+
+
+def _looks(law: Cause) -> str:
+    return f"{words.percent(law.closes)} look as if {law.looks_like}"
 
 
 def _shortly(names: Sequence[str], most: int = NAMED) -> str:

@@ -140,8 +140,8 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     tilt.closes = 0.4
     assert verdict(result).headline.endswith("cause unknown")
     found.law = SimpleNamespace(closes=0.5, looks_like="the base has play", lifted_side=None)
-    law = "50 % look as if the base has play, outside the library"
-    assert verdict(result).headline.endswith(f"cause unknown; {law}")
+    law = "50 % look as if the base has play"
+    assert verdict(result).headline.endswith(f"cause outside the library: {law}")
     assert "no effect of the library fits it. Most of it looks as if the base has play." in summary(result)
 
 
