@@ -46,7 +46,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.errors import BeamstiffError, UnusableError, optional
 from beamstiff.identification.problem import LEAST_LOAD
-from beamstiff.measure.doubts import counted_once, require_usable
+from beamstiff.measure.doubts import LARGE_DISPLACEMENT, counted_once, require_usable
 from beamstiff.measure.rows import in_runs, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -130,6 +130,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         found = _weighed_one_by_one(library, screened, prior, seed)
     except BeamstiffError as error:  # of readings in another frame that no calibration took up, say why
         raise why or error from None
+    if why is not None and found.rms > LARGE_DISPLACEMENT:  # nor is the geometry near what is described
+        raise why
     if absolute or found.features["misfit"] <= NOISE or np.unique(rows.pose).size < FOLDS:
         return found  # of fewer postures than folds those that are held out tell too little
     # neither one cause nor two, weighed in all their forms, leave but noise: more causes at once.

@@ -1,7 +1,7 @@
 """What a diagnosis changed in the geometry while it sought causes."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,8 +46,9 @@ class Recalibration:
 
     `rigid`: m; RMS position gap of the geometry as described on rigid drives and links, as a controller
         computes; the measuring frame fitted alone. None where an instrument's set-ups or stations are sought.
-    `before`: m; the same of the robot as described.
-    `placed`: m; the same with the reflectors placed anew, as they are set up: what is left is the geometry's.
+    `rigid_placed`: m; the same with the reflectors placed anew, as they are set up.
+    `before`: m; `rigid` of the robot as described, which deforms.
+    `placed`: m; the same with the reflectors placed anew: what is left is the geometry's.
     `after`: m; the same with geometry and drives fitted and no cause, on held-out postures.
     `stiff`: m; that with the drives as described; None where none are fitted.
     `changes`: encoders' zeros, frames and reflectors that moved; the largest first, by realistic deviations
@@ -56,6 +57,7 @@ class Recalibration:
     """
 
     rigid: float | None
+    rigid_placed: float | None
     before: float
     placed: float
     after: float
@@ -67,6 +69,7 @@ class Recalibration:
         """Return plain data: gaps in mm, changes in SI."""
         return {
             "rigid_mm": None if self.rigid is None else 1e3 * self.rigid,
+            "rigid_reflectors_placed_mm": None if self.rigid_placed is None else 1e3 * self.rigid_placed,
             "before_mm": 1e3 * self.before,
             "reflectors_placed_mm": 1e3 * self.placed,
             "after_mm": 1e3 * self.after,
@@ -84,9 +87,10 @@ def recalibration_of(found: Decomposition, robot: Robot) -> Recalibration | None
     model = found.model
     if model.problem is None or not {item.group for item in model.problem.parameters} & OF_THE_ROBOT:
         return None
-    before, changes = _described(found), tuple(_told(found, robot))
+    before, changes, rigid = _described(found), tuple(_told(found, robot)), _rigid(found)
     return Recalibration(
-        rigid=_rigid(found),
+        rigid=rigid,
+        rigid_placed=None if rigid is None else min(_placed(found, rigid, rigid=True), rigid),
         before=before,
         placed=min(_placed(found, before), before),
         after=found.rms,
@@ -169,12 +173,15 @@ def _described(found: Decomposition) -> float:
     return _fitted(found, _groups(found, "base")) or found.rms
 
 
-def _placed(found: Decomposition, before: float) -> float:
-    """Return the gap with the reflectors placed anew, m; `before` where an instrument knows their places."""
+def _placed(found: Decomposition, before: float, rigid: bool = False) -> float:
+    """Return the gap with the reflectors placed anew, m; `before` where an instrument knows their places.
+
+    `rigid`: where nothing deforms.
+    """
     rows, groups = found.model.baseline.rows, _groups(found, "base", "target")
     if rows.targets or rows.camera or not groups:
         return before
-    return _fitted(found, groups) or before
+    return _fitted(found, groups, rigid) or before
 
 
 def _groups(found: Decomposition, *wanted: str) -> list[str]:
@@ -184,10 +191,16 @@ def _groups(found: Decomposition, *wanted: str) -> list[str]:
     return [group for group in wanted if group in there]
 
 
-def _fitted(found: Decomposition, groups: list[str]) -> float | None:
-    """Return the gap of the robot as described with these groups of parameters fitted, m."""
-    bare = found.model.given.model_copy(update={"identify": ()})
-    return calibrate(bare, found.model.baseline.rows, groups, folds=0).after.position_rms
+def _fitted(found: Decomposition, groups: list[str], rigid: bool = False) -> float | None:
+    """Return the gap of the robot as described with these groups of parameters fitted, m.
+
+    `rigid`: where nothing deforms, as there is no load.
+    """
+    bare, rows = found.model.given.model_copy(update={"identify": ()}), found.model.baseline.rows
+    if rigid:
+        bare = bare.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+        rows = replace(rows, wrench=np.zeros_like(rows.wrench))
+    return calibrate(bare, rows, groups, folds=0).after.position_rms
 
 
 def _stiff(found: Decomposition) -> float | None:

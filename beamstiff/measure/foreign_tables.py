@@ -17,7 +17,7 @@ from beamstiff.measure.columns import (
     unit_in,
     unit_outside,
 )
-from beamstiff.measure.profiles import JOINTS, POSITION
+from beamstiff.measure.profiles import JOINTS, POSITION, QUATERNION
 from beamstiff.measure.table import MEASURED
 from beamstiff.measure.text import SEPARATORS, RawTable
 from beamstiff.robot.description import Robot
@@ -25,11 +25,12 @@ from beamstiff.robot.dh_tables import KINDS
 
 # words that other programs name such columns with
 _POINT = {"point", "name", "target", "reflector", "marker", "prism", "smr"}
-_POSE = {"pose", "pos", "position", "no", "nr", "id"}
+_POSE = {"pose", "pos", "position", "no", "nr", "id", "frame"}
 _LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
 _TIME = {"time", "timestamp", "zeit"}
 _JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
 _FORCE = re.compile(r"(?:f|force|kraft)[ _.]?([xyz])")
+_AXIS = re.compile(r"[pt]?([xyz])")
 _PLAIN = re.compile(r"[A-Za-z][\w.]*")
 MOST_POINTS = 12  # names that a column of reflectors has; more are names of postures
 
@@ -41,7 +42,7 @@ def refuse_foreign(raw: RawTable, robot: Robot) -> None:
     if len(unknown) < 2 or any(re.match(r"[-+.\d]|\Z", name) or re.search("[;\t]", name) for name in unknown):
         return  # a table without a header, or with two separators
     joints = [variable.name for variable in robot.actuated]
-    measured = any(name in (*MEASURED[kind], READINGS[kind]) for kind in MEASURED for name in names)
+    measured = any(name in (*MEASURED[kind][:3], READINGS[kind]) for kind in MEASURED for name in names)
     if measured and all(re.search(r"\d\Z", name) for name in unknown):
         if joints and not {*names} & {*joints} and len(unknown) != len(joints):
             raw.fail_in_header(
@@ -50,9 +51,10 @@ def refuse_foreign(raw: RawTable, robot: Robot) -> None:
                 f"{listed(joints, 6)}: the table is of another robot",
             )
         return  # of as many joints by other names
-    if 2 * len(unknown) > len(names) or (raw.separator != "," and not measured):
-        nodes = [node.name for node in robot.nodes]
-        raw.fail_in_header("", profile_hint(raw.header, raw.source, raw.separator, joints, raw.cells, nodes))
+    seen = raw.separator, joints, raw.cells, [node.name for node in robot.nodes]
+    foreign = not measured and (raw.separator != "," or bool(guessed_profile(raw.header, *seen)))
+    if foreign or 2 * len(unknown) > len(names):
+        raw.fail_in_header("", profile_hint(raw.header, raw.source, *seen))
 
 
 def refuse_points(text: str, source: str) -> None:
@@ -136,6 +138,7 @@ def guessed_profile(
         f"units: {{{', '.join(f'{key}: {_quoted(unit)}' for key, unit in units.items())}}}",
         f"points: {{{', '.join(points)}}}" if points else "point: NODE",
         "sigma_position: NOISE mm",
+        "sigma_rotation: NOISE mrad" if {*QUATERNION} <= {*columns} else "",
     ]
     return f"{{{', '.join(filter(None, parts))}}}"
 
@@ -171,7 +174,9 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
         return (joints[at] if at < len(joints) else "" if joints else f"q{at + 1}"), JOINTS
     if match := _FORCE.fullmatch(plain):
         return f"f{match[1]}", "force"
-    if len(axes := [word for word in words if word in POSITION]) == 1:
+    if plain in QUATERNION:
+        return plain, ""
+    if len(axes := [match[1] for word in words if (match := _AXIS.fullmatch(word))]) == 1:
         return axes[0], "length"
     if _TIME & {*words}:
         return "t", "time"
@@ -192,7 +197,7 @@ def _ours(name: str, robot: Robot) -> bool:
     """Return whether a name is that of a column, or one that is told how it is to be written."""
     declared = {variable.name for variable in robot.variables}
     behind = name.removesuffix("_link").removeprefix("tau_")
-    known = name in declared or behind in declared or name in ("A", "B", "C")
+    known = name in declared or behind in declared or name in ("A", "B", "C", *QUATERNION)
     return (
         known or ALIASES.get(name.lower(), name) in (*LABELS, *QUANTITIES) or bool(unit_outside(name, robot))
     )

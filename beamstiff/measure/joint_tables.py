@@ -10,11 +10,11 @@ from beamstiff.errors import BeamstiffError, counted, listed, shown, suggest
 from beamstiff.files import read_text
 from beamstiff.measure.columns import ALIASES, LABELS, QUANTITIES, name_and_unit, unit_fault
 from beamstiff.measure.profile_cells import number_text, profile_cells, profile_values
-from beamstiff.measure.profiles import QUATERNION, Profile
+from beamstiff.measure.profiles import QUATERNION, SIGMAS, Profile
 from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable, RowError, decimal_comma, numbers, split_table
 
-OF_POINTS = ("samples", "points", "point", "base", "orientation", "sigma_position")  # keys of a profile
+OF_POINTS = ("samples", "points", "point", "base", "orientation", *SIGMAS)  # keys of a profile
 _NUMBER_AT_END = re.compile(r"(?<![0-9])(?<![0-9][.,])([0-9]{1,15})\Z")
 
 

@@ -14,14 +14,13 @@ from beamstiff.files import read_text
 from beamstiff.measure.columns import LABELS, QUANTITIES
 from beamstiff.measure.joint_tables import joined, read_joints
 from beamstiff.measure.profile_cells import in_si, mass_notes, number_text, profile_cells, profile_values
-from beamstiff.measure.profiles import ANGLES, POSITION, Profile
+from beamstiff.measure.profiles import ANGLES, POSITION, SIGMAS, Profile
 from beamstiff.measure.registration import Registration, register
 from beamstiff.measure.signals import Signal, SignalKind
 from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable
 from beamstiff.measure.writer import table_text
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
-from beamstiff.units import quantity
 
 MOST_SKIPPED = 0.1  # share of the rows; more of them are skipped by mistake, such as a name spelled otherwise
 
@@ -88,10 +87,7 @@ def parse_points(
         notes += more
     elif not any(key in values for key in values if key not in QUANTITIES):
         notes.append("without joint values (columns of their own, or --joints) this is a list of points only")
-    metadata = []
-    if profile.sigma_position is not None:
-        quantity(profile.sigma_position, "length")
-        metadata = [f"sigma_position: {profile.sigma_position}"]
+    metadata = [f"{key}: {noise}" for key in SIGMAS if (noise := getattr(profile, key)) is not None]
     return PointTable(table_text(metadata, columns), len(at), tuple(notes))
 
 

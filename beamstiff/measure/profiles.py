@@ -40,6 +40,7 @@ from beamstiff.units import UNITS, quantity
 
 JOINTS = "joints"  # of `units`: of all joint variables that have none of their own
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "whitespace": " "}
+SIGMAS = {"sigma_position": "length", "sigma_rotation": "angle"}  # keys of noise, and what it is of
 POSITION, ANGLES, QUATERNION = ("x", "y", "z"), ("a", "b", "c"), ("qw", "qx", "qy", "qz")
 
 
@@ -81,7 +82,8 @@ class Profile(Described):
     `orientation`: what a b c are.
     `points`: their names of points to nodes of the robot. `point`: the node of all rows, without such names.
     `base`: points known in the base frame, m.
-    `sigma_position`: standard deviation, such as ``0.03 mm``, written along.
+    `sigma_position`, `sigma_rotation`: standard deviations, such as ``0.03 mm`` and ``0.1 mrad``, written
+        along.
     `samples`: whether the rows are samples of a running machine.
     """
 
@@ -96,6 +98,7 @@ class Profile(Described):
     point: Name | None = None
     base: Mapping[str, Point] | None = None
     sigma_position: str | None = None
+    sigma_rotation: str | None = None
     samples: bool = False
 
     def unit_of(self, column: str) -> str | None:
@@ -183,11 +186,11 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
                 ": a mass that hangs pulls along -z of the base, so that only fz may be one" if hangs else ""
             )
             yield ("units",), f"{name}: {fault}{why}"
-    if profile.sigma_position is not None:
+    for key, kind in SIGMAS.items():
         try:
-            quantity(profile.sigma_position, "length")
+            quantity(getattr(profile, key) or 0.0, kind)
         except BeamstiffError as error:
-            yield ("sigma_position",), str(error)
+            yield (key,), str(error)
     for name in profile.units:
         if name not in profile.columns and name not in UNITS and name != JOINTS:
             hint = suggest(name, [*UNITS, JOINTS, *profile.columns])

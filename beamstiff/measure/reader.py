@@ -104,10 +104,11 @@ def parse_measurements(
     >>> float(table.displacement[0, 2]), table.sigma_position
     (-0.0015, 3.0e-05)
     """
-    raw = with_rotation_vectors(split_table(text, name), [variable.name for variable in robot.variables])
+    raw = split_table(text, name)
+    refuse_foreign(raw, robot)
+    raw = with_rotation_vectors(raw, [variable.name for variable in robot.variables])
     choices = {key: choice(key, raw) for key in CHOICES}
     turns = _declared_orientation(raw)
-    refuse_foreign(raw, robot)
     columns = read_header(raw.header, robot, turns is not None, name, raw.header_line)
     kind = kind_of(columns, name, raw.header_line)
     if not raw.cells:

@@ -35,9 +35,9 @@ def calibrated_away(result: Diagnosis) -> str:
     if level_of(changed.placed / result.noise) == "agrees":
         return f"The reflector's place in the robot file is off by {rounded(1e3 * changed.before)} mm"
     if result.start_values:  # how far these are off says nothing of the robot
-        if changed.rigid is None:
+        if changed.rigid_placed is None:
             return "The robot file has start values of stiffness"
-        return f"The robot of the file, as rigid, is off by {rounded(1e3 * changed.rigid)} mm"
+        return f"The robot of the file, as rigid, is off by {rounded(1e3 * changed.rigid_placed)} mm"
     off = f"off by {rounded(1e3 * changed.placed)} mm"
     stiff = changed.after if changed.stiff is None else changed.stiff
     if level_of(stiff / result.noise) == level_of(changed.after / result.noise):

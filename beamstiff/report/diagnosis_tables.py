@@ -64,13 +64,15 @@ def _guessed(result: Diagnosis) -> bool:
 
 def _fitted(changed: Recalibration, is_guess: bool) -> list[Step]:
     """Return what the file leaves, and what its calibration leaves step by step."""
-    made, fitted = [], ", measuring frame fitted"
+    made, fitted, placed = [], ", measuring frame fitted", changed.placed
     if changed.rigid is not None and rounded(changed.rigid) != rounded(changed.before):
         made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
-    guessed = ", its guessed stiffness" if is_guess else ", its stiffness" if made else ""
-    made.append(Step(f"robot file{guessed}{fitted}", changed.before))
+    if is_guess and made and changed.rigid_placed is not None:  # what a guess leaves says nothing
+        placed = changed.rigid_placed
+    else:
+        made.append(Step(f"robot file{', its stiffness' if made else ''}{fitted}", changed.before))
     if reflectors_moved(changed):
-        made.append(Step("and places of the reflectors", changed.placed))
+        made.append(Step("and places of the reflectors", placed))
     if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):
         return [*made, Step("and geometry", changed.after)]
     return [*made, Step("and geometry", changed.stiff), Step("and stiffness of the drives", changed.after)]

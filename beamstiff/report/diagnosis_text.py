@@ -96,9 +96,11 @@ def _before(result: Diagnosis) -> str:
     if changed is None:
         return ""
     if result.start_values:  # guesses: what a controller calculates is none
-        return "" if changed.rigid is None else f" ({rounded(1e3 * changed.rigid)} mm before, rigid)"
+        before, told = changed.rigid_placed, "before, rigid"
+    else:
+        before, told = changed.placed, "before"
     fitted = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
-    return f" ({rounded(1e3 * changed.placed)} mm before{fitted})"
+    return "" if before is None else f" ({rounded(1e3 * before)} mm {told}{fitted})"
 
 
 def _warmth(result: Diagnosis) -> str:

@@ -74,13 +74,12 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact(
             "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
         )
-    if result.start_values and result.recalibration is not None:
-        if (rigid := result.recalibration.rigid) is not None:
-            yield Fact("Rigid robot", f"{rounded(1e3 * rigid)} mm", "RMS, measuring frame fitted")
-    elif result.recalibration is not None:
-        before = f"{rounded(1e3 * result.recalibration.placed)} mm"
-        fitted = "frame and reflectors" if reflectors_moved(result.recalibration) else "measuring frame"
-        yield Fact("Uncalibrated", before, f"RMS, {fitted} fitted")
+    if (changed := result.recalibration) is not None:
+        rigid = bool(result.start_values)
+        before, name = (changed.rigid_placed, "Rigid robot") if rigid else (changed.placed, "Uncalibrated")
+        fitted = "frame and reflectors" if reflectors_moved(changed) else "measuring frame"
+        if before is not None:
+            yield Fact(name, f"{rounded(1e3 * before)} mm", f"RMS, {fitted} fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {words.tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
