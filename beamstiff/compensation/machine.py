@@ -51,6 +51,13 @@ class Machine:
         return robot if moving == robot.effects else robot.model_copy(update={"effects": moving})
 
     @property
+    def measured(self) -> Array | None:
+        """The middle (A,) of the joint values that the real robot's file was fitted at; None: unknown."""
+        middle = {one.variable: 0.5 * (one.low + one.high) for one in self.real.fitted_ranges}
+        names = [variable.name for variable in self.controller.actuated]
+        return np.array([middle[name] for name in names]) if {*names} <= {*middle} else None
+
+    @property
     def set_aside(self) -> tuple[AddedEffect, ...]:
         """Effects of the robot that are of measuring: a frame askew, a cell that misreads, a drift."""
         return tuple(one for one in (self.actual or self.controller).effects if _of_measuring(one))

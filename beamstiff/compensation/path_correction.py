@@ -86,7 +86,8 @@ def correct_path(
     """Return the commands that bring the real tool to its targets under load.
 
     `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
-    first target, to choose the branch in place of the postures that the path states. `taught`: the targets
+    first target, to choose the branch in place of the postures that the path states; default, where it states
+    none: where the robot was measured. `taught`: the targets
     were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
     `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
     six joints. `base_taught` (3, 3): points of the frame of the path, m, by which the real robot taught it,
@@ -106,6 +107,8 @@ def correct_path(
             "another"
         )
     turned = path.turns & (whole and not positions_only)
+    if start is None and not any(path.stated_postures):
+        start = machine.measured
     first = follow_path(machine, path, path.poses, start)
     rows = np.flatnonzero(first.reached)
     if not whole and rows.size:  # then orientations are what they are

@@ -17,6 +17,7 @@ from beamstiff.compensation.path_correction import (
     error_parts,
     errors_of,
 )
+from beamstiff.compensation.posture import StatedPosture
 from beamstiff.compensation.process.load import Constant, FromPath, Together
 from beamstiff.compensation.uncertainty import from_start_values
 from beamstiff.errors import BeamstiffError
@@ -335,6 +336,18 @@ def test_orientations_are_needed_where_postures_follow_from_them() -> None:
     path = replace(path_of(kr500()), stated=False)
     with pytest.raises(BeamstiffError, match="path: found no orientations, expected columns a, b, c"):
         correct_path(Machine(kr500()), path, LOAD)
+
+
+def test_the_robot_takes_postures_like_those_it_was_measured_in_unless_the_path_states_its_own() -> None:
+    robot, path = kr500(), path_of(kr500())
+    wrist = START + np.array([0.0, 0.0, 0.0, np.pi, -2 * START[4], -np.pi])  # turned over: the same pose
+    names = [variable.name for variable in robot.actuated]
+    for middle in (START, wrist):
+        around = {name: (at - 0.5, at + 0.5) for name, at in zip(names, middle.tolist(), strict=True)}
+        machine = Machine(robot, robot.with_fitted_rows([], around))
+        assert correct_path(machine, path, LOAD).q[0] == pytest.approx(middle, abs=0.05)
+        stated = replace(path, stated_postures=(StatedPosture("S 2", wrist_down=True),) * len(path))
+        assert correct_path(machine, stated, LOAD).q[0] == pytest.approx(START, abs=0.05)
 
 
 def test_a_tool_on_a_planar_robot_is_refused() -> None:

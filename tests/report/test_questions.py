@@ -165,9 +165,12 @@ def test_start_values_of_stiffness_are_guesses_and_no_statement_of_the_file() ->
     assert result.decomposition is not None
     assert result.start_values
     assert not far_stiffness(result)
-    first, second = (step.model for step in steps(result)[:2])
-    assert first == "robot file, drives and links rigid, measuring frame fitted"
-    assert second == "robot file, its guessed stiffness"
+    first, second = steps(result)[:2]
+    assert first.model == "robot file, drives and links rigid, measuring frame fitted"
+    assert second.model in (
+        "and places of the reflectors",
+        "and geometry",
+    )  # what the guess leaves says nothing
     assert "before" not in verdict(result).headline
     page = diagnosis_html(result, provenance([], 0, []))
     assert "Uncalibrated" not in page
