@@ -146,13 +146,6 @@ def _unseen_tip(real: Robot) -> list[str]:
 
 def _where_from(result: Compensated) -> list[str]:
     """Return where the errors count from, where that decides how large they are."""
-    if (differs := result.differs_mm) is not None:
-        rms = size_of(result.correction.before[result.known]).rms_mm
-        return [
-            f"all but {differs:.2g} mm of the error of {rms:.2g} mm moves the workpiece as a body, with or "
-            "without process load: where the robot itself touched off the workpiece or taught its base, that "
-            "part is in the base already (--base-taught); where these were measured by other means, it is not"
-        ]
     taught = result.correction.taught_base
     if taught is None or not np.array_equal(result.machine.frames.base, np.eye(4)):
         return []

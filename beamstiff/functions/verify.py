@@ -8,7 +8,7 @@ import numpy as np
 from beamstiff.diagnosis.residual.baseline import fitted_names
 from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
-from beamstiff.errors import BeamstiffError, OptionError
+from beamstiff.errors import BeamstiffError, OptionError, listed
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.assembly_doubts import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
@@ -54,7 +54,13 @@ def verify(
     with doubted(doubts):
         found = run(machine, rows, refit_frame=refit_frame)
     if nominal is not None:
-        found = replace(found, nominal=_nominal_error(as_robot(nominal, "nominal"), data, refit_frame))
+        before = as_robot(nominal, "nominal")
+        found = replace(found, nominal=_nominal_error(before, data, refit_frame))
+        if before.unmeasured:
+            guesses = listed(before.unmeasured, 3)
+            doubts.append(
+                f"the nominal robot counts as rigid where its stiffness is a start value: {guesses}"
+            )
     if refit_frame and rows.kind != "absolute":
         doubts.append("displacements have no measuring frame to fit: --refit-frame changes nothing")
     return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))

@@ -14,7 +14,16 @@ from beamstiff.measure.profiles import QUATERNION, SIGMAS, Profile
 from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable, RowError, decimal_comma, numbers, split_table
 
-OF_POINTS = ("samples", "points", "point", "base", "orientation", *SIGMAS)  # keys of a profile
+OF_POINTS = (
+    "samples",
+    "points",
+    "point",
+    "load_point",
+    "base",
+    "orientation",
+    "history",
+    *SIGMAS,
+)  # keys of a profile
 _NUMBER_AT_END = re.compile(r"(?<![0-9])(?<![0-9][.,])([0-9]{1,15})\Z")
 
 

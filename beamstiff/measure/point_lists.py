@@ -75,8 +75,9 @@ def parse_points(
             f"{name}: found no point that `points` names, expected {listed(profile.points or ())}"
         )
     at = np.flatnonzero(keep).tolist()
-    if profile.point is not None:
-        labels["point"] = [profile.point] * len(keep)
+    for key in ("point", "load_point"):
+        if (node := getattr(profile, key)) is not None:
+            labels[key] = [node] * len(keep)
     notes += mass_notes(profile)
     if cells.unused:
         notes.append(f"not used, as `columns` of the profile does not name them: {listed(cells.unused, 12)}")
@@ -87,7 +88,8 @@ def parse_points(
         notes += more
     elif not any(key in values for key in values if key not in QUANTITIES):
         notes.append("without joint values (columns of their own, or --joints) this is a list of points only")
-    metadata = [f"{key}: {noise}" for key in SIGMAS if (noise := getattr(profile, key)) is not None]
+    along = ("history", *SIGMAS)
+    metadata = [f"{key}: {value}" for key in along if (value := getattr(profile, key)) is not None]
     return PointTable(table_text(metadata, columns), len(at), tuple(notes))
 
 

@@ -81,9 +81,11 @@ class Profile(Described):
         points.
     `orientation`: what a b c are.
     `points`: their names of points to nodes of the robot. `point`: the node of all rows, without such names.
+        `load_point`: the node at which all loads act.
     `base`: points known in the base frame, m.
     `sigma_position`, `sigma_rotation`: standard deviations, such as ``0.03 mm`` and ``0.1 mrad``, written
         along.
+    `history`: written along, as of a table of measurements.
     `samples`: whether the rows are samples of a running machine.
     """
 
@@ -96,6 +98,8 @@ class Profile(Described):
     orientation: str | None = None
     points: Mapping[str, Name] | None = None
     point: Name | None = None
+    load_point: Name | None = None
+    history: Literal["unloaded", "continuous"] | None = None
     base: Mapping[str, Point] | None = None
     sigma_position: str | None = None
     sigma_rotation: str | None = None
@@ -216,5 +220,6 @@ def _faults(profile: Profile) -> Iterator[tuple[tuple[str, ...], str]]:
         if getattr(profile, key) is not None and "point" not in profile.columns:
             hint = ", or `point: NODE` for all rows" if key == "points" else ""
             yield (key,), f"needs a column of names: `columns: {{point: ...}}`{hint}"
-    if profile.point is not None and "point" in profile.columns:
-        yield ("point",), "found beside a column of names, expected one of the two"
+    for key in ("point", "load_point"):
+        if getattr(profile, key) is not None and key in profile.columns:
+            yield (key,), "found beside a column of names, expected one of the two"

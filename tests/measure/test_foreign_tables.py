@@ -100,6 +100,15 @@ def test_a_few_misspelled_columns_are_no_export(arm: Robot, text: str, message: 
         parse_measurements(text, arm, "t.csv")
 
 
+def test_poses_of_a_motion_capture_get_a_profile_with_the_noise_of_both() -> None:
+    text = "frame;time_s;J1;px;py;pz;qw;qx;qy;qz;load_kg\n1;2;3;4;5;6;1;0;0;0;5\n"
+    guess = guessed_profile(text.splitlines()[0].split(";"), ";", ["q1"])
+    assert "t: time_s, q1: J1, x: px, y: py, z: pz, qw: qw, qx: qx, qy: qy, qz: qz, fz: load_kg" in guess
+    assert guess.endswith("sigma_position: NOISE mm, sigma_rotation: NOISE mrad}")
+    with pytest.raises(BeamstiffError, match="an export of a controller"):
+        parse_measurements(text, load_robot("kr500"), "run.csv")
+
+
 def test_a_table_of_another_robot_is_called_that() -> None:
     robot = load_robot("ir663")
     text = "joint_1,joint_2,joint_3,x,y,z,fz\n0,0,0,0,0,0,0\n"

@@ -55,6 +55,21 @@ def test_spatialanalyzer_ascii_joined_with_joint_values_is_a_table_of_measuremen
     assert made.notes == ("1 of 3 rows skipped, as `points` does not name them: SMR9",)
 
 
+def test_what_holds_for_all_rows_is_written_along() -> None:
+    text = (
+        "columns: {t: s, q1: A1, x: X, y: Y, z: Z, qw: qw, qx: qx, qy: qy, qz: qz, fz: kg}\n"
+        "units: {time: s, joints: deg, length: mm, fz: kg}\n"
+        "point: tip\nload_point: tip\nhistory: continuous\n"
+        "sigma_position: 0.03 mm\nsigma_rotation: 0.1 mrad\n"
+    )
+    made = parse_points("s,A1,X,Y,Z,qw,qx,qy,qz,kg\n1,10,1,2,3,1,0,0,0,5\n", parse_profile(text), "m.csv")
+    table = parse_measurements(made.text, parse_robot(ROBOT))
+    assert (table.point[0], table.load_point[0], table.continuous) == ("tip", "tip", True)
+    assert table.sigma_rotation == pytest.approx(1e-4, rel=1e-15)
+    with pytest.raises(BeamstiffError, match=r"p\.yaml:7: sigma_rotation: found the unit 'mm'"):
+        parse_profile(text.replace("0.1 mrad", "0.1 mm"), "p.yaml")
+
+
 def test_an_axyz_like_list_has_semicolons_decimal_commas_and_deviations() -> None:
     profile = parse_profile(
         "{separator: semicolon, decimal: comma, skip: 2, columns: {point: 1, x: 2, y: 3, z: 4, sigma_x: 5},"
