@@ -25,12 +25,17 @@ from beamstiff.robot.dh_tables import KINDS
 
 # words that other programs name such columns with
 _POINT = {"point", "name", "target", "reflector", "marker", "prism", "smr"}
-_POSE = {"pose", "pos", "position", "no", "nr", "id", "frame"}
+_POSE = {"pose", "posture", "pos", "position", "no", "nr", "id", "frame"}
 _LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
 _TIME = {"time", "timestamp", "zeit"}
 _JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
 _FORCE = re.compile(r"(?:f|force|kraft)[ _.]?([xyz])")
 _AXIS = re.compile(r"[pt]?([xyz])")
+_DISPLACED = re.compile(r"(?:d|delta)[ _.]?([xyz])")
+_UNIT_BEHIND = re.compile(
+    r"(.+?)[ _.](deg|rad|mm|um|m|n|kn|kg|s|ms)", re.IGNORECASE
+)  # of a name: j1_deg, Fx_N
+_IN_CAPITALS = {"n": "N", "kn": "kN"}  # units
 _PLAIN = re.compile(r"[A-Za-z][\w.]*")
 MOST_POINTS = 12  # names that a column of reflectors has; more are names of postures
 
@@ -114,21 +119,21 @@ def guessed_profile(
     >>> guessed_profile(["P", "X [mm]", "Y [mm]", "Z [mm]"], ";")  # doctest: +ELLIPSIS
     '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE, sigma_...}'
     """
-    names = [bare_name(cell) for cell in header]
+    names, behind = zip(*map(_name_and_unit, header), strict=True)
     forces = {match[1] for name in names if (match := _FORCE.fullmatch(name.casefold()))}
     at, points = _reflectors(names, cells, nodes)
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
-    for place, (cell, name) in enumerate(zip(header, names, strict=True)):
+    for place, (cell, name, unit) in enumerate(zip(header, names, behind, strict=True)):
         key, kind = ("point", "") if place == at else _guessed(name, joints)
         if key == "fz" and "z" in forces and not _FORCE.fullmatch(name.casefold()):
             continue  # a mass beside the force
         if key and key not in columns:
             columns[key] = cell
             if kind:
-                unit = unit_in(cell)
                 units.setdefault(kind, unit if unit and not unit_fault(unit, _kinds(kind)) else "UNIT")
-    if not {*POSITION} <= {*columns}:
+    absolute = {*POSITION} <= {*columns}
+    if not absolute and not {*MEASURED["displacement"][:3]} <= {*columns}:
         return ""
     comma = separator != "," and any(re.fullmatch(r"[+-]?\d+,\d+", cell) for row in cells[:9] for cell in row)
     parts = [
@@ -136,7 +141,7 @@ def guessed_profile(
         "decimal: comma" if comma else "",
         f"columns: {{{', '.join(f'{key}: {_quoted(cell)}' for key, cell in columns.items())}}}",
         f"units: {{{', '.join(f'{key}: {_quoted(unit)}' for key, unit in units.items())}}}",
-        f"points: {{{', '.join(points)}}}" if points else "point: NODE",
+        f"points: {{{', '.join(points)}}}" if points else "point: NODE" if absolute else "",
         "sigma_position: NOISE mm",
         "sigma_rotation: NOISE mrad" if {*QUATERNION} <= {*columns} else "",
     ]
@@ -165,6 +170,14 @@ def _reflectors(
     return next(iter(found.items()), (None, []))
 
 
+def _name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Return the name of a header cell, and its unit, which stands in brackets or behind it."""
+    name, unit = bare_name(cell), unit_in(cell)
+    if unit is None and (match := _UNIT_BEHIND.fullmatch(name)):
+        name, unit = match[1], match[2].lower()
+    return name, _IN_CAPITALS.get(unit, unit) if unit else None
+
+
 def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
     """Return our column of a name, and the key of its unit; empty where it cannot be guessed."""
     plain = name.casefold().strip()
@@ -174,6 +187,8 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
         return (joints[at] if at < len(joints) else "" if joints else f"q{at + 1}"), JOINTS
     if match := _FORCE.fullmatch(plain):
         return f"f{match[1]}", "force"
+    if match := _DISPLACED.fullmatch(plain):
+        return f"d{match[1]}", "length"
     if plain in QUATERNION:
         return plain, ""
     if len(axes := [match[1] for word in words if (match := _AXIS.fullmatch(word))]) == 1:

@@ -1,10 +1,14 @@
 """What no measurement of the tool tells apart has one name."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Robot, diagnose, forward_kinematics, load_robot, predict
 from beamstiff.diagnosis.decomposition.same_mechanics import other_mechanics, same_mechanics
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.diagnosis.machines import at_random, kr240, nominal, shape_of, unexplained
@@ -73,3 +77,50 @@ def test_a_bearings_forms_are_of_its_group_if_symmetric_compliances_are_all(effe
     for one in linear:
         left = max(unexplained(one.columns[..., at], whole) for at in range(len(one.parameters)))
         assert (left < 1e-6) == (one.turns is not apart), one.name
+
+
+AXES = ((0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0))
+PLACES = ((0, 0, 0.6), (0.32, 0, 0.13), (0, 0, 1.08), (0.2, 0, 0.17), (1.04, 0, 0), (0.2, 0, 0))
+
+
+def six_axes(cutter: str) -> str:
+    """A URDF of six joints with a cutter on the last link."""
+    links = "".join(f'<link name="l{at}"/>' for at in range(7))
+    joints = "".join(
+        f'<joint name="j{at + 1}" type="revolute"><parent link="l{at}"/><child link="l{at + 1}"/>'
+        f'<origin xyz="{" ".join(map(str, place))}"/><axis xyz="{" ".join(map(str, axis))}"/>'
+        '<limit lower="-4" upper="4" effort="9000" velocity="1"/></joint>'
+        for at, (axis, place) in enumerate(zip(AXES, PLACES, strict=True))
+    )
+    mount = '<parent link="l6"/><child link="cutter"/>'
+    return (
+        f'<robot name="mill">{links}<link name="cutter"/>{joints}'
+        f'<joint name="mount" type="fixed">{mount}<origin xyz="{cutter}"/></joint></robot>'
+    )
+
+
+def test_a_tool_that_tilts_about_a_flange_far_behind_it_is_told_by_its_usual_name(tmp_path: Path) -> None:
+    """Displacements under loads are all that is known, of a TCP off the last axis."""
+    tip, seat = (tmp_path / name for name in ("cutter.urdf", "flange.urdf"))
+    tip.write_text(six_axes("0.31 0 0.06"))
+    seat.write_text(six_axes("0 0 0"))
+    robot, flange = (load_robot(file, joint_stiffness="1e6 N*m/rad") for file in (tip, seat))
+    rng = np.random.default_rng(1)
+    q = np.repeat(rng.uniform(-1.0, 1.0, (18, 6)) * [2, 1, 1, 2.6, 1.7, 3.5], 4, axis=0)
+    force = rng.normal(size=(72, 3))
+    force *= rng.choice([400.0, 800.0, 1200.0], (72, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
+    cutter, seated = (forward_kinematics(one, q) for one in (robot, flange))
+    lever, axes = cutter[:, :3, 3] - seated[:, :3, 3], seated[:, :3, :3]
+    moment = np.einsum("nji,nj->ni", axes, np.cross(lever, force))
+    turn = np.einsum("nij,nj->ni", axes, moment * [2.2e-6, 2.9e-6, 0.6e-6])
+    wrench = np.concatenate([force, np.zeros((72, 3))], axis=1)
+
+    def table(displacement: np.ndarray | None = None) -> Measurements:
+        names = [variable.name for variable in robot.actuated]
+        known = {"wrench": wrench, "displacement": displacement, "sigma_position": 6e-6}
+        return make_measurements(names, q, tcp=robot.tcp, **known)
+
+    moved = predict(robot, table()).displacement[:, :3] + np.cross(turn, lever)
+    found = diagnose(robot, table(moved + 6e-6 * rng.standard_normal((72, 3))))
+    assert found.verdict.key == "tool-compliance:null"
+    assert "bearing-tilt:j6" in found.indistinguishable
