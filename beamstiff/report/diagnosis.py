@@ -69,8 +69,13 @@ NAMES = (
     (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (
+        r"_compliance_[xyz]",
+        "compliance_x",
+        "along or about x of the base or tool frame; of a joint or link, x is its axis",
+    ),
+    (
         r"_(r?[xyz]_r?[xyz]|xy|xz|yz)\b",
-        "two axes, as x_ry",
+        "two axes, as x_ry or xz",
         "what a load along the first moves along the second",
     ),
 )

@@ -69,7 +69,7 @@ def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
     if found.promised is not None:
         closes = f"True: {percent(found.true)}." if fresh(found) else ""
         yield f"Promised: {percent(found.promised)} of the gap closes. {closes}".strip()
-    if refitted:
+    if refitted and found.absolute:
         yield REFITTED
     yield SQUARES
 
