@@ -2,7 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from beamstiff.measure.table import make_measurements
+from beamstiff.robot.parts import JointStiffness
+from beamstiff.robot.urdf.reader import parse_urdf
 from tests.diagnosis.machines import arm_at, at_random, close, kr240, nominal, rows_of, shape_of, unexplained
 
 
@@ -39,6 +43,31 @@ def test_a_tool_that_tilts_about_a_centre_behind_the_tcp(distance: float) -> Non
     found = shape_of(there, "tool-compliance", None, f"about a centre {distance:g} m behind").columns
     close(found[..., 0], np.concatenate([np.cross(turned, arm), turned], axis=1))
     close(found[..., 1], np.concatenate([0 * about, about], axis=1))
+
+
+def test_a_tool_that_tilts_about_the_last_joint_wherever_the_tcp_is() -> None:
+    text = (
+        '<robot name="mill"><link name="l0"/><link name="l1"/><link name="l2"/><link name="tip"/>'
+        '<joint name="a1" type="revolute"><parent link="l0"/><child link="l1"/><origin xyz="0.1 0 0.4"/>'
+        '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="9" velocity="1"/></joint>'
+        '<joint name="a2" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.5 0 0.2"/>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="9" velocity="1"/></joint>'
+        '<joint name="m" type="fixed"><parent link="l2"/><child link="tip"/><origin xyz="0.3 0.1 -0.05"/>'
+        "</joint></robot>"
+    )
+    robot = parse_urdf(text)
+    joint = robot.joints[0].model_copy(update={"stiffness": JointStiffness(torsional="1e6 N*m/rad")})
+    robot = robot.model_copy(update={"joints": (joint, *robot.joints[1:])})
+    rng = np.random.default_rng(4)
+    q, wrench = rng.uniform(-1.0, 1.0, (5, 2)), rng.standard_normal((5, 6))
+    rows = make_measurements(["a1", "a2"], q, tcp=robot.tcp, wrench=wrench, displacement=np.ones((5, 6)))
+    found = shape_of(nominal(robot, rows), "tool-compliance", None, "about the last joint, by axis").columns
+    axes = Rotation.from_euler("ZY", q).as_matrix()
+    arm = axes @ [0.3, 0.1, -0.05]  # from the joint to the TCP
+    moment = wrench[:, 3:] + np.cross(arm, wrench[:, :3])
+    for at in range(3):
+        about = np.einsum("na,na->n", moment, axes[:, :, at])[:, None] * axes[:, :, at]
+        close(found[..., at], np.concatenate([np.cross(about, arm), about], axis=1))
 
 
 def test_a_round_tool_gives_the_same_whichever_way_it_is_turned_about_its_axis() -> None:
