@@ -216,9 +216,9 @@ class Decomposition:
 
     @property
     def law(self) -> Cause | None:
-        """The law outside the library that explains more than any cause does, if it is likely."""
+        """The law outside the library that explains a quarter or more, and more than any cause, if likely."""
         first = max(self.unmodelled, key=lambda one: one.closes, default=None)
-        if first is None or first.probability < NAMED:
+        if first is None or first.probability < NAMED or first.closes < QUARTER:
             return None
         return first if all(one.closes <= first.closes for one in self.every) else None
 

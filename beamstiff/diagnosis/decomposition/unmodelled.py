@@ -71,9 +71,8 @@ def lifted_side(form: Form, theta: Array) -> float | None:
     if form.shape.name != OPENING:
         return None
     at = np.array([int(item.name.removeprefix("mode_")) - 1 for item in form.shape.parameters])
-    turn = (
-        at % (2 * HINGES) < HINGES
-    )  # as `opening_of` has them: to one side turns and lifts, then to the other
+    # as `opening_of` has them: to one side turns and lifts, then to the other
+    turn = at % (2 * HINGES) < HINGES
     # a foot that turns about a line to the right lifts on its left
     side = np.pi * (at % HINGES / HINGES + at // (2 * HINGES) + 0.5)
     return float(np.angle((theta * np.exp(1j * side))[turn].sum()))
