@@ -133,9 +133,9 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         raise why or error from None
     if why is not None and found.rms > LARGE_DISPLACEMENT:  # nor is the geometry near what is described
         raise why
-    unnamed = _same_by_usual_name(found)
+    usual = _usual_name(found)
     left = found.features["misfit"] > NOISE
-    if absolute or not (left or unnamed) or np.unique(rows.pose).size < FOLDS:
+    if absolute or not (left or usual) or np.unique(rows.pose).size < FOLDS:
         return found  # of fewer postures than folds those that are held out tell too little
     # neither one cause nor two, weighed in all their forms, leave but noise: more causes at once.
     # What a table states of its noise is left as it is: rows that a crowd moves look as noisy as anything
@@ -149,7 +149,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     told = several.every
     if found.verdict.effect == UNKNOWN:  # what no effect of the library is says at least what it looks like
         told = (*told, *several.unmodelled)
-    if not left and (several.verdict is None or several.verdict.key not in unnamed):
+    if not left and (several.verdict is None or several.verdict.key != usual):
         return found
     # of postures that had no say in their selection
     if told and sum(cause.closes for cause in told) >= QUARTER:
@@ -158,10 +158,10 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     return found
 
 
-def _same_by_usual_name(found: Diagnosis) -> tuple[str, ...]:
-    """Return what is the same mechanics as the verdict, if the usual name of it is not told beside it."""
-    alike = same_mechanics(found.baseline.nominal).get(found.verdict.key, ())
-    return () if {*alike[:1]} <= {found.verdict.key, *found.indistinguishable} else alike
+def _usual_name(found: Diagnosis) -> str:
+    """Return the usual name of the verdict's mechanics, if it is not told beside it; mostly empty."""
+    usual, *_ = same_mechanics(found.baseline.nominal).get(found.verdict.key, ("",))
+    return "" if usual in (found.verdict.key, *found.indistinguishable) else usual
 
 
 def _screened(robot: Robot, rows: Measurements, prior: Prior) -> tuple[Baseline, Library, Screened]:

@@ -96,7 +96,7 @@ def test_verify_of_effects_that_leave_much_sends_to_all_rows_together(run: Run, 
     assert first.endswith("its effects close 19 % of the gap, promised were 90 %")
     (folder / "bare.yaml").write_text(stiff)
     said = " ".join(run("verify bare.yaml crane.csv").stdout.split())
-    assert "The model still lacks something: beamstiff diagnose bare.yaml crane.csv finds it." in said
+    assert "The model still lacks something: beamstiff diagnose bare.yaml crane.csv looks for it." in said
 
 
 def test_verify_of_a_robot_without_effects_says_that_there_is_no_before_and_after(run: Run) -> None:
