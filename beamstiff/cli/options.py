@@ -55,7 +55,6 @@ DataFiles = Annotated[
     list[str],
     argument("DATA...", f"CSV tables, {COLUMNS} Several are taken together, each with its own noise."),
 ]
-DataFile = Annotated[str, argument("DATA", f"CSV table, {COLUMNS}")]
 Html = Annotated[
     str | None,
     typer.Option("--html", metavar="FILE", help="Write a report as one HTML page that works offline."),

@@ -87,11 +87,11 @@ def correct_path(
 
     `path`: in the base frame (`Frames.to_base`). `load`: default: none. `start` (A,): a posture near the
     first target, to choose the branch in place of the postures that the path states; default, where it states
-    none: where the robot was measured. `taught`: the targets
-    were taught on the unloaded robot: it reaches them as they are, only what the load does is corrected.
-    `positions_only`: leave the orientations of the commands as they are. So it is for robots of fewer than
-    six joints. `base_taught` (3, 3): points of the frame of the path, m, by which the real robot taught it,
-    in the orientation of the nearest target: the workpiece stands where its unloaded tool was then.
+    none: where the robot was measured. `taught`: the targets were taught on the unloaded robot: it reaches
+    them as they are, only what the load does is corrected. `positions_only`: leave the orientations of the
+    commands as they are. So it is for robots of fewer than six joints. `base_taught` (3, 3): points of the
+    frame of the path, m, by which the real robot taught it, in the orientation of the nearest target: the
+    workpiece stands where its unloaded tool was then.
     """
     load = load or Together()
     whole = six_freedoms(machine.kinematics)

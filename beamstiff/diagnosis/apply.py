@@ -169,8 +169,7 @@ def extended(diagnosis: Diagnosis) -> Robot:
     found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
     found = found.with_unmeasured(fitted, diagnosis.kept)
     ranges = ranges_of(diagnosis.baseline.rows)
-    law = diagnosis.decomposition.law if diagnosis.decomposition is not None else None
-    unexplained = "" if law is None else law.looks_like
+    unexplained = "" if diagnosis.law is None else diagnosis.law.looks_like
     found = found.with_fitted_rows(diagnosis.fitted_rows, ranges, diagnosis.left, unexplained)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 

@@ -17,7 +17,7 @@ from beamstiff.diagnosis.decomposition.applied import (
     as_given,
     calibrated_beside,
 )
-from beamstiff.diagnosis.decomposition.causes import Decomposition, RunnerUp
+from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
@@ -120,6 +120,11 @@ class Diagnosis(Shown):
             return found.every[-1].rms_after if found.every else self.rms
         shrink = self.verdict.shrink
         return self.rms if shrink is None else min(shrink.after, self.rms)
+
+    @property
+    def law(self) -> Cause | None:
+        """The law outside the library that explains more than any cause does, if there is one."""
+        return None if self.decomposition is None else self.decomposition.law
 
     @property
     def start_values(self) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ def verdict(result: Diagnosis) -> Verdict:
         elif result.verdict.effect == "unknown":
             best = _perhaps(result)
             said = f"{gap}, cause unknown{f': perhaps {best}' if best else ''}"
-            if law := words.law_of(result):
+            if law := result.law:
                 said = f"{gap}, cause outside the library: {_looks(law)}"
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             left = close.after
@@ -155,7 +155,7 @@ def _explained(result: Diagnosis, share: str, by: str) -> str:
 
 def _outside(result: Diagnosis) -> str:
     """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
-    if (law := words.law_of(result)) is None:
+    if (law := result.law) is None:
         return ""
     return f"; {_looks(law)}, outside the library"
 
@@ -256,7 +256,7 @@ def summary(result: Diagnosis) -> str:
         if result.decomposition is not None and not result.baseline.claimed:
             gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
         text = f"{first}\nUnknown (probability {certain}): {gap}, and "
-        if law := words.law_of(result):
+        if law := result.law:
             text += f"no effect of the library fits it. Most of it looks as if {law.looks_like}."
         elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."

@@ -143,11 +143,6 @@ def several(result: Diagnosis) -> tuple[Cause, ...]:
     return () if found is None or (found.verdict and len(found.causes) == 1) else found.causes
 
 
-def law_of(result: Diagnosis) -> Cause | None:
-    """Return the law outside the library that explains more than any cause does, if there is one."""
-    return None if result.decomposition is None else result.decomposition.law
-
-
 def law_in_words(law: Cause) -> str:
     """Return what a law outside the library does, and of a base that opens on which side."""
     side = law.lifted_side

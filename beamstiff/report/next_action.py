@@ -19,7 +19,6 @@ from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load
 from beamstiff.report.diagnosis_words import (
     law_in_words,
-    law_of,
     load_lever,
     named,
     several,
@@ -91,7 +90,7 @@ def _one(result: Diagnosis, head: str) -> str:
     like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
     if like_sag and weightless(result.baseline):
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
-    if law := law_of(result):
+    if law := result.law:
         return f"Check whether {law_in_words(law)}; mend that, measure again and diagnose the new table."
     if not to_check:
         return _also(result, "Measure").strip() or _by_remainder(result)

@@ -54,10 +54,8 @@ def _of_lengths(robot: Robot) -> Iterator[str]:
     q[:, slides] = q[0, slides]  # a link may end where a guide holds
     with np.errstate(over="ignore", invalid="ignore"):
         at = posture(compile_kinematics(robot), q).node_positions
-    if (
-        not np.abs(at).max() < 1.0 / np.finfo(float).eps
-    ):  # lengths that nothing is built of: elsewhere refused
-        return
+    if not np.abs(at).max() < 1.0 / np.finfo(float).eps:
+        return  # lengths that nothing is built of: elsewhere refused
     index = {node.name: number for number, node in enumerate(robot.nodes)}
     for kind, links in (("rigid", robot.rigids), ("beam", robot.beams)):
         for link in links:
