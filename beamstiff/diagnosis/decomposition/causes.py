@@ -19,7 +19,7 @@ PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, f
 NAMED = 0.5  # probability that it is this one, from which it is named
 MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
-BY_NOUN = ("base ", "tool ")  # places that are no names
+BY_NOUN = ("base ", "tool ", "instrument ")  # places that are no names
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
 

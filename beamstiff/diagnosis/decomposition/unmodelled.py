@@ -13,18 +13,22 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import drives
 from beamstiff.diagnosis.inference.component_subspaces import (
+    FOLLOWING_LOAD,
     HINGES,
     OPENING,
     PLAY,
     SLIPPING,
     SOFTENING,
+    TETHERED,
     opening_of,
     play_of,
     softening_of,
+    stand_moved,
     structure_places,
     unmodelled_of_drive,
 )
 from beamstiff.diagnosis.inference.external_friction import slipping
+from beamstiff.diagnosis.inference.tool_ground_spring import weakly_tethered
 from beamstiff.diagnosis.prior import SELDOM
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -41,7 +45,8 @@ def unmodelled_forms(model: OpenModel) -> list[Form]:
     found = []
     for place, does, columns, positive in _laws(baseline):
         columns = baseline.rows.along(columns)
-        modes = columns @ (np.eye(columns.shape[-1]) if positive else _main(model, columns))
+        whole = positive or does == FOLLOWING_LOAD  # six modes of its nine would be its tilts alone
+        modes = columns @ (np.eye(columns.shape[-1]) if whole else _main(model, columns))
         size = np.sqrt((modes[:, :3] ** 2).sum(axis=1).mean(axis=0))
         moving = np.flatnonzero(size > 0)
         if not moving.size:
@@ -60,6 +65,8 @@ def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
         if place is baseline.places.base or place is baseline.places.flange:
             yield name, SLIPPING, slipping(baseline, place), False
     yield "base", OPENING, opening_of(baseline), True
+    yield "instrument", FOLLOWING_LOAD, stand_moved(baseline), False
+    yield "tool", TETHERED, weakly_tethered(baseline), False
     for drive in map(str, drives(baseline)):
         for does, columns in unmodelled_of_drive(baseline, drive).items():
             yield drive, does, columns, False

@@ -44,10 +44,10 @@ def held_tool(baseline: Baseline) -> Held:
     """Return how the tool moves, and what forces there move, whatever points are read."""
     rows, robot = baseline.rows, baseline.robot
     seen = tcp_response(baseline)
-    if (rows.point == robot.tcp).all():
+    if rows.axes is None and (rows.point == robot.tcp).all():
         return Held(seen[:, :3, :3], seen[:, :, :3], baseline.predicted[:, :3])
     tcp = np.full(len(rows), robot.tcp)
-    there = replace(rows, point=tcp)
+    there = replace(rows, point=tcp, direction=np.full_like(rows.direction, np.nan))
     own = tool_response(robot, replace(there, load_point=tcp))
     return Held(own[:, :3, :3], seen[:, :, :3], predict(robot, there)[:, :3])
 
@@ -69,6 +69,11 @@ def tethered(baseline: Baseline, held: Held, white: Whitened) -> tuple[Array, Ar
     place = place - place.mean(axis=0)
     place /= np.abs(place).max(initial=0.0) or 1.0
     return alike, np.concatenate([more * place[:, axis, None, None] for axis in range(3)], axis=-1)
+
+
+def weakly_tethered(baseline: Baseline) -> Array:
+    """Return what a weak spring between tool and floor does to displacements, (N, 6, 6)."""
+    return _more(held_tool(baseline), np.zeros((3, 3)))
 
 
 def suggested_spring(held: Held, white: Whitened) -> Array:
