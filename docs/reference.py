@@ -240,6 +240,8 @@ def effect_sections() -> Iterator[str]:
             f"### {effect.name}\n\n{effect.meaning} Component: {where}. Look-alikes: {alike}. To "
             f"check it: {effect.separation}."
         )
+        if effect.outside:
+            text += " It is told in the remainder (`outside_library`), beside the verdict `unknown`."
         rows = [
             f"| {name} | {', '.join(dict.fromkeys(some[:8]))}{' ...' if len(some) > 8 else ''} |"
             for name, some in shapes.items()

@@ -169,7 +169,8 @@ def extended(diagnosis: Diagnosis) -> Robot:
     found = found.with_parameters({name: fitted[name][0] for name in diagnosis.kept})
     found = found.with_unmeasured(fitted, diagnosis.kept)
     ranges = ranges_of(diagnosis.baseline.rows)
-    unexplained = "" if diagnosis.law is None else diagnosis.law.looks_like
+    law = diagnosis.law
+    unexplained = law.looks_like if law is not None and law.nameless else ""
     found = found.with_fitted_rows(diagnosis.fitted_rows, ranges, diagnosis.left, unexplained)
     return found.model_copy(update={"effects": (*diagnosis.known, *found.effects)})
 

@@ -77,7 +77,7 @@ def beside_calibration(
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
         return diagnosis_of(found, told)
-    found_here = {form.effect for cause in found.every for form in cause.forms}
+    found_here = {form.effect for cause in (*found.every, *found.unmodelled) for form in cause.forms}
     forms = forms_of(closed, prior, {*OF_GEOMETRY, *found_here})
     choice = build_choice(closed, [*forms, *(unmodelled_forms(closed) if found.unmodelled else ())])
     # more forms than one cause, or two, and these errors are no geometry as described, whatever they leave
@@ -318,5 +318,5 @@ def _untestable(found: Decomposition) -> tuple[Untestable, ...]:
 def _hidden(found: Decomposition) -> Iterator[Untestable]:
     baseline = found.model.baseline
     for effect in EFFECTS.values():
-        if effect.name != "outliers" and not effect.components(baseline):
+        if effect.name != "outliers" and not effect.outside and not effect.components(baseline):
             yield Untestable(effect.name, None, nowhere(effect.name, baseline))

@@ -33,7 +33,7 @@ def plain_bic(robot: Robot, measurements: Measurements, withheld: Sequence[str] 
     n = gap.size
     best, name = n * np.log(float(gap @ gap) / n), "none:null"
     for effect in EFFECTS.values():
-        if effect.name in withheld:
+        if effect.outside or effect.name in withheld:
             continue
         for component in effect.components(baseline):
             for shape in effect.shapes(baseline, component):

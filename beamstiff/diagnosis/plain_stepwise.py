@@ -88,6 +88,7 @@ def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[
     else:
         model = open_stiffness(fit_baseline(robot, measurements))
     forms = [form for form in forms_of(model, Prior(tuple(withheld))) if form.sizes.size <= TEXTBOOK]
+    forms = [form for form in forms if not form.outside_library]
     chosen, squares = _entered(model, forms)
     return PlainStepwise(_told(model, chosen, squares))
 

@@ -90,9 +90,16 @@ def changes_text(result: Diagnosis, others: str = "in --json and --apply") -> st
         if changed.together
         else ""
     )
-    unexplained = result.verdict.effect == "unknown"
-    doubt = " (which do not count what the unexplained gap may have moved)" if unexplained else ""
+    doubt = f" ({doubt})" if (doubt := uncounted(result)) else ""
     return f"Largest changes of the geometry, with standard deviations{doubt}. {each}{more}.{alike}"
+
+
+def uncounted(result: Diagnosis) -> str:
+    """Return, in words, what standard deviations leave out beside a gap that nothing explains."""
+    explained = result.law is not None and not result.law.nameless
+    if result.verdict.effect != "unknown" or explained:
+        return ""
+    return "which do not count what the unexplained gap may have moved"
 
 
 def reflectors_off(changed: Recalibration) -> list[str]:

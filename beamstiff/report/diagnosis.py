@@ -22,7 +22,7 @@ from beamstiff.diagnosis.places import places_with_look_alikes
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import changes_text, drives_table, far_stiffness
+from beamstiff.report.calibrated_text import changes_text, drives_table, far_stiffness, uncounted
 from beamstiff.report.diagnosis_tables import (
     INTERVAL,
     drift_tables,
@@ -65,6 +65,7 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
+    (r"_per_f[xyz]", "a_per_fb", "how the readings tilt or rise per force along b: the other way round"),
     (r"mode_\d", "mode_n", "size of typical curve n over the angle, or over time"),
     (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
@@ -100,7 +101,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         said = [remainder_text(result.decomposition)] if result.decomposition.gap_shows else []
         said += filter(None, [changes_text(result)])
         yield Text("".join(f"{line}\n" for line in ["", *said]))
-    if not by_causes(result):
+    if not by_causes(result) and result.law is None:  # of no cause there is nothing to compare
         candidates = candidates_table(result, likely(result, SHOWN), "Which effect")
         yield from (candidates, Text(f"{CLOSES}\n" if INTERVAL in candidates.columns else ""))
     sizes = sizes_table(result, "How large")
@@ -115,7 +116,8 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         title = SUMMED if by_causes(result) else ACCOUNTS
         yield from (places_table(places, title), "")
     yield from (gap_tables(result), "")
-    drives = drives_table(result, "Fitted stiffness, as --apply writes it")
+    doubt = f", std {doubt}" if (doubt := uncounted(result)) else ""
+    drives = drives_table(result, f"Fitted stiffness, as --apply writes it{doubt}")
     if drives.rows:
         far = far_off_text(far_stiffness(result))
         yield from (drives, Text(f"{far}\n" if far else ""))

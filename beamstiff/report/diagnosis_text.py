@@ -70,7 +70,7 @@ def verdict(result: Diagnosis) -> Verdict:
             best = _perhaps(result)
             said = f"{gap}, cause unknown{f': perhaps {best}' if best else ''}"
             if law := result.law:
-                said = f"{gap}, cause outside the library: {_looks(law)}"
+                said = f"{gap}, {'cause outside the library: ' * law.nameless}{_looks(law)}"
         elif head.startswith("Cause") and close is not None and close.shrink >= 0.01:
             left = close.after
             share = "" if words.one_posture(result) else words.percent(close.shrink)
@@ -157,11 +157,12 @@ def _outside(result: Diagnosis) -> str:
     """Return, in words, that a law outside the library explains more than any cause; mostly empty."""
     if (law := result.law) is None:
         return ""
-    return f"; {_looks(law)}, outside the library"
+    return f"; {_looks(law)}{', outside the library' * law.nameless}"
 
 
 def _looks(law: Cause) -> str:
-    return f"{words.percent(law.closes)} look as if {law.looks_like}"
+    how = "look as if" if law.nameless else "explained by the measurement:"
+    return f"{words.percent(law.closes)} {how} {law.looks_like}"
 
 
 def _shortly(names: Sequence[str], most: int = NAMED) -> str:
@@ -189,7 +190,7 @@ def _doubt(cause: Candidate, size: Estimate) -> str:
 def remainder_text(found: Decomposition) -> str:
     """Return, in words, what the causes leave of a gap, and what that follows."""
     rest = found.remainder
-    of_what = "" if found.causes else " (no cause is named)"
+    of_what = "" if found.causes or found.unmodelled else " (no cause is named)"
     said = (
         f"Remainder{of_what}, all rows fitted: {1e3 * rest.rms:.3f} mm RMS, corrected for the number of "
         f"fitted values ({words.percent(rest.share)} of the gap)."
@@ -212,7 +213,7 @@ def remainder_text(found: Decomposition) -> str:
         each = [
             f"{words.law_in_words(one)} ({words.percent(one.closes)} of the gap)" for one in found.unmodelled
         ]
-        said += f"\nOutside the library, the readings look as if {', '.join(each)}."
+        said += f"\nOf it, outside the library, the readings look as if {', '.join(each)}."
     return said
 
 
@@ -257,7 +258,9 @@ def summary(result: Diagnosis) -> str:
             gap = "the gap exceeds a laser tracker's noise (state the instrument's own as sigma_position)"
         text = f"{first}\nUnknown (probability {certain}): {gap}, and "
         if law := result.law:
-            text += f"no effect of the library fits it. Most of it looks as if {law.looks_like}."
+            chance = words.chance(law.probability)
+            text = f"{first}\nThe gap is systematic, and no effect of the library fits it. Most of it looks "
+            text += f"as if {law.looks_like} (probability {chance})."
         elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:

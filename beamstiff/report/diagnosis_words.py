@@ -183,9 +183,11 @@ def named(one: Candidate) -> str:
 
 
 def told(result: Diagnosis) -> list[Candidate]:
-    """Return the verdict, its look-alikes and the second cause; of several causes all."""
+    """Return the verdict, its look-alikes and the second cause; of several all; and what else is written."""
+    laws = () if result.decomposition is None else result.decomposition.unmodelled
+    outside = [cause_candidate(law) for law in laws if not law.nameless]
     if listed := several(result):
-        return [cause_candidate(one) for one in listed]
+        return [*(cause_candidate(one) for one in listed), *outside]
     keys = {result.verdict.key, *result.indistinguishable}
     found = [one for one in result.candidates if one.key in keys]
-    return [*found, *([result.also] if result.also is not None else [])]
+    return [*found, *([result.also] if result.also is not None else []), *outside]

@@ -90,7 +90,13 @@ def _one(result: Diagnosis, head: str) -> str:
     like_sag = not to_check or any(one.effect in LIKE_SAG for one in to_check)
     if like_sag and weightless(result.baseline):
         return f"Give the robot file `masses`, estimates are enough, and diagnose again: {WEIGHT}."
-    if law := result.law:
+    if (law := result.law) and not law.nameless:
+        effect = EFFECTS[law.forms[0].effect]
+        return (
+            f"To check it: {effect.separation}. The robot that --apply writes has it as {effect.name}: "
+            "beamstiff verify counts with it, compensate does not, as it is no error of the robot."
+        )
+    if law:
         return f"Check whether {law_in_words(law)}; mend that, measure again and diagnose the new table."
     if not to_check:
         return _also(result, "Measure").strip() or _by_remainder(result)

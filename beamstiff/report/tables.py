@@ -14,7 +14,7 @@ from rich.text import Text
 MOST_ROWS = 40
 WIDEST, NARROWEST = 100, 30  # columns of a table where there is no terminal to fit into; of text in it
 BETWEEN = 3  # columns between two of a table
-SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm")}
+SMALL = {"rad": (1e3, "mrad"), "m": (1e3, "mm"), "rad/N": (1e6, "mrad/kN")}
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,7 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
         unclear=(tilt,),
         every=(tilt,),
         law=None,
+        unmodelled=(),
         model=model,
         change=nothing,
         scatter=1.0,
@@ -139,10 +140,12 @@ def test_undecided_effects_that_close_most_of_an_unknown_gap_are_named() -> None
     assert f"no cause is sure. Best so far: {best} of it" in summary(result)
     tilt.closes = 0.4
     assert verdict(result).headline.endswith("cause unknown")
-    found.law = SimpleNamespace(closes=0.5, looks_like="the base has play", lifted_side=None)
+    found.law = SimpleNamespace(
+        closes=0.5, looks_like="the base has play", lifted_side=None, nameless=True, probability=0.98
+    )
     law = "50 % look as if the base has play"
     assert verdict(result).headline.endswith(f"cause outside the library: {law}")
-    assert "no effect of the library fits it. Most of it looks as if the base has play." in summary(result)
+    assert "Most of it looks as if the base has play (probability 98 %)." in summary(result)
 
 
 def test_a_load_that_moved_with_the_reflector_is_told() -> None:

@@ -11,7 +11,7 @@ from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Deco
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
-from beamstiff.diagnosis.decomposition.forms import by_form
+from beamstiff.diagnosis.decomposition.forms import UNMODELLED, by_form, is_outside
 from beamstiff.diagnosis.decomposition.loads import has_loads, solved_beside
 from beamstiff.diagnosis.decomposition.look_alikes import (
     Rival,
@@ -25,7 +25,6 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, causes_of, gain, resampled
 from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.prior import TEMPERING
 from beamstiff.se3 import Array
 from beamstiff.stages import stage
@@ -86,6 +85,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     for numbers, cause in zip(order, every, strict=True):
         parts[_rank(causes[numbers])].append(cause)
     named, unclear, unmodelled = parts
+    nameless = [law for law in unmodelled if law.nameless]
     named = [
         cause if cause.indistinguishable else replace(cause, runner_up=runner_up(folds, step, cause.key))
         for cause in named
@@ -104,7 +104,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
-        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
+        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, nameless)),
         scatter=step.scatter,
         bic=least,
         largest=_largest(errors),
@@ -222,7 +222,7 @@ def _judged(
             closes_interval=(0.0, 0.0),
             rms_after=0.0,
             indistinguishable=_in_library(rival.indistinguishable),
-            rivals=tuple(choice.forms[k] for k in rival.forms if choice.forms[k].effect != UNMODELLED),
+            rivals=tuple(choice.forms[k] for k in rival.forms if not choice.forms[k].outside_library),
         )
         for cause, rival, present in zip(order, rivals, expit(odds / TEMPERING), strict=True)
     }
@@ -238,7 +238,7 @@ def _rival_of(folds: Folds, step: Step, cause: Numbers, replaced: Sequence[tuple
 
 def _in_library(keys: Sequence[str]) -> tuple[str, ...]:
     """Return causes with those that no effect of the library has as one: unknown."""
-    return tuple(dict.fromkeys(UNMODELLED if key.startswith(f"{UNMODELLED}:") else key for key in keys))
+    return tuple(dict.fromkeys(UNMODELLED if is_outside(key.partition(":")[0]) else key for key in keys))
 
 
 def _named_first(

@@ -40,8 +40,8 @@ def calibrated_beside(found: Decomposition) -> Robot:
     of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
     that no other posture has. A target that slipped stands where it came to rest.
     """
-    robot = _calibrated(found, found.every)
-    slips = total(_slips(found, cause) for cause in found.every)
+    robot = _calibrated(found, found.written)
+    slips = total(_slips(found, cause) for cause in found.written)
     return corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
 
 
@@ -56,7 +56,7 @@ def applied(found: Decomposition, robot: Robot | None = None) -> Robot:
     gap = _lasting_gap(found)
     added = [
         one
-        for cause, absorbed in zip(found.every, _absorbed(found, robot), strict=True)
+        for cause, absorbed in zip(found.written, _absorbed(found, robot), strict=True)
         for one in _added(found, cause, {"closes": round(cause.closes / gap, 4), "absorbed": absorbed})
     ]
     return robot.model_copy(update={"effects": (*robot.effects, *added)})
@@ -68,7 +68,7 @@ def unlike_written(found: Decomposition) -> float:
     Errors of loads act on all that is compliant, so that what both move is a product, which was linear about
     other loads. Infinite where the machine buckles under them.
     """
-    rows, lasting = found.model.baseline.rows, [one for one in found.every if _lasts(found, one)]
+    rows, lasting = found.model.baseline.rows, [one for one in found.written if _lasts(found, one)]
     effects = tuple(one for cause in lasting for one in _added(found, cause, {}))
     robot = calibrated_beside(found).model_copy(update={"effects": effects})
     try:
@@ -80,12 +80,12 @@ def unlike_written(found: Decomposition) -> float:
 
 def written_share(found: Decomposition) -> float:
     """Return the share that the effects of the written robot are said to close together, see `applied`."""
-    return sum(cause.closes for cause in found.every if _lasts(found, cause)) / _lasting_gap(found)
+    return sum(cause.closes for cause in found.written if _lasts(found, cause)) / _lasting_gap(found)
 
 
 def of_the_campaign(found: Decomposition) -> list[Cause]:
     """Return the causes that are of the measured campaign alone, see `applied`."""
-    return [cause for cause in found.every if not _lasts(found, cause)]
+    return [cause for cause in found.written if not _lasts(found, cause)]
 
 
 def _lasting_gap(found: Decomposition) -> float:
@@ -99,7 +99,7 @@ def _absorbed(found: Decomposition, robot: Robot) -> list[dict[str, float]]:
     The geometry is calibrated with the first causes alone, one more each time: how closely it keeps to what
     is known beforehand depends on what it has to make up for. Stiffness of displacements is linear.
     """
-    model, causes = found.model, found.every
+    model, causes = found.model, found.written
     if model.problem is None:
         result, soft = list[dict[str, float]](), _compliances(found, robot)
         for cause in reversed(causes):  # `verify` leaves out the last ones first
@@ -135,7 +135,7 @@ def absorbed_changes(found: Decomposition, robot: Robot) -> list[dict[str, float
     """
     result = [dict(one.absorbed) for one in robot.effects]
     if of_the_campaign(found):
-        for cause, by in zip(found.every, _absorbed(found, robot), strict=True):
+        for cause, by in zip(found.written, _absorbed(found, robot), strict=True):
             if not _lasts(found, cause):
                 result += [{name: -shift for name, shift in _slips(found, cause).items()}, by]
     return result

@@ -8,10 +8,11 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.behind_gears import Behind
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.decomposition.forms import SLIP, UNMODELLED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.remainder import Remainder
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, lifted_side
+from beamstiff.diagnosis.decomposition.unmodelled import lifted_side
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.se3 import Array
 
@@ -19,7 +20,7 @@ PRESENT = 0.95  # probability that there is a cause, this one or a look-alike, f
 NAMED = 0.5  # probability that it is this one, from which it is named
 MINOR = 0.03  # share of the gap; forms are right to some 15 %, and what that leaves may look like a cause
 NOISE = 1.5  # times the stated noise, from which there is a gap: stated noise is seldom known better
-BY_NOUN = ("base ", "tool ", "instrument ")  # places that are no names
+BY_NOUN = ("base ", "tool ")  # places that are no names
 HALF, QUARTER = 0.5, 0.25  # shares of the gap from which a cause is the verdict: FORMATS, `verdict`
 
 
@@ -114,11 +115,19 @@ class Cause:
     @property
     def outside_library(self) -> bool:
         """Whether it is a law that no effect of the library has."""
+        return self.forms[0].outside_library
+
+    @property
+    def nameless(self) -> bool:
+        """Whether it is a law that no effect of a robot can be: the robot is written without it."""
         return self.forms[0].effect == UNMODELLED
 
     @property
     def looks_like(self) -> str:
         """What a law outside the library does, in words."""
+        if not self.nameless:
+            meaning = EFFECTS[self.forms[0].effect].meaning
+            return f"{meaning[0].lower()}{meaning[1:].rstrip('.')}"
         does = str(self.forms[0].component)
         return f"the {does}" if does.startswith(BY_NOUN) else does
 
@@ -202,6 +211,11 @@ class Decomposition:
     def every(self) -> tuple[Cause, ...]:
         """The causes that are named, and after them those that are unclear."""
         return (*self.causes, *self.unclear)
+
+    @property
+    def written(self) -> tuple[Cause, ...]:
+        """Those that are written into the robot: `every`, and laws outside the library that have a name."""
+        return (*self.every, *(law for law in self.unmodelled if not law.nameless))
 
     @property
     def closes(self) -> float:

@@ -27,7 +27,6 @@ from beamstiff.diagnosis.decomposition.open_model import (
 )
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED, check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
@@ -274,7 +273,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
     beside = {folds.choice.forms[number].key for number in step.chosen}
     for _ in range(ROUNDS):
         # laws outside the library come in again where they are needed: they may have made up for the drives
-        forms = [form for form in _fitted_forms(found) if form.effect != UNMODELLED]
+        forms = [form for form in _fitted_forms(found) if not form.outside_library]
         settled = not unsettled(found)
         follow = any(follows_drives(found.model, form) for form in forms)
         if settled and (not follow or {form.key for form in forms} == beside):

@@ -31,6 +31,7 @@ UNKNOWN_SCALE = 1e3
 HEAVY_TORQUE = 1e4
 # what a calibration beside it takes up, or finds by itself
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
+UNMODELLED = "unknown"  # effect of laws without a name; their component says which place does what
 
 Shapes = Mapping[str, Sequence[Shape]]  # by ``effect:component``
 
@@ -72,6 +73,11 @@ class Form:
     def key(self) -> str:
         """``effect:component``."""
         return key_of(self.effect, self.component)
+
+    @property
+    def outside_library(self) -> bool:
+        """Whether it is of a law that no effect of the formats has."""
+        return is_outside(self.effect)
 
     @cached_property
     def cause_log_prior(self) -> float:
@@ -115,6 +121,11 @@ class Form:
     def positive(self) -> Array:
         """Which parameters cannot be negative, (c,)."""
         return np.array([quantity.positive for quantity in self.shape.parameters])
+
+
+def is_outside(effect: str) -> bool:
+    """Return whether what has this name is no effect of the formats."""
+    return effect not in EFFECTS or EFFECTS[effect].outside
 
 
 def forms_of(

@@ -16,7 +16,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import MINOR, RunnerUp
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step, impossible, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds
-from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.forms import UNMODELLED, Form
 from beamstiff.diagnosis.decomposition.open_model import orthonormal
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
@@ -28,7 +28,6 @@ from beamstiff.diagnosis.decomposition.selection import (
     select,
     with_further_forms,
 )
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED
 from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED, REVERSED
 from beamstiff.diagnosis.prior import RELATIVE, TEMPERING, key_of
 from beamstiff.se3 import Array
@@ -153,7 +152,7 @@ def doing_most(choice: Choice, step: Step, cause: tuple[int, ...]) -> list[str]:
     found: dict[str, float] = {}
     for form, at in zip(choice.forms, choice.at, strict=True):
         fewer = at.stop - at.start < reach.shape[1]
-        if not fewer or form.effect == UNMODELLED or form.key in no_rivals:
+        if not fewer or form.outside_library or form.key in no_rivals:
             continue
         columns = _beyond(basis, choice.columns[:, at])
         theta = np.asarray(np.linalg.lstsq(columns, does, rcond=RANK)[0], dtype=np.float64)
@@ -238,7 +237,7 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
     forbidden = {key, *_holding(key)}
     other = select(choice, folds.squared_errors, start=others, forbidden=forbidden, exchange=False)
     new = (choice.forms[number] for number in other.chosen if number not in others)
-    keys = (key_of(UNMODELLED, None) if one.effect == UNMODELLED else one.key for one in new)
+    keys = (key_of(UNMODELLED, None) if one.outside_library else one.key for one in new)
     log_odds = (other.bic - step.bic) / (2.0 * tempering_of(step, fit_step(choice, others)))
     rms, rms_with = (float(np.sqrt(folds.squared_errors(fit).sum() / folds.rows)) for fit in (other, step))
     odds = float(np.exp(np.clip(log_odds, 0.0, MOST_LOG_ODDS)))

@@ -35,17 +35,17 @@ def causes_dict(found: Decomposition) -> dict[str, Any]:
                 {"one_of": [cause.key, *cause.indistinguishable], "closes": cause.closes}
                 for cause in found.unclear
             ],
-            "outside_library": [
-                {"what": cause.forms[0].component, "closes": cause.closes, **_side(cause)}
-                for cause in found.unmodelled
-            ],
+            "outside_library": [_law(found, law) for law in found.unmodelled],
         },
     }
 
 
-def _side(law: Cause) -> dict[str, float]:
-    """Return, of a base that opens, the direction in which it lifts most, rad from its x axis about z."""
-    return {} if law.lifted_side is None else {"lifts_at": law.lifted_side}
+def _law(found: Decomposition, law: Cause) -> dict[str, Any]:
+    """Return a law outside the library; `lifts_at`, of a base that opens, is rad from its x axis about z."""
+    if not law.nameless:
+        return {"what": law.looks_like, **_cause(found, law)}
+    side = {} if law.lifted_side is None else {"lifts_at": law.lifted_side}
+    return {"what": law.forms[0].component, "closes": law.closes, **side}
 
 
 def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:

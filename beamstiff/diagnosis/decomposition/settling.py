@@ -14,7 +14,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import MINOR, Decomposition
 from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.forms import UNMODELLED, Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
     follows_drives,
@@ -27,7 +27,7 @@ from beamstiff.diagnosis.decomposition.loads import (
 )
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness
 from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
+from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, around
 from beamstiff.errors import BeamstiffError

@@ -8,12 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.forms import Form
+from beamstiff.diagnosis.decomposition.forms import UNMODELLED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
 from beamstiff.diagnosis.effects.torque_laws import drives
 from beamstiff.diagnosis.inference.component_subspaces import (
-    FOLLOWING_LOAD,
     HINGES,
     OPENING,
     PLAY,
@@ -23,7 +22,6 @@ from beamstiff.diagnosis.inference.component_subspaces import (
     opening_of,
     play_of,
     softening_of,
-    stand_moved,
     structure_places,
     unmodelled_of_drive,
 )
@@ -33,7 +31,6 @@ from beamstiff.diagnosis.prior import SELDOM
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
-UNMODELLED = "unknown"  # effect of their forms; the component says which place does what
 SIZE = 1e-3  # m, usual RMS of what a mode moves; as of the effects of the library it may be ten times that
 MODES = 6  # of a law: those that move the readings most, as many as directions of a wrench
 SHOWS = 1e-2  # of the largest mode
@@ -45,8 +42,7 @@ def unmodelled_forms(model: OpenModel) -> list[Form]:
     found = []
     for place, does, columns, positive in _laws(baseline):
         columns = baseline.rows.along(columns)
-        whole = positive or does == FOLLOWING_LOAD  # six modes of its nine would be its tilts alone
-        modes = columns @ (np.eye(columns.shape[-1]) if whole else _main(model, columns))
+        modes = columns @ (np.eye(columns.shape[-1]) if positive else _main(model, columns))
         size = np.sqrt((modes[:, :3] ** 2).sum(axis=1).mean(axis=0))
         moving = np.flatnonzero(size > 0)
         if not moving.size:
@@ -65,7 +61,6 @@ def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
         if place is baseline.places.base or place is baseline.places.flange:
             yield name, SLIPPING, slipping(baseline, place), False
     yield "base", OPENING, opening_of(baseline), True
-    yield "instrument", FOLLOWING_LOAD, stand_moved(baseline), False
     yield "tool", TETHERED, weakly_tethered(baseline), False
     for drive in map(str, drives(baseline)):
         for does, columns in unmodelled_of_drive(baseline, drive).items():

@@ -133,6 +133,8 @@ class Effect:
         is added to a robot, and found in `Baseline.stated` where such a robot is used.
     `sources`: where the realistic sizes come from.
     `place`: where it sits when it has no component: ``base``, ``tool``, or outside the machine.
+    `outside`: whether the formats have no name for it: what it explains is told in the remainder, and the
+        verdict is `unknown`. It is written into the robot all the same.
     `places_of`: the places that a component is: a joint pair is two, a frame's parameter is the frame.
     """
 
@@ -146,6 +148,7 @@ class Effect:
     sources: str = "engineering estimate"
     scales: Callable[[Baseline, str | None], Normalisation] = no_normalisation
     place: str = ""
+    outside: bool = False
     places_of: Callable[[str], tuple[str, ...]] = itself
 
     def places(self, component: str | None) -> tuple[str, ...]:

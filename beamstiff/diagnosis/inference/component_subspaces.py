@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from scipy.linalg import null_space
 
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.drive_stiffness import Following
@@ -35,7 +34,7 @@ from beamstiff.diagnosis.residual.baseline import ROUNDING, Baseline
 from beamstiff.diagnosis.residual.place import Place
 from beamstiff.diagnosis.residual.whitened import LARGE, Whitened
 from beamstiff.measure.arrays import places_of_each
-from beamstiff.se3 import Array, rotate_screw
+from beamstiff.se3 import Array
 
 KNEES = (0.02, 0.1, 0.25, 0.5)  # of the largest torque: where the free torque curve can bend
 STEEP = 4.0  # how fast a place goes from one side to the other, over its usual load
@@ -50,7 +49,6 @@ STOPPED = "comes up against something that stands still"
 PLAY = "has play"
 OPENING = "opens to one side, as where bolts are loose"
 HINGES = 8  # evenly in half a turn, about which a foot may open: what lies between is a sum of two
-FOLLOWING_LOAD = "moves with the applied force, as where its stand takes the reaction"
 ONE_SIDED = "stays softer to one side, whatever its torque"
 CHANGING = "changes its stiffness with the time"
 CREEPING = "creeps"
@@ -196,21 +194,6 @@ def opening_of(baseline: Baseline) -> Array:
         slip = loaded_less_unloaded(baseline, side * moment, side * dead, partial(np.maximum, 0.0))[:, None]
         columns += [side * turned * slip, lifted * slip]
     return np.concatenate(columns, axis=-1)
-
-
-def stand_moved(baseline: Baseline) -> Array:
-    """Return what the applied force, wherever it acts, moves where the instrument stands, (N, 6, 9).
-
-    A floor is compliant vertically: the stand tilts about two horizontal axes, and sinks, each with each part
-    of the force.
-    """
-    place, gravity = baseline.places.base, np.asarray(baseline.nominal.gravity)
-    up = -gravity if gravity.any() else place.turn[0, :, 2]
-    level = null_space(up[None])
-    upright = np.column_stack([up / np.linalg.norm(up), level])
-    seen = place.shift @ rotate_screw(place.turn.swapaxes(-1, -2) @ upright)
-    moved = seen[:, :, [0, 4, 5], None] * place.load[:, None, None, :3]
-    return np.asarray(moved.reshape(len(moved), 6, 9))
 
 
 def _bent(baseline: Baseline, place: Place, law: Callable[[Array], Array]) -> Array:

@@ -69,6 +69,11 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
     also, found = words.second(result), words.several(result)
     if found:
         yield Fact("Causes close", words.closed(found), "of the gap above noise, on held-out data")
+    elif law := result.law:
+        yield Fact(
+            "Outside the library", words.percent(law.closes), "of the gap above noise, on held-out data"
+        )
+        yield Fact("With it", f"{1e3 * law.rms_after:.3f} mm", "RMS, what it looks like added")
     else:
         of = {"none": "that nothing is beyond noise", "unknown": "that these data show no known cause"}
         yield Fact(
@@ -119,9 +124,11 @@ def _which(result: Diagnosis) -> Section:
     )
     legend = " ".join(shown.names_text(result))
     tables = [*([large] if large.rows else []), *drift_tables(result)]
-    if (found := shown.by_causes(result)) is not None:
-        names = [in_words([one.key]) for one in found.causes]
-        values, ends = zip(*((one.closes, one.closes_interval) for one in found.causes), strict=True)
+    found, law = result.decomposition, result.law
+    if found is not None and (found.causes or law):
+        causes = (*found.causes, *([law] if law else []))
+        names = [one.looks_like if one.nameless else in_words([one.key]) for one in causes]
+        values, ends = zip(*((one.closes, one.closes_interval) for one in causes), strict=True)
         drawn = bars(names, values, "blue", "share of the gap closed", ends, **SHARE)
         said = " ".join([shown.probability_text(found), *shown.next_best_text(result)])
         caption = f"What each cause closes, added to those above it. {said}"

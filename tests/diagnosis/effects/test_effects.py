@@ -60,10 +60,10 @@ def loaded(rows: dict[str, Baseline]) -> dict[str, list[Baseline]]:
 
 
 def test_the_effects_are_those_of_the_format() -> None:
-    assert sorted(EFFECTS) == sorted(NAMES)
+    assert [name for name, one in EFFECTS.items() if not one.outside] == sorted(NAMES)
 
 
-@pytest.mark.parametrize("effect", NAMES)
+@pytest.mark.parametrize("effect", EFFECTS)
 def test_an_effect_says_what_it_is_and_what_tells_it_from_its_look_alikes(effect: str) -> None:
     one = EFFECTS[effect]
     assert one.name == effect
