@@ -247,8 +247,8 @@ def runner_up(folds: Folds, step: Step, key: str) -> RunnerUp:
 def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
-    All drives that are compliant, or all joints that have lost motion, are the one that is, where the others
-    move little and are causes beside it.
+    Of all joints that have lost motion those few are the cause that are worth one each; all drives that are
+    compliant are the one that is, where the others move little and are causes beside it.
     """
     keys = {choice.forms[number].key for number in step.chosen}
     for cause in causes_of(choice, step):
@@ -259,7 +259,7 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
         fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
         worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
         if own.key in (ALL_DRIVES, ALL_REVERSED):
-            fits = [_one_joint(choice, others, own)]
+            fits = [_some_joints(choice, others, own)]
             # that it is all of them is likelier beforehand: this says nothing of what the others move
             worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
         named = min(fits, key=lambda fit: fit.bic, default=None)
@@ -268,13 +268,19 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
     return step
 
 
-def _one_joint(choice: Choice, others: tuple[int, ...], every: Form) -> Step:
-    """Return a fit with the joints that are worth a cause each, or none if the first does not move most."""
+def _some_joints(choice: Choice, others: tuple[int, ...], every: Form) -> Step:
+    """Return a fit with the joints that are worth a cause each, or none.
+
+    None if they are most joints; if drives, all of which are compliant, if the first does not move most.
+    """
     joints = [
         k for k, form in enumerate(choice.forms) if form.effect == every.effect and form.key != every.key
     ]
     without = fit_step(choice, others)
     step = with_further_forms(choice, without, joints)
-    first, *rest = [step.moved[number] for number in step.chosen[len(others) :]] or [np.zeros(choice.count)]
+    new = step.chosen[len(others) :]
+    if every.key == ALL_REVERSED:
+        return step if 2 * len(new) <= len(joints) else without
+    first, *rest = [step.moved[number] for number in new] or [np.zeros(choice.count)]
     away = np.sum([np.zeros_like(first), *rest], axis=0)
     return step if away @ away <= MINOR * float(first @ first) else without

@@ -12,6 +12,7 @@ from beamstiff.diagnosis.decomposition.answer import without_weak
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
+from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry
 from beamstiff.diagnosis.decomposition.selection import (
     _of_all_joints,
@@ -251,6 +252,9 @@ def test_lost_motion_of_most_joints_is_one_of_all_where_the_others_have_some(
     names = tuple(replace(each, name=f"half_lost_motion_q{k + 1}") for k in range(6))
     shape = replace(one.shape, parameters=names)
     made = choice_of(sizes @ columns, *joints, replace(one, component=None, columns=columns.T, shape=shape))
+    if 2 * found <= len(joints):  # of all joints those few are told that are worth a cause each
+        told = with_usual_name(made, fit_step(made, [len(joints)])).chosen
+        assert sorted(told) == ([len(joints)] if others else [*range(found)])
     singles = fit_step(made, range(found))
     assert _of_all_joints(made, singles, ALL_REVERSED).chosen == ((6,) if together else singles.chosen)
 
