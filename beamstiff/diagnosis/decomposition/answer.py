@@ -1,6 +1,6 @@
 """What a selection of causes says: which are sure and named, what each closes, and what remains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -109,6 +109,19 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         bic=least,
         largest=_largest(errors),
     )
+
+
+def without_rivals(found: Decomposition, keys: Collection[str]) -> Decomposition:
+    """Return the decomposition in which nothing else is likely in the place of some of its causes."""
+    every = [
+        replace(one, probability=one.present, indistinguishable=(), rivals=()) if one.key in keys else one
+        for one in found.every
+    ]
+    named = tuple(one for one in every if one.named)
+    unclear = tuple(one for one in every if not one.named)
+    rows = int(found.model.used[:, :3].any(axis=1).sum())
+    rest = _rest(found.model, named, rows * found.noise**2, rows * found.rms**2, rows)
+    return replace(found, causes=named, unclear=unclear, remainder=rest)
 
 
 def unsteady(folds: Folds, step: Step, seed: int) -> set[str]:

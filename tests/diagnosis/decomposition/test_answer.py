@@ -1,12 +1,15 @@
 """Which of two fits stands, by hand-made errors on held-out postures."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.decomposition.answer import _no_worse
+from beamstiff.diagnosis.decomposition.answer import _no_worse, without_rivals
+from beamstiff.diagnosis.decomposition.decompose import _explaining
 from beamstiff.se3 import Array
+from tests.diagnosis.decomposition.test_decompose import found
 
 POSTURES = 30
 
@@ -32,3 +35,23 @@ def test_a_simpler_fit_needs_to_do_no_harm_and_another_to_help(
     }
     folds = SimpleNamespace(squared_errors=lambda fit: fit.left)
     assert _no_worse(folds, fits["now"], fits["other"]) == stands
+
+
+@pytest.mark.parametrize(("left", "kept"), [(9.0, True), (1.2, False)])
+def test_doubtful_causes_stay_where_without_them_a_gap_is_left(left: float, kept: bool) -> None:
+    sound = replace(found("approach", "gear")[0].decomposition, scatter=1.0, bic=0.0)
+    rest = replace(sound, causes=(), unclear=sound.every, scatter=left, bic=100.0)
+    settings, told = _explaining("after", rest, [("before", sound)])
+    assert (settings, told.scatter) == (("before", 1.0) if kept else ("after", left))
+
+
+def test_a_doubtful_cause_that_stays_has_no_rivals_and_joins_those_that_are_named() -> None:
+    sound = found("approach", "gear")[0].decomposition
+    first, *others = sound.causes
+    doubt = replace(first, probability=0.2, indistinguishable=("backlash:q2",), closes=0.2)
+    assert not doubt.named
+    told = without_rivals(replace(sound, causes=tuple(others), unclear=(doubt,)), {first.key})
+    assert {one.key for one in told.causes} == {one.key for one in sound.causes}
+    (again,) = [one for one in told.every if one.key == first.key]
+    assert (again.indistinguishable, again.probability) == ((), first.present)
+    assert told.remainder.rms == pytest.approx(sound.remainder.rms, rel=1e-3)
