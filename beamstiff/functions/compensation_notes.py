@@ -1,6 +1,6 @@
 """What is worth knowing of a corrected path, in sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
+from beamstiff.diagnosis.recalibration import ALIKE
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
-from beamstiff.robot.description import Robot
 from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.units import in_unit
 
@@ -51,7 +52,7 @@ def compensation_notes(
                 f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
                 "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
             )
-    said += [*_where_from(result), *_unseen_tip(machine.real)]
+    said += [*_where_from(result), *_unseen_tip(machine)]
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
@@ -132,16 +133,34 @@ def _stated(program: Program, what: str) -> list[StatedFrame]:
     return [one for place in program.places if (one := getattr(place, what)) is not None]
 
 
-def _unseen_tip(real: Robot) -> list[str]:
+def _unseen_tip(machine: Machine) -> list[str]:
     """Return that the tool itself was not measured, where a calibration read other points only."""
+    real = machine.real
     read = {name for one in real.calibrated if (name := one.name.removesuffix(".x")) != one.name} - {"base"}
     if not read or read & {"target", real.tcp}:
         return []
+    moved = _moved_alike(machine, sorted(read))
+    off = f" (these stand {1e3 * moved:.2g} mm elsewhere, alike: the tool may too)" if moved else ""
     return [
-        f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}: where it sits on its link, and a "
-        "zero of the last joint that points on this link cannot show, are as in the robot file. Check them "
+        f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}{off}: where it sits on its link, and "
+        "a zero of the last joint that points on this link cannot show, are as in the robot file. Check them "
         "with a reflector in the tool"
     ]
+
+
+def _moved_alike(machine: Machine, points: Sequence[str]) -> float:
+    """Return how far points stand alike elsewhere from the tool than in the controller's robot, m; or 0."""
+    if machine.measured is None or len(points) < 2:
+        return 0.0
+    seen = []
+    for robot in (machine.controller, machine.real):
+        kinematics = compile_kinematics(robot)
+        where = posture(kinematics, machine.measured[None])
+        tool, *others = (pose_of(kinematics, where, name)[0] for name in (robot.tcp, *points))
+        seen.append(np.stack([tool[:3, :3].T @ (one[:3, 3] - tool[:3, 3]) for one in others]))
+    moved = seen[1] - seen[0]
+    mean = float(np.linalg.norm(moved.mean(axis=0)))
+    return mean if np.linalg.norm(moved - moved[0], axis=1).max() < ALIKE * mean else 0.0
 
 
 def _where_from(result: Compensated) -> list[str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import beamstiff.compensation.formats.krl as krl
 from beamstiff import load_robot
@@ -82,6 +83,34 @@ def test_a_tool_that_no_calibration_read_is_doubted(cell: Path, succeed: Run, re
     (cell / "real.yaml").write_text(robot_to_yaml(load_robot("kr500")) + f"calibrated: [{names}]\n")
     notes = succeed("compensate kr500 cell.src --actual real.yaml --wrench fz=-900N").stderr
     assert ("'n6b' was not measured, only n6: where it sits on its link" in notes) == said
+
+
+@pytest.mark.parametrize(("second", "told"), [(0.5, True), (0.2, False)])
+def test_reflectors_that_stand_elsewhere_alike_tell_that_the_tool_may_too(
+    cell: Path, succeed: Run, second: float, told: bool
+) -> None:
+    robot = load_robot("kr500")
+    shifts = {"drawn": (0.0, 0.0), "real": (0.5, second)}
+    for name, shift in shifts.items():
+        nodes = [
+            {"name": f"r{at}", "frame": "f6", "at": [f"{by} mm", f"{50 * at} mm", "10 mm"]}
+            for at, by in enumerate(shift, 1)
+        ]
+        told_of = yaml.safe_load(robot_to_yaml(robot))
+        told_of["nodes"] += nodes
+        told_of["rigids"] = [
+            *told_of.get("rigids", []),
+            *({"name": f"mount{at}", "nodes": ["n6b", f"r{at}"]} for at in (1, 2)),
+        ]
+        if name == "real":
+            told_of["calibrated"] = [{"name": f"{one}.x", "std": 1e-5} for one in ("base", "r1", "r2")]
+            told_of["fitted_ranges"] = [
+                {"variable": one.name, "low": -0.5, "high": 0.5} for one in robot.actuated
+            ]
+        (cell / f"{name}.yaml").write_text(yaml.safe_dump(told_of))
+    run = succeed("compensate drawn.yaml cell.src --actual real.yaml --wrench fz=-900N")
+    assert "only r1, r2" in run.stderr
+    assert ("(these stand 0.5 mm elsewhere, alike: the tool may too)" in run.stderr) == told
 
 
 def test_a_measured_base_is_mentioned_only_where_most_of_the_error_is_alike(cell: Path, succeed: Run) -> None:
