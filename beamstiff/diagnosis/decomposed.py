@@ -155,7 +155,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
             *(one.text for one in found.behind),
         ),
         fits=(),
-        ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.every)]),
+        ceiling=min([found.rms, found.remainder.rms, *(cause.rms_after for cause in found.written)]),
         where=where(calibrated, baseline.used, _components(found)),
         features={"scatter": found.scatter, "bic": found.bic, "closes": found.closes},
         decomposition=found,

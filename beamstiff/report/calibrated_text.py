@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from beamstiff.calibration.parameters import AXES
+from beamstiff.diagnosis.decomposition.causes import NOISE
 from beamstiff.diagnosis.recalibration import Change, Recalibration
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
@@ -90,16 +91,16 @@ def changes_text(result: Diagnosis, others: str = "in --json and --apply") -> st
         if changed.together
         else ""
     )
-    doubt = f" ({doubt})" if (doubt := uncounted(result)) else ""
+    doubt = f" (which {doubt})" if (doubt := uncounted(result)) else ""
     return f"Largest changes of the geometry, with standard deviations{doubt}. {each}{more}.{alike}"
 
 
 def uncounted(result: Diagnosis) -> str:
     """Return, in words, what standard deviations leave out beside a gap that nothing explains."""
-    explained = result.law is not None and not result.law.nameless
+    explained = result.left <= NOISE * result.noise
     if result.verdict.effect != "unknown" or explained:
         return ""
-    return "which do not count what the unexplained gap may have moved"
+    return "do not count what the unexplained gap may have moved"
 
 
 def reflectors_off(changed: Recalibration) -> list[str]:

@@ -65,7 +65,11 @@ NAMES = (
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
     (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
-    (r"_per_f[xyz]", "a_per_fb", "how the readings tilt or rise per force along b: the other way round"),
+    (
+        r"_per_f[xyz]",
+        "a_per_fb",
+        "tilt or rise of the readings per force along b",
+    ),
     (r"mode_\d", "mode_n", "size of typical curve n over the angle, or over time"),
     (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
     (r"\btare", "tare", "what the load cell reads without a load"),
@@ -116,7 +120,7 @@ def diagnosis_tables(result: Diagnosis) -> Iterator[RenderableType]:
         title = SUMMED if by_causes(result) else ACCOUNTS
         yield from (places_table(places, title), "")
     yield from (gap_tables(result), "")
-    doubt = f", std {doubt}" if (doubt := uncounted(result)) else ""
+    doubt = f"; std {doubt}" if (doubt := uncounted(result)) else ""
     drives = drives_table(result, f"Fitted stiffness, as --apply writes it{doubt}")
     if drives.rows:
         far = far_off_text(far_stiffness(result))

@@ -64,7 +64,9 @@ def reply_of(report: Report) -> Reply:
     first = causes[0] if causes else verdict
     remainder = report.get("remainder") or {}
     said = remainder.get("rms_mm")
-    written = [*causes, *remainder.get("unclear", ())]  # what is undecided is in the robot that predicts
+    # what is undecided is in the robot that predicts, and what lies outside the library but has an effect
+    outside = [law for law in remainder.get("outside_library", ()) if "effect" in law]
+    written = [*causes, *remainder.get("unclear", ()), *outside]
     return Reply(
         verdict=key_of(verdict["effect"], verdict["component"]),
         named=tuple(key_of(cause["effect"], cause["component"]) for cause in causes),
