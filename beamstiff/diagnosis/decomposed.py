@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decision.where import where
+from beamstiff.diagnosis.decomposition.answer import naming
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.fit import build_choice
@@ -18,9 +19,8 @@ from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.decomposition.remainder import remainder_of
 from beamstiff.diagnosis.decomposition.selection import select
-from beamstiff.diagnosis.decomposition.solution import gap_with, solved
+from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.frame_misalignment import PLACED_SHIFT, PLACED_TURN
@@ -130,7 +130,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
     """Return the diagnosis that a decomposition says; of another robot's readings, none."""
     found = _told_alone(found)
     if doubt := unlike(found):
-        found, notes = _undecided(found), (doubt, *notes)
+        found, notes = naming(found, (), found.every), (doubt, *notes)  # of another robot nothing is named
     verdict = found.verdict
     baseline = found.model.baseline  # its geometry was fitted beside the causes; nobody has such a model
     calibrated = replace(baseline, measured=baseline.predicted + gap_with(found.model, ()))
@@ -206,14 +206,6 @@ def _told_alone(found: Decomposition) -> Decomposition:
         parts.append(tuple(replace(one, rms_after=float(rms)) for one, rms in zip(part, after, strict=True)))
         left = float(after[-1]) ** 2 if len(part) else left
     return replace(found, causes=parts[0], unclear=parts[1])
-
-
-def _undecided(found: Decomposition) -> Decomposition:
-    """Return a decomposition of which nothing is named."""
-    model, rows = found.model, int(found.model.used[:, :3].any(axis=1).sum())
-    squares = rows * found.noise**2, rows * found.rms**2
-    rest = remainder_of(model, [], solved(model, [])[0], *squares, rows)
-    return replace(found, causes=(), unclear=found.every, remainder=rest)
 
 
 def with_next(result: Diagnosis, seed: int) -> Diagnosis:

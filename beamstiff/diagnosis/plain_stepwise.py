@@ -87,8 +87,8 @@ def plain_stepwise(robot: Robot, measurements: Measurements, withheld: Sequence[
         model = open_geometry(robot, measurements)
     else:
         model = open_stiffness(fit_baseline(robot, measurements))
-    forms = [form for form in forms_of(model, Prior(tuple(withheld))) if form.sizes.size <= TEXTBOOK]
-    forms = [form for form in forms if not form.outside_library]
+    every = forms_of(model, Prior(tuple(withheld)))
+    forms = [form for form in every if form.sizes.size <= TEXTBOOK and not form.outside_library]
     chosen, squares = _entered(model, forms)
     return PlainStepwise(_told(model, chosen, squares))
 

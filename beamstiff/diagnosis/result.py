@@ -117,8 +117,7 @@ class Diagnosis(Shown):
         """Position error that the fitted robot leaves on held-out postures, RMS, m."""
         found = self.decomposition
         if found is not None:
-            closes = sum(cause.closes for cause in found.written)
-            return float(np.sqrt(max(self.rms**2 - closes * max(self.rms**2 - self.noise**2, 0.0), 0.0)))
+            return float(np.sqrt(max(found.left2_by(found.written), 0.0)))
         shrink = self.verdict.shrink
         return self.rms if shrink is None else min(shrink.after, self.rms)
 

@@ -85,7 +85,6 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     for numbers, cause in zip(order, every, strict=True):
         parts[_rank(causes[numbers])].append(cause)
     named, unclear, unmodelled = parts
-    nameless = [law for law in unmodelled if law.nameless]
     named = [
         cause if cause.indistinguishable else replace(cause, runner_up=runner_up(folds, step, cause.key))
         for cause in named
@@ -104,7 +103,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
-        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, nameless)),
+        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
         scatter=step.scatter,
         bic=least,
         largest=_largest(errors),
@@ -117,11 +116,14 @@ def without_rivals(found: Decomposition, keys: Collection[str]) -> Decomposition
         replace(one, probability=one.present, indistinguishable=(), rivals=()) if one.key in keys else one
         for one in found.every
     ]
-    named = tuple(one for one in every if one.named)
-    unclear = tuple(one for one in every if not one.named)
+    return naming(found, [one for one in every if one.named], [one for one in every if not one.named])
+
+
+def naming(found: Decomposition, named: Sequence[Cause], unclear: Sequence[Cause]) -> Decomposition:
+    """Return the decomposition in which some causes are named, and others are not: they are left over."""
     rows = int(found.model.used[:, :3].any(axis=1).sum())
     rest = _rest(found.model, named, rows * found.noise**2, rows * found.rms**2, rows)
-    return replace(found, causes=named, unclear=unclear, remainder=rest)
+    return replace(found, causes=tuple(named), unclear=tuple(unclear), remainder=rest)
 
 
 def unsteady(folds: Folds, step: Step, seed: int) -> set[str]:
@@ -192,9 +194,10 @@ def _rest(model: OpenModel, causes: Sequence[Cause], noise2: float, total: float
 
 def _taken_up(model: OpenModel, unmodelled: Sequence[Cause]) -> Array:
     """Return what the open parameters (t,) take up of laws that the robot as written will lack."""
-    if not unmodelled:
+    moved = [law.moved for law in unmodelled if law.nameless]
+    if not moved:
         return np.zeros(model.tangent.shape[1])
-    return np.asarray(inverse_of(model.tangent) @ np.sum([cause.moved for cause in unmodelled], axis=0))
+    return np.asarray(inverse_of(model.tangent) @ np.sum(moved, axis=0))
 
 
 def _shown(folds: Folds, order: Sequence[Numbers]) -> list[float]:

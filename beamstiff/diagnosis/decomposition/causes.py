@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -225,8 +226,11 @@ class Decomposition:
     @property
     def left2(self) -> float:
         """Square of the held-out position gap that is left beside all causes, m^2."""
-        closed = sum(cause.closes for cause in (*self.every, *self.unmodelled))
-        return self.rms**2 - closed * (self.rms**2 - self.noise**2)
+        return self.left2_by((*self.every, *self.unmodelled))
+
+    def left2_by(self, causes: Iterable[Cause]) -> float:
+        """Return the square of the held-out position gap that some causes leave, m^2."""
+        return self.rms**2 - sum(cause.closes for cause in causes) * (self.rms**2 - self.noise**2)
 
     @property
     def law(self) -> Cause | None:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic
-from beamstiff.diagnosis.decomposition.forms import UNMODELLED, is_outside
+from beamstiff.diagnosis.decomposition.forms import UNMODELLED
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -48,7 +48,8 @@ def discrepancy_odds(
     of_form = np.repeat(np.arange(len(choice.forms)), sizes)
     unit, of_form = _unit_columns(every[:, choice.drives :], of_form, choice)
     keys = np.array([form.key for form in choice.forms])[of_form]
-    effects = np.array([_kind(form.effect) for form in choice.forms])[of_form]
+    kinds = [UNMODELLED if form.outside_library else form.effect for form in choice.forms]
+    effects = np.array(kinds)[of_form]
     scale = len(rows) / max(float((unit**2).sum()), SHOWS)
     at = {
         number: np.arange(choice.at[number].start, choice.at[number].stop)[free]
@@ -58,7 +59,7 @@ def discrepancy_odds(
     mixture = scale * unit @ unit.T
     result = []
     for cause, others in zip(causes, alike, strict=True):
-        own = np.isin(effects, _same_kind(_kind(choice.forms[cause[0]].effect))) | np.isin(keys, list(others))
+        own = np.isin(effects, _same_kind(kinds[cause[0]])) | np.isin(keys, list(others))
         left_out = unit[:, own]
         rest = mixture - scale * left_out @ left_out.T
         without = [k for k in step.chosen if k not in cause]
@@ -69,10 +70,6 @@ def discrepancy_odds(
         beside, whole = _least(rest, residual, every[:, some], choice.precision[some], kept, count)
         result.append(0.5 * (beside - whole))
     return result
-
-
-def _kind(effect: str) -> str:
-    return UNMODELLED if is_outside(effect) else effect
 
 
 def _same_kind(effect: str) -> list[str]:
