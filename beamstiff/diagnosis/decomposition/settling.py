@@ -151,7 +151,7 @@ def _same(
     model: OpenModel, prior: Prior, effects: Collection[str], names: Collection[tuple[str, str]]
 ) -> list[Form]:
     """Return the forms of some names, and of these effects, about another model."""
-    laws = unmodelled_forms(model) if UNMODELLED in effects else ()
+    laws = unmodelled_forms(model, {key for key, _ in names}) if UNMODELLED in effects else ()
     return [form for form in (*forms_of(model, prior, effects), *laws) if _name(form) in names]
 
 

@@ -4,7 +4,8 @@ Play of the structure, seats that slip and drives that creep, soften or give mor
 like causes. Without them the causes that come nearest to them would stand in for them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from beamstiff.diagnosis.inference.component_subspaces import (
 )
 from beamstiff.diagnosis.inference.external_friction import slipping
 from beamstiff.diagnosis.inference.tool_ground_spring import weakly_tethered
-from beamstiff.diagnosis.prior import SELDOM
+from beamstiff.diagnosis.prior import SELDOM, key_of
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
 
@@ -36,12 +37,17 @@ MODES = 6  # of a law: those that move the readings most, as many as directions 
 SHOWS = 1e-2  # of the largest mode
 
 
-def unmodelled_forms(model: OpenModel) -> list[Form]:
-    """Return a form for every unmodelled law of every place: its main modes beside the open geometry."""
+def unmodelled_forms(model: OpenModel, keys: Collection[str] | None = None) -> list[Form]:
+    """Return a form for every unmodelled law of every place: its main modes beside the open geometry.
+
+    `keys`: of these alone.
+    """
     baseline = model.baseline
     found = []
-    for place, does, columns, positive in _laws(baseline):
-        columns = baseline.rows.along(columns)
+    for place, does, law, positive in _laws(baseline):
+        if keys is not None and key_of(UNMODELLED, f"{place} {does}") not in keys:
+            continue
+        columns = baseline.rows.along(law())
         modes = columns @ (np.eye(columns.shape[-1]) if positive else _main(model, columns))
         size = np.sqrt((modes[:, :3] ** 2).sum(axis=1).mean(axis=0))
         moving = np.flatnonzero(size > 0)
@@ -54,18 +60,18 @@ def unmodelled_forms(model: OpenModel) -> list[Form]:
     return found
 
 
-def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Array, bool]]:
-    """Yield place, what it does, columns (N, 6, c), and whether their parameters cannot be negative."""
+def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Callable[[], Array], bool]]:
+    """Yield place, what it does, how its columns (N, 6, c) are found, and whether none can be negative."""
     for name, place in structure_places(baseline):
-        yield name, PLAY, play_of(baseline, place), False
+        yield name, PLAY, partial(play_of, baseline, place), False
         if place is baseline.places.base or place is baseline.places.flange:
-            yield name, SLIPPING, slipping(baseline, place), False
-    yield "base", OPENING, opening_of(baseline), True
-    yield "tool", TETHERED, weakly_tethered(baseline), False
+            yield name, SLIPPING, partial(slipping, baseline, place), False
+    yield "base", OPENING, partial(opening_of, baseline), True
+    yield "tool", TETHERED, partial(weakly_tethered, baseline), False
     for drive in map(str, drives(baseline)):
-        for does, columns in unmodelled_of_drive(baseline, drive).items():
-            yield drive, does, columns, False
-        yield drive, SOFTENING, softening_of(baseline, drive), True
+        for does, law in unmodelled_of_drive(baseline, drive).items():
+            yield drive, does, law, False
+        yield drive, SOFTENING, partial(softening_of, baseline, drive), True
 
 
 def lifted_side(form: Form, theta: Array) -> float | None:

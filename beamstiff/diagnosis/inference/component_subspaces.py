@@ -100,7 +100,7 @@ def component_subspaces(baseline: Baseline, library: Library, white: Whitened) -
             unmodelled[STOPPED] = _modes(white, (stopped(held),))
         found.append(ComponentSubspace(name, _modes(white, (compliance, bent)), unmodelled=unmodelled))
     for drive in map(str, drives(baseline)):
-        others = unmodelled_of_drive(baseline, drive)
+        others = {does: law() for does, law in unmodelled_of_drive(baseline, drive).items()}
         unmodelled = {does: _modes(white, (law,)) for does, law in others.items()}
         softer = white.whiten_moved(softening_of(baseline, drive))
         if _softens(white, softer):
@@ -230,14 +230,18 @@ def _of_drive(baseline: Baseline, name: str) -> list[Array]:
     return [*named, by_slips(axis.shift, friction)]
 
 
-def unmodelled_of_drive(baseline: Baseline, name: str) -> dict[str, Array]:
-    """Return the laws (N, 6, c) without a name that a drive could follow, whichever sign they have."""
+def unmodelled_of_drive(baseline: Baseline, name: str) -> dict[str, Callable[[], Array]]:
+    """Return the laws without a name that a drive could follow, whichever sign; each finds its (N, 6, c)."""
     axis, time = axis_at(baseline, name), clock(baseline)
-    torque = counted(baseline, axis) / axis.typical
+
+    def changing() -> Array:
+        torque = counted(baseline, axis) / axis.typical
+        return by_slips(axis.shift, torque[:, None] * np.stack([time, time**2], -1))
+
     return {
-        ONE_SIDED: np.stack([by_law(baseline, axis, law) for law in (np.abs, np.square)], -1),
-        CHANGING: by_slips(axis.shift, torque[:, None] * np.stack([time, time**2], -1)),
-        CREEPING: by_slips(axis.shift, _remembered(baseline, axis, time)),
+        ONE_SIDED: lambda: np.stack([by_law(baseline, axis, law) for law in (np.abs, np.square)], -1),
+        CHANGING: changing,
+        CREEPING: lambda: by_slips(axis.shift, _remembered(baseline, axis, time)),
     }
 
 
