@@ -38,13 +38,9 @@ def verdict(result: Diagnosis) -> Verdict:
     """Return the headline with the gap and its cause, the data, and the one thing to do next."""
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = words.several(result), result.verdict.shrink, level_of(ratio)
-    gap = f"Gap of {rounded(1e3 * result.rms)} mm on {counted(words.postures(result), 'posture')}"
+    gap = f"Gap of {rounded(1e3 * result.rms)} mm"
     each, doubt, left = "", "", np.inf
     worse = calibrated_worse(result)
-    changed = result.recalibration
-    if changed is not None and changed.placed > result.rms:
-        fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
-        gap += f", {fitted} calibrated{_before(result)}"
     if head == TOO_FEW:
         said, level = head, "plain"
     elif head == NOTHING.capitalize():
@@ -85,22 +81,24 @@ def verdict(result: Diagnosis) -> Verdict:
             doubt = f"{doubt} Do not write this robot: {worse}.".strip()
         if MASSLESS in result.notes:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
-    data = data_of(result.baseline.rows) + _warmth(result)
+    data = f"{data_of(result.baseline.rows)}{_warmth(result)}{_before(result)}"
     explained = result.noise > 0.0 and level_of(left / result.noise) == "agrees"
     return Verdict(said, level, data, action(result, head), each, doubt, explained)
 
 
 def _before(result: Diagnosis) -> str:
-    """Return, in words, the gap before the calibration; empty where it is that of a guessed stiffness."""
+    """Return, in words, the error before the calibration; empty where that did not lower it."""
     changed = result.recalibration
-    if changed is None:
+    if changed is None or changed.placed <= result.rms:
         return ""
-    if result.start_values:  # guesses: what a controller calculates is none
-        before, told = changed.rigid_placed, "before, rigid"
-    else:
-        before, told = changed.placed, "before"
-    fitted = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
-    return "" if before is None else f" ({rounded(1e3 * before)} mm {told}{fitted})"
+    fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
+    # stiffness values to start from are guesses: what a controller calculates is none
+    before = changed.rigid_placed if result.start_values else changed.placed
+    if before is None:
+        return f"; {fitted} calibrated"
+    rigid = ", of a rigid robot" if result.start_values else ""
+    placed = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
+    return f". Error before calibration of {fitted}: {rounded(1e3 * before)} mm{rigid}{placed}"
 
 
 def _warmth(result: Diagnosis) -> str:

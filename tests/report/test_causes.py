@@ -287,12 +287,12 @@ def test_what_the_calibration_changed_is_told() -> None:
         ("and places of the reflectors", changed.placed),
         ("and geometry", changed.after),
     ]
-    before = f"{rounded(1e3 * changed.placed)} mm before, places of the reflectors fitted"
-    assert f", geometry calibrated ({before}), " in verdict(result).headline
+    before = f"Error before calibration of geometry: {rounded(1e3 * changed.placed)} mm"
+    assert verdict(result).data.endswith(f". {before}, places of the reflectors fitted")
     assert "RMS, frame and reflectors fitted" in diagnosis_html(result, provenance([], 0, []))
     told_apart = replace(result)
     told_apart.__dict__["recalibration"] = replace(changed, before=changed.placed)
-    assert f"({rounded(1e3 * changed.placed)} mm before), " in verdict(told_apart).headline
+    assert verdict(told_apart).data.endswith(f". {before}")
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
     largest = changes_text(result)

@@ -67,11 +67,8 @@ def test_a_cause_is_named_with_the_gap_and_what_it_explains() -> None:
     assert result.verdict.shrink is not None
     share = f"{100 * result.verdict.shrink.shrink:.0f} %"
     gap = rounded(1e3 * result.rms)
-    count = len(np.unique(result.baseline.rows.q, axis=0))
-    sure = f"Gap of {gap} mm on {count} postures, {share} explained by backlash at q3"
-    doubted = (
-        f"Gap of {gap} mm on {count} postures, explained by backlash at q3; the share, {share}, is uncertain"
-    )
+    sure = f"Gap of {gap} mm, {share} explained by backlash at q3"
+    doubted = f"Gap of {gap} mm, explained by backlash at q3; the share, {share}, is uncertain"
     assert found.headline == (doubted if hardly_checked(result) else sure)
     assert found.level in ("doubtful", "differs")
     assert found.explained == (result.verdict.shrink.after <= 1.5 * result.noise)

@@ -131,10 +131,12 @@ def is_outside(effect: str) -> bool:
 def forms_of(
     model: OpenModel,
     prior: Prior = DEFAULT,
-    effects: Collection[str] = EFFECTS,
+    wanted: Collection[str] = EFFECTS,
     known: Shapes | None = None,
 ) -> list[Form]:
-    """Return the forms of some effects at every component that the open model does not hold already.
+    """Return the forms of effects at every component that the open model does not hold already.
+
+    `wanted`: effects, of all components or each as ``effect:component``.
 
     Shapes that are known already, by ``effect:component``, are not computed anew.
     """
@@ -144,13 +146,16 @@ def forms_of(
     absent = _no_links(model)
     scales = _scales(model)
     for effect in EFFECTS.values():
-        if effect.name in skipped or effect.name not in effects:
+        if effect.name in skipped:
             continue
         for component in effect.components(baseline):
-            # a calibration that moves an axis puts brackets between its parts, which no machine has
-            if key_of(effect.name, component) in skipped or component in absent:
+            key = key_of(effect.name, component)
+            if effect.name not in wanted and key not in wanted:
                 continue
-            every = (known or {}).get(key_of(effect.name, component)) or effect.shapes(baseline, component)
+            # a calibration that moves an axis puts brackets between its parts, which no machine has
+            if key in skipped or component in absent:
+                continue
+            every = (known or {}).get(key) or effect.shapes(baseline, component)
             shapes = [shape for shape in every if _fits(effect.name, shape)]
             total = sum(shape.weight for shape in shapes)
             likely = prior.expected(effect.name, component)

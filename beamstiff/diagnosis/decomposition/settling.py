@@ -14,7 +14,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.causes import MINOR, Decomposition
 from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
-from beamstiff.diagnosis.decomposition.forms import UNMODELLED, Form, Shapes, by_form, forms_of, shift_of
+from beamstiff.diagnosis.decomposition.forms import Form, Shapes, by_form, forms_of, shift_of
 from beamstiff.diagnosis.decomposition.loads import (
     beside_loads,
     follows_drives,
@@ -121,7 +121,7 @@ def settle(settings: Settings, model: OpenModel, scatter: float, chosen: Sequenc
     led to no further change (Aitken's relaxation: Küttler and Wall, Comput. Mech. 43 (2008) 61).
     """
     share, least = np.inf, SHOWS * max(scatter, 1.0)
-    names, effects = {_name(form) for form in chosen}, {form.effect for form in chosen}
+    names = {_name(form) for form in chosen}
     try:
         change, thetas = solution_of(model, chosen)
         moved, errors = moved_by(model, chosen, thetas, change), _errors_of_loads(chosen, thetas)
@@ -136,7 +136,7 @@ def settle(settings: Settings, model: OpenModel, scatter: float, chosen: Sequenc
                 errors = {name: error + part * way[name] for name, error in errors.items()}
             beside = [errors.get(_name(form), theta) for form, theta in zip(chosen, thetas, strict=True)]
             model = settings.calibrated(model, chosen, (change, beside), moved, held)
-            before, chosen = chosen, _same(model, settings.prior, effects, names)
+            before, chosen = chosen, _same(model, settings.prior, names)
             deformed = _deformed(model, before, chosen, thetas)
             change, thetas = solution_of(model, chosen)
             share, size = unlike_linear(without_errors(model), chosen, thetas, change)
@@ -147,12 +147,11 @@ def settle(settings: Settings, model: OpenModel, scatter: float, chosen: Sequenc
     return model if max(share, deformed[0]) <= SETTLED else None
 
 
-def _same(
-    model: OpenModel, prior: Prior, effects: Collection[str], names: Collection[tuple[str, str]]
-) -> list[Form]:
-    """Return the forms of some names, and of these effects, about another model."""
-    laws = unmodelled_forms(model, {key for key, _ in names}) if UNMODELLED in effects else ()
-    return [form for form in (*forms_of(model, prior, effects), *laws) if _name(form) in names]
+def _same(model: OpenModel, prior: Prior, names: Collection[tuple[str, str]]) -> list[Form]:
+    """Return the forms of some names about another model."""
+    keys = {key for key, _ in names}
+    forms = (*forms_of(model, prior, keys), *unmodelled_forms(model, keys))
+    return [form for form in forms if _name(form) in names]
 
 
 def _errors_of_loads(chosen: Sequence[Form], thetas: Sequence[Array]) -> dict[tuple[str, str], Array]:

@@ -41,7 +41,7 @@ def _upright(gravity: Array) -> tuple[Array, Array, Array]:
 EFFECT = Effect(
     name="instrument-motion",
     family="measurement",
-    meaning="The instrument moves with the applied force, as where its stand takes a part of the reaction.",
+    meaning="The stand of the instrument moves with the applied force.",
     components=lambda baseline: [None] if baseline.rows.wrench[:, :3].any() else [],
     shapes=_shapes,
     separation=(

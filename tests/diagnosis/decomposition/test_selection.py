@@ -232,7 +232,7 @@ def test_a_law_between_forms_is_a_cause_of_two_and_no_more(shares: tuple[float, 
 
 def test_further_forms_end_where_no_machine_is_like_the_fit_and_none_is_left() -> None:
     decomposition = found()[0].decomposition
-    forms = forms_of(decomposition.model, effects=["angle-curve"])[:1]
+    forms = forms_of(decomposition.model, wanted=["angle-curve"])[:1]
     choice = build_choice(decomposition.model, forms)
     impossible = replace(fit_step(choice, (0,)), bic=np.inf)
     choice.fits[0,] = impossible
@@ -264,7 +264,7 @@ def test_lost_motion_of_most_joints_is_one_of_all_where_the_others_have_some(
 
 def matrices_of_compliances(model: OpenModel) -> list[Form]:
     effects = ("base-compliance", "tool-compliance", "bearing-tilt", "link-bending")
-    return [form for form in forms_of(model, effects=effects) if len(form.couplings)]
+    return [form for form in forms_of(model, wanted=effects) if len(form.couplings)]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -120,7 +120,7 @@ def test_a_stand_that_takes_the_reaction_is_no_compliance_of_the_base() -> None:
     assert found.law.key == "instrument-motion:null"
     assert found.law.closes > 0.9
     assert found.scatter == pytest.approx(1.0, abs=0.1)
-    assert "the instrument moves with the applied force" in remainder_text(found)
+    assert "the stand of the instrument moves with the applied force" in remainder_text(found)
     (told,) = diagnosis.to_dict()["remainder"]["outside_library"]
     sizes = {name: one["value"] for name, one in told["parameters"].items()}
     assert sizes["tilt_about_x_per_fy"] == pytest.approx(1e-7, rel=0.05)
