@@ -51,10 +51,45 @@ def six_freedoms(kinematics: Kinematics) -> bool:
     return len(kinematics.robot.actuated) >= 6
 
 
-def solve(kinematics: Kinematics, poses: Array, start: Array | None, restarts: int) -> InverseResult:
-    """Return inverse geometry of poses (K, 4, 4); of their positions where the joints are fewer than six."""
+def external_axes(kinematics: Kinematics, path: ToolPath) -> Array | None:
+    """Return where a path says that joints stand, (N, A), rad or m; NaN: it does not. None: nowhere.
+
+    Its columns that are called as joints are external axes, where six others are left to reach its targets.
+
+    Raises
+    ------
+    BeamstiffError
+        When one is out of its joint's range.
+    """
+    every = kinematics.robot.actuated
+    stated = [variable.name for variable in every if variable.name in path.columns]
+    if not stated or len(every) - len(stated) < 6:
+        return None
+    held = np.full((len(path), len(every)), np.nan)
+    for at, variable in enumerate(every):
+        if variable.name in stated:
+            held[:, at] = path.columns[variable.name]
+            low, high = variable.limits or (-np.inf, np.inf)
+            for row in np.flatnonzero((held[:, at] < low) | (held[:, at] > high)).tolist():
+                unit = "rad" if variable.kind == "angle" else "m"
+                raise BeamstiffError(
+                    f"{path.place(row)}: {variable.name}: found {held[row, at]:.6g} {unit}, expected "
+                    f"{low:.6g} to {high:.6g} {unit}: the robot file's limits; the header states the unit"
+                )
+    return held
+
+
+def solve(
+    kinematics: Kinematics, poses: Array, start: Array | None, restarts: int, held: Array | None = None
+) -> InverseResult:
+    """Return inverse geometry of poses (K, 4, 4); of their positions where the joints are fewer than six.
+
+    `held` (K, A): as of `external_axes`.
+    """
     targets = poses if six_freedoms(kinematics) else poses[:, :3, 3]
-    found = inverse_geometry(kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts)
+    found = inverse_geometry(
+        kinematics, targets, start=start, tolerance=TOLERANCE, restarts=restarts, held=held
+    )
     near = (found.position_error <= NEARLY) & (found.rotation_error <= NEARLY)
     return replace(found, reached=near)
 
@@ -66,7 +101,8 @@ def follow_path(machine: Machine, path: ToolPath, tool: Array, start: Array | No
     """
     stated = path.stated_postures if start is None else ()
     arm = arm_of(machine.kinematics) if stated else None
-    return follow(machine.kinematics, machine.frames.node_poses(tool), start, arm, stated, path.joints)
+    held = external_axes(machine.kinematics, path)
+    return follow(machine.kinematics, machine.frames.node_poses(tool), start, arm, stated, path.joints, held)
 
 
 def follow(
@@ -76,12 +112,14 @@ def follow(
     arm: Arm | None = None,
     stated: Sequence[StatedPosture | None] = (),
     given: Array | None = None,
+    held: Array | None = None,
 ) -> Followed:
     """Return joint values that bring the `tcp` node to the poses one after the other.
 
     `poses` (N, 4, 4): base frame, m. `start` (A,): a posture near the first target, which chooses the branch;
     rad or m. `stated` (N or 0): postures that the targets state, of the `arm`; they go before nearness.
-    `given` (N, A): joint values of targets that state these; NaN elsewhere.
+    `given` (N, A): joint values of targets that state these; NaN elsewhere. `held` (N, A): as of
+    `external_axes`.
     """
     count, actuated = len(poses), len(kinematics.robot.actuated)
     q, reached = np.zeros((count, actuated)), np.zeros(count, dtype=np.bool_)
@@ -108,7 +146,7 @@ def follow(
             row += 1
             continue
         if anchor is not None:
-            found = solve(kinematics, poses[some], anchor, restarts=0)
+            found = solve(kinematics, poses[some], anchor, 0, _some(held, some))
             good = found.reached & _near(kinematics, np.vstack([anchor, found.q]))
             good &= fits(range(row, row + len(good)), found.q)
             if given is not None:
@@ -122,22 +160,22 @@ def follow(
             if run > 1:
                 run = 1
                 continue
-            walked = _walk(kinematics, anchor, poses[row])
+            walked = _walk(kinematics, anchor, poses[row], _some(held, row))
             if walked is not None and fits([row], walked[None]).all():
                 q[row], reached[row], anchor = walked, True, walked
                 row += 1
                 continue
         # whoever is out of reach has neighbours that are: they are looked for together
         some = slice(row, min(row + SEARCHED, count)) if row else slice(0, 1)
-        found = solve(kinematics, poses[some], anchor, restarts=RESTARTS)
+        found = solve(kinematics, poses[some], anchor, RESTARTS, _some(held, some))
         lost = int(np.argmax(found.reached)) if found.reached.any() else len(found.reached)
         for at in range(lost):
             q[row + at], said = found.q[at], shortfall(kinematics, found, at)
-            reasons[row + at] = said + _if_turned(kinematics, poses[row + at])
+            reasons[row + at] = said + _if_turned(kinematics, poses[row + at], _some(held, row + at))
         row += lost
         if lost == 0:  # else the way there may be short again
             wanted = stated[row] if stated and arm is not None else None
-            chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted)
+            chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted, _some(held, row))
             if arm is not None and wanted is not None and not len(chosen):
                 q[row] = found.q[0]
                 reasons[row] = f"{NO_POSTURE} {wanted.text}{_reachable(arm, poses[row], q[row], wanted)}"
@@ -151,6 +189,10 @@ def follow(
     return Followed(q, reached, reasons, np.array(switched, dtype=np.int64))
 
 
+def _some(held: Array | None, rows: slice | int) -> Array | None:
+    return None if held is None else held[rows]
+
+
 def _convenient(
     kinematics: Kinematics,
     pose: Array,
@@ -158,6 +200,7 @@ def _convenient(
     near: Array | None,
     arm: Arm | None,
     stated: StatedPosture | None,
+    held: Array | None,
 ) -> Array:
     """Return of many solutions at a pose the one nearest to a posture, or to the middle of the ranges.
 
@@ -171,7 +214,7 @@ def _convenient(
         if not mine.any():
             return np.zeros(0)
         starts = starts[mine][:TRIED]
-    q = _solutions(kinematics, pose, known, starts)
+    q = _solutions(kinematics, pose, known, starts, held)
     if arm is not None and stated is not None:
         q = arm.turned(stated, q)
         inside = ((q >= low - AT_LIMIT) & (q <= high + AT_LIMIT)).all(axis=1)
@@ -183,9 +226,11 @@ def _convenient(
     return np.asarray(q[int(np.argmin(off))])
 
 
-def _solutions(kinematics: Kinematics, pose: Array, known: Array, starts: Array) -> Array:
+def _solutions(
+    kinematics: Kinematics, pose: Array, known: Array, starts: Array, held: Array | None = None
+) -> Array:
     """Return joint values (S, A) at which a pose (4, 4) is reached from some starts, the `known` first."""
-    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, restarts=0)
+    found = solve(kinematics, np.repeat(pose[None], len(starts), axis=0), starts, 0, held)
     return np.vstack([known, found.q[found.reached]])
 
 
@@ -227,11 +272,11 @@ def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
     return f"out of reach by {' and '.join(parts) or 'nothing that shows'}{limits}"
 
 
-def _if_turned(kinematics: Kinematics, pose: Array) -> str:
+def _if_turned(kinematics: Kinematics, pose: Array, held: Array | None) -> str:
     """Return, in words, that a pose (4, 4) out of reach is one by its orientation; empty where it is not."""
     if not six_freedoms(kinematics):
         return ""
-    near = inverse_geometry(kinematics, pose[:3, 3], tolerance=TOLERANCE, restarts=FREELY)
+    near = inverse_geometry(kinematics, pose[:3, 3], tolerance=TOLERANCE, restarts=FREELY, held=held)
     by_turn = near.position_error[0] <= NEARLY
     return "; with another orientation the TCP reaches this place" if by_turn else ""
 
@@ -243,12 +288,14 @@ def _near(kinematics: Kinematics, q: Array) -> NDArray[np.bool_]:
     return near
 
 
-def _walk(kinematics: Kinematics, start: Array, goal: Array) -> Array | None:
+def _walk(kinematics: Kinematics, start: Array, goal: Array, held: Array | None) -> Array | None:
     """Return joint values at a pose reached in small steps along the straight line, or None."""
     first = pose_of(kinematics, posture(kinematics, start), kinematics.robot.tcp)[0]
     q = start
-    for pose in between(first[None], goal[None], np.linspace(0.0, 1.0, WALK + 1)[1:]):
-        found = solve(kinematics, pose[None], q, restarts=0)
+    shares = np.linspace(0.0, 1.0, WALK + 1)[1:]
+    for share, pose in zip(shares.tolist(), between(first[None], goal[None], shares), strict=True):
+        there = None if held is None else start + share * (held - start)
+        found = solve(kinematics, pose[None], q, 0, there)
         if not (found.reached.all() and _near(kinematics, np.vstack([q, found.q])).all()):
             return None
         q = found.q[0]

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.compensation.follow import follow_path, shortfall, six_freedoms, solve
+from beamstiff.compensation.follow import external_axes, follow_path, shortfall, six_freedoms, solve
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import Process, Together
@@ -119,15 +119,17 @@ def correct_path(
     base: TaughtBase | None = None
     if rows.size:
         some = path.at(rows)
+        held = external_axes(machine.kinematics, some)
         if taught:
             targets[rows] = _unloaded(machine, first.q[rows], some.poses)
         if base_taught is not None:
-            base = taught_base(machine, base_taught, some.poses, first.q[rows], partial(_unloaded, machine))
+            reached = partial(_unloaded, machine)
+            base = taught_base(machine, base_taught, some.poses, first.q[rows], reached, held)
             targets[rows] = base.motion @ some.poses
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
         before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
         wrench[rows] = load_at(meant)
-        found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows])
+        found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows], held)
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
@@ -207,7 +209,8 @@ def errors_of(
     Where the robot cannot follow: NaN.
     """
     load = load or Together()
-    found = solve(machine.kinematics, machine.frames.node_poses(commands), correction.q, restarts=0)
+    held = external_axes(machine.kinematics, correction.path)
+    found = solve(machine.kinematics, machine.frames.node_poses(commands), correction.q, 0, held)
     rows = np.flatnonzero(found.reached & ~np.isnan(correction.before[:, 0]))
     errors = np.full((len(commands), 6), np.nan)
     if rows.size:
@@ -241,7 +244,13 @@ class _Commands:
 
 
 def _commands(
-    machine: Machine, targets: Array, start: Array, wrench: Array, q: Array, turned: NDArray[np.bool_]
+    machine: Machine,
+    targets: Array,
+    start: Array,
+    wrench: Array,
+    q: Array,
+    turned: NDArray[np.bool_],
+    held: Array | None,
 ) -> _Commands:
     """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them.
 
@@ -277,7 +286,8 @@ def _commands(
         step[left] = _steps(inverse[left], error[left])
         commands[left, :3, 3] += step[left, :3]
         commands[left, :3, :3] = rotation_from_vector(step[left, 3:]) @ commands[left, :3, :3]
-        found = solve(machine.kinematics, machine.frames.node_poses(commands[left]), q[left], restarts=0)
+        poses = machine.frames.node_poses(commands[left])
+        found = solve(machine.kinematics, poses, q[left], 0, None if held is None else held[left])
         q[left] = found.q
         for at in np.flatnonzero(~found.reached).tolist():
             row = int(left[at])

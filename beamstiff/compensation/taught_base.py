@@ -57,19 +57,25 @@ def check_points(points: Array) -> None:
 
 
 def taught_base(
-    machine: Machine, points: Array, targets: Array, q: Array, reached: Callable[[Array, Array], Array]
+    machine: Machine,
+    points: Array,
+    targets: Array,
+    q: Array,
+    reached: Callable[[Array, Array], Array],
+    held: Array | None = None,
 ) -> TaughtBase:
     """Return the base that the real robot taught at points (3, 3), m, of the frame of the path.
 
     `targets` (N, 4, 4), base frame, at joint values `q` (N, A): the tool touched each point as it stands at
     the nearest of them. `reached`: returns the poses (3, 4, 4) of the real tool at joint values (3, A) for
-    commands (3, 4, 4).
+    commands (3, 4, 4). `held` (N, A): as of `external_axes`.
     """
     base = machine.frames.base
     places = points @ base[:3, :3].T + base[:3, 3]
     near = np.linalg.norm(targets[:, :3, 3] - places[:, None], axis=2).argmin(axis=1)
     poses = transform(targets[near, :3, :3], places)
-    found = follow(machine.kinematics, machine.frames.node_poses(poses), q[near[0]])
+    stand = None if held is None else held[near]
+    found = follow(machine.kinematics, machine.frames.node_poses(poses), q[near[0]], held=stand)
     for row, reason in found.reasons.items():
         raise OptionError("base_taught", f"{POINTS[row]} is {reason}. {_right(base)}")
     return TaughtBase(poses, found.q, _motion(poses, reached(found.q, poses)[:, :3, 3]))

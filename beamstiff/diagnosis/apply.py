@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 POSITIVE = (
     *("torque", "force", "moment", "compliance", "counts", "rows", "cycles", "lasts"),
-    *("seats_radius", "seats_force"),
+    *("seats_radius", "seats_force", "longest_wave"),
 )  # scales that divide
 SAMPLES = 50  # postures tried, of which a few that close show what an effect is called
 

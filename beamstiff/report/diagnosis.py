@@ -64,14 +64,18 @@ NAMES = (
     (r"_by_[xyz][xyz]\b", "a_by_bc", "how much a grows per unit of the product b c"),
     (r"_tool_|\btool_(drift|turn)_", "tool", "along the axes of the tool"),
     (r"\b(drift|turn|expansion)_(\w+_)?[xyz]\b", "drift, turn", "along and about the axes of the base frame"),
-    (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn"),
+    (r"(sine|cosine)_\d", "sine_n, cosine_n", "n periods a turn, of a slide in twice its travel"),
     (
         r"_per_f[xyz]",
         "a_per_fb",
         "tilt or rise of the readings per force along b",
     ),
     (r"mode_\d", "mode_n", "size of typical curve n over the angle, or over time"),
-    (r"half_lost_motion", "half_lost_motion", "negative where the joint stays behind its reading"),
+    (
+        r"half_lost_motion",
+        "half_lost_motion",
+        "positive where the joint goes farther than its reading, negative where it stays behind",
+    ),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (
         r"_compliance_[xyz]",

@@ -35,7 +35,7 @@ class InverseResult:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A node to bring to targets: P rotations or none, P positions, lower and upper limits (A,)."""
+    """A node to bring to targets: P rotations or none, P positions, lower and upper limits (P, A)."""
 
     kinematics: Kinematics
     system: LoopSystem
@@ -54,6 +54,7 @@ def inverse_geometry(
     seed: int = 0,
     tolerance: float = 1e-9,
     restarts: int = 120,
+    held: ArrayLike | None = None,
 ) -> InverseResult:
     """Return actuated values that bring a node to the targets, within the limits of the actuated variables.
 
@@ -73,6 +74,8 @@ def inverse_geometry(
         What counts as reached, m and rad.
     restarts : int
         How many more starts a target gets that was not reached from the first.
+    held : (A,) or (P, A) array, optional
+        Values that actuated variables stay at; NaN: free. rad or m.
 
     Returns
     -------
@@ -104,10 +107,15 @@ def inverse_geometry(
     robot = kinematics.robot
     lower = np.array([-np.inf if v.limits is None else v.limits[0] for v in robot.actuated])
     upper = np.array([np.inf if v.limits is None else v.limits[1] for v in robot.actuated])
+    fixed = np.broadcast_to(np.nan if held is None else np.asarray(held), (len(positions), len(lower)))
+    free = np.isnan(fixed)
+    lower, upper = np.where(free, lower, fixed), np.where(free, upper, fixed)
     at = node_at(kinematics, robot.tcp if node is None else node)
     task = _Task(kinematics, loop_system(kinematics), at, positions, rotations, lower, upper)
-    unlimited = replace(task, lower=np.full(len(lower), -np.inf), upper=np.full(len(upper), np.inf))
-    poses, actuated = len(positions), len(lower)
+    unlimited = replace(task, lower=np.where(free, -np.inf, fixed), upper=np.where(free, np.inf, fixed))
+    poses, actuated = lower.shape
+    if not poses:
+        return _result(task, np.zeros((0, actuated)), tolerance)
 
     @cache
     def pooled() -> tuple[Array, NDArray[np.intp]]:
@@ -116,14 +124,20 @@ def inverse_geometry(
 
     def promising(rows: NDArray[np.intp], attempt: int) -> Array:
         pool, order = pooled()
-        return np.asarray(pool[order[rows, attempt]])
+        begin = pool[order[rows, attempt]]
+        if held is None:
+            return np.asarray(begin)
+        q = np.where(free[rows], begin[:, :actuated], fixed[rows])
+        return _free_of(kinematics, close_loops(kinematics, q, strict=False).values)
 
     if start is None:
         first = promising(np.arange(poses), 0)
     else:
-        given = np.clip(actuated_values(robot, start), lower, upper)
+        given = actuated_values(robot, start)
         if len(given) not in (1, poses):
             raise BeamstiffError(f"found {len(given)} starts for {poses} targets, expected one or as many")
+        some = slice(1) if held is None else slice(None)  # one start needs its loops closed once
+        given = np.clip(given, lower[some], upper[some])
         closed = close_loops(kinematics, given, strict=False)
         values = _free_of(kinematics, closed.values)
         first = np.broadcast_to(values, (poses, values.shape[1])).copy()
@@ -138,7 +152,7 @@ def inverse_geometry(
             break
         begin = promising(todo, attempt) if attempt else first[todo]
         if attempt % 2 and not kinematics.loops:  # a limit in the way is passed a turn later
-            begin = _turned_within(task, _approach(unlimited, todo, begin, tolerance, patient=False)[0])
+            begin = _turned_within(task, todo, _approach(unlimited, todo, begin, tolerance, patient=False)[0])
         found, found_cost = _approach(task, todo, begin, tolerance, patient=False)
         better = found_cost < cost[todo]
         best[todo[better]], cost[todo[better]] = found[better], found_cost[better]
@@ -184,10 +198,10 @@ def _free_of(kinematics: Kinematics, values: Array) -> Array:
 
 def _pool(task: _Task, seed: int) -> Array:
     """Return closed postures (K, A + Q) all over the limits, to start from."""
-    kinematics, actuated = task.kinematics, len(task.lower)
+    kinematics, actuated = task.kinematics, task.lower.shape[1]
     reach = np.where(task.system.prismatic[:actuated], kinematics.size, np.pi)
-    low = np.where(np.isfinite(task.lower), task.lower, -reach)
-    high = np.where(np.isfinite(task.upper), task.upper, reach)
+    low = np.where(np.isfinite(task.lower), task.lower, -reach).min(axis=0)
+    high = np.where(np.isfinite(task.upper), task.upper, reach).max(axis=0)
     random = np.random.default_rng(seed)
     q = np.concatenate([0.5 * (low + high)[None], random.uniform(low, high, (POOL, actuated))])
     values, closed, reasons = close_loops(kinematics, q, strict=False)
@@ -208,12 +222,13 @@ def _most_promising(task: _Task, pool: Array, count: int, seed: int) -> NDArray[
     return np.concatenate([near, np.broadcast_to(anywhere, (len(near), len(anywhere)))], axis=1)
 
 
-def _turned_within(task: _Task, free: Array) -> Array:
+def _turned_within(task: _Task, which: NDArray[np.intp], free: Array) -> Array:
     """Return values (K, A) with whole turns taken off the revolute variables, within the limits."""
-    limited = np.isfinite(task.lower) & np.isfinite(task.upper)
-    middle = 0.5 * (np.where(limited, task.lower, 0.0) + np.where(limited, task.upper, 0.0))
-    turns = np.where(task.system.prismatic[: len(middle)], 0.0, np.round((free - middle) / (2 * np.pi)))
-    return np.clip(free - 2 * np.pi * turns, task.lower, task.upper)
+    lower, upper = task.lower[which], task.upper[which]
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    middle = 0.5 * (np.where(limited, lower, 0.0) + np.where(limited, upper, 0.0))
+    turns = np.where(task.system.prismatic[: lower.shape[1]], 0.0, np.round((free - middle) / (2 * np.pi)))
+    return np.clip(free - 2 * np.pi * turns, lower, upper)
 
 
 def _name(task: _Task) -> str:
@@ -241,7 +256,7 @@ def _approach(
 
     Unless `patient`, what comes closer but slowly is given up: another start will do better.
     """
-    system, actuated = task.system, len(task.lower)
+    system, actuated = task.system, task.lower.shape[1]
     scale, free = system.scale, start.copy()
     error, jacobian, rates, _ = _errors(task, which, free)
     cost = (error**2).sum(axis=1)
@@ -252,10 +267,10 @@ def _approach(
     for iteration in range(ITERATIONS):
         if not active.size:
             break
-        q = free[active, :actuated]
+        q, lower, upper = free[active, :actuated], task.lower[which[active]], task.upper[which[active]]
         gradient = (np.swapaxes(jacobian[active], 1, 2) @ error[active][:, :, None])[:, :, 0]
         # a variable at its limit stays there while the error pulls it out
-        held = ((q <= task.lower) & (gradient < 0)) | ((q >= task.upper) & (gradient > 0))
+        held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0)) | (lower == upper)
         j = np.where(held[:, None], 0.0, jacobian[active])
         normal = np.swapaxes(j, 1, 2) @ j
         # damping that fades with the error (Sugihara 2011) keeps the end quadratic, near singularities too
@@ -264,7 +279,7 @@ def _approach(
         step = np.linalg.solve(normal, np.where(held, 0.0, gradient)[:, :, None])[:, :, 0]
         step /= np.maximum(1.0, np.abs(step).max(axis=1) / (2 * LARGEST_STEP))[:, None]
         trial = free[active]
-        trial[:, :actuated] = np.clip(q + step * scale[:actuated], task.lower, task.upper)
+        trial[:, :actuated] = np.clip(q + step * scale[:actuated], lower, upper)
         moved = (trial[:, :actuated] - q) / scale[:actuated]
         fine = np.ones(len(active), dtype=np.bool_)
         if task.kinematics.loops:
@@ -293,7 +308,7 @@ def _errors(
 
     (K, 3 or 6), (K, 3 or 6, A), (K, Q, A), (K,); lengths in machine sizes, prismatic variables likewise.
     """
-    kinematics, system, actuated = task.kinematics, task.system, len(task.lower)
+    kinematics, system, actuated = task.kinematics, task.system, task.lower.shape[1]
     chain = chain_to(kinematics, int(kinematics.node_frame[task.node]))
     bodies, screws = place(kinematics, all_values(kinematics, free), chain)
     point = bodies[-1].origin + np.tensordot(kinematics.node_at[task.node], bodies[-1].axes, 1)

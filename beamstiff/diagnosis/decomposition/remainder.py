@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.folds import unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, stacked
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
+from beamstiff.diagnosis.effects.angle_curve import longest_wave, phase
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.effects.external import clock, tool_axes
 from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of
@@ -93,11 +94,12 @@ def _covariates(model: OpenModel) -> Iterator[tuple[str, Array]]:
     baseline, rows = model.baseline, model.baseline.rows
     for name, shift in _turns(baseline):
         if name in rows.variables:
-            angle = baseline.joint_values[name][:, None]
+            angle = phase(baseline, name)[:, None]
             waves = np.concatenate(
                 [f(k * angle) for k in range(1, ORDERS + 1) for f in (np.sin, np.cos)], axis=1
             )
-            yield f"angle of {name}", shift[:, :, None] * waves[:, None]
+            slides = longest_wave(baseline, name) is not None
+            yield f"{'position' if slides else 'angle'} of {name}", shift[:, :, None] * waves[:, None]
             yield (
                 f"direction of approach of {name}",
                 (shift * last_direction(rows, name)[:, None])[..., None],

@@ -175,7 +175,7 @@ def nowhere(effect: str, baseline: Baseline) -> str:
     if effect in ("camera-scale", "hand-eye"):
         return NO_CAMERA
     if effect == "angle-curve":
-        return "no joint was at enough different angles: measure more postures"
+        return "no joint was at enough different angles or positions: measure more postures"
     if effect == "thermal-drift":
         timed, warm = (np.isfinite(one).any() for one in (baseline.rows.time, baseline.rows.temperature))
         if timed:

@@ -1,12 +1,11 @@
 """The error of a joint over its angle, where a cause follows that."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.causes import Cause
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.effects.angle_curve import EFFECT, joint_error
+from beamstiff.diagnosis.effects.angle_curve import EFFECT, joint_error, longest_wave
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.html.parts import Figure, axis, chart_layout, css, label, numbers, scatter
@@ -24,21 +23,26 @@ def joint_curves(result: Diagnosis) -> Iterator[Figure]:
         if cause.forms[0].effect != EFFECT.name:
             continue
         joint = str(cause.forms[0].component)
+        wave = longest_wave(result.baseline, joint)
+        what, unit, error = ("angle", "deg", "mrad") if wave is None else ("position", "mm", "mm")
+        sizes = {name: value for name, _, value, *_ in parameters_of(cause)}
         read = np.unique(rows.q[:, rows.variables.index(joint)])
+        hover = f"%{{y}} {error} at %{{x}} {unit}"
         along = np.linspace(read[0], read[-1], POINTS)
-        hover = "%{y} mrad at %{x} deg"
-        curve = scatter(*_drawn(cause, along), "curve", hover, line={"color": css("blue"), "width": 2})
-        marks = scatter(*_drawn(cause, read), "angles that were read", hover, ("circle", "orange", 5))
+        curve = scatter(*_drawn(sizes, wave, along), "curve", hover, line={"color": css("blue"), "width": 2})
+        marks = scatter(*_drawn(sizes, wave, read), f"{what}s that were read", hover, ("circle", "orange", 5))
         caption = (
-            f"What {in_words([cause.key])} adds to the angle that the controller reads; a mark at each angle "
-            "that was read. Believe the curve there; its single orders may stand in for one another."
+            f"What {in_words([cause.key])} adds to the {what} that the controller reads; a mark at each "
+            f"{what} that was read. Believe the curve there; its single orders may stand in for one another."
         )
-        x, y = axis(label(f"{joint}, deg")), axis("error of the joint, mrad")
+        x, y = axis(label(f"{joint}, {unit}")), axis(f"error of the joint, {error}")
         layout = chart_layout(320, BUTTONS, x, y, showlegend=False)
-        yield Figure(f"curve-{joint}", f"Error of {joint} over its angle", caption, [curve, marks], layout)
+        yield Figure(f"curve-{joint}", f"Error of {joint} over its {what}", caption, [curve, marks], layout)
 
 
-def _drawn(cause: Cause, q: Array) -> tuple[list[float | None], list[float | None]]:
-    """Return angles (n,), deg, and the errors there, mrad."""
-    sizes = {name: value for name, _, value, *_ in parameters_of(cause)}
-    return numbers(np.degrees(q), 4), numbers(1e3 * joint_error(sizes, q), 3)
+def _drawn(
+    sizes: Mapping[str, float], wave: float | None, q: Array
+) -> tuple[list[float | None], list[float | None]]:
+    """Return values (n,) of a joint, deg or mm, and its errors there, mrad or mm; `wave`: of a slide."""
+    shown, angle = (np.degrees(q), q) if wave is None else (1e3 * q, 2.0 * np.pi / wave * q)
+    return numbers(shown, 4), numbers(1e3 * joint_error(sizes, angle), 3)
