@@ -49,3 +49,28 @@ def planar_arm(
         tcp=ends[-1],
         **more,
     )
+
+
+def on_rail(robot: Robot, travel: float = 2.0) -> Robot:
+    """Return a robot on a rigid carriage, which slides along z of the base frame as ``e1`` says."""
+    first, *frames = robot.frames
+    rail = Variable(name="e1", type="prismatic", limits=(-travel, travel))
+    moved = [node.model_copy(update={"frame": "rail"}) for node in robot.nodes if node.frame == "base"]
+    others = [node for node in robot.nodes if node.frame != "base"]
+    foot = next(node for node in moved if node.name in robot.fixed)
+    slide = Joint(
+        name="rail", nodes=["ground", foot.name], frame="rail", variable="e1", stiffness=JointStiffness()
+    )
+    return robot.model_copy(
+        update={
+            "variables": (rail, *robot.variables),
+            "frames": (
+                Frame(name="rail", parent="base", r="e1"),
+                first.model_copy(update={"parent": "rail"}),
+                *frames,
+            ),
+            "nodes": (Node(name="ground", frame="rail"), *moved, *others),
+            "joints": (slide, *robot.joints),
+            "fixed": ("ground",),
+        }
+    )

@@ -4,7 +4,7 @@ The controller turns poses into joint values with the robot that it knows. At th
 own geometry, sags under its weight, is compliant under the load and has its effects.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,13 +77,14 @@ class Machine:
         at = pose_of(kinematics, posture(kinematics, q), self.real.tcp)
         return np.asarray(at @ self.frames.tool)
 
-    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
+    def moved(self, q: Array, wrench: Array, tip: Array, approached: Array | None = None) -> Array:
         """Return how weight, load and effects move the `tcp` node, (N, 6) ``[d, r]``, base frame.
 
         `q` (N, A). `wrench` (N, 6): on the tool at its tip, base frame. `tip` (N, 4, 4): where the tool is,
-        for the lever arm of the load.
+        for the lever arm of the load. `approached` (N, A): the directions in which the joints last moved;
+        default as the states follow one another.
         """
-        return predict(self.real, self.rows(q, wrench, tip))
+        return predict(self.real, replace(self.rows(q, wrench, tip), approached=approached))
 
     def unproven(self, q: Array) -> dict[str, dict[str, float]]:
         """Return how far effects of the real robot move the unloaded tool, unproven by displacements, m.

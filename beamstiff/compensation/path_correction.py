@@ -18,6 +18,7 @@ from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.process.load import Process, Together
 from beamstiff.compensation.taught_base import TaughtBase, taught_base
+from beamstiff.diagnosis.effects.approach_direction import approach_of
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian
@@ -118,23 +119,24 @@ def correct_path(
     commands, q, targets, rounds = path.poses.copy(), first.q.copy(), path.poses.copy(), 0
     base: TaughtBase | None = None
     if rows.size:
-        some = path.at(rows)
+        some, approached = path.at(rows), approach_of(first.q[rows])
         held = external_axes(machine.kinematics, some)
         if taught:
-            targets[rows] = _unloaded(machine, first.q[rows], some.poses)
+            targets[rows] = _unloaded(machine, first.q[rows], some.poses, approached)
         if base_taught is not None:
             reached = partial(_unloaded, machine)
             base = taught_base(machine, base_taught, some.poses, first.q[rows], reached, held)
             targets[rows] = base.motion @ some.poses
         meant, load_at = targets[rows], _load_at(load, some, targets[rows])
-        before[rows] = difference(settled(machine, first.q[rows], load_at, meant), meant)
+        before[rows] = difference(settled(machine, first.q[rows], load_at, meant, approached), meant)
         wrench[rows] = load_at(meant)
-        found = _commands(machine, meant, some.poses, wrench[rows], first.q[rows], turned[rows], held)
+        start_at = _Start(some.poses, first.q[rows], turned[rows], held, approached)
+        found = _commands(machine, meant, wrench[rows], start_at)
         commands[rows], q[rows], rounds = found.poses, found.q, found.rounds
         for row, reason in found.reasons.items():
             reasons[int(rows[row])] = reason
         partly = {int(rows[row]): left for row, left in found.partly.items()}
-        after[rows] = difference(settled(machine, q[rows], load_at, meant), meant)
+        after[rows] = difference(settled(machine, q[rows], load_at, meant, approached), meant)
     return Correction(
         path=path,
         targets=targets,
@@ -162,7 +164,8 @@ def base_errors(machine: Machine, correction: Correction) -> Array:
     rows = np.flatnonzero(~np.isnan(correction.before[:, 0]))
     if rows.size:
         meant = correction.targets[rows]
-        moved = difference(_unloaded(machine, correction.q_before[rows], meant), meant)[:, :3]
+        q = correction.q_before[rows]
+        moved = difference(_unloaded(machine, q, meant, approach_of(q)), meant)[:, :3]
         turns = -skew(meant[:, :3, 3] - meant[:, :3, 3].mean(axis=0))
         motions = np.concatenate([np.tile(np.eye(3), (rows.size, 1, 1)), turns], axis=2).reshape(-1, 6)
         errors[rows] = (motions @ np.linalg.lstsq(motions, moved.ravel(), rcond=None)[0]).reshape(-1, 3)
@@ -190,7 +193,7 @@ def error_parts(
         meant = base.motion_to(_unloaded(bare, base.q, base.poses)[:, :3, 3]) @ path.poses
     load_at = _load_at(load or Together(), path, meant)
     first = difference(_unloaded(bare, q, meant) if taught else machine.undeformed(q), stiff)
-    deformed = difference(settled(bare, q, load_at, meant), meant) - first
+    deformed = difference(settled(bare, q, load_at, meant), meant) - first  # `bare` has no lost motion
     parts = {} if taught else {GEOMETRY: first}
     parts[DEFORMATION] = deformed
     if machine.real.effects:
@@ -216,7 +219,8 @@ def errors_of(
     if rows.size:
         meant = correction.targets[rows]
         load_at = _load_at(load, correction.path.at(rows), meant)
-        errors[rows] = difference(settled(machine, found.q[rows], load_at, meant), meant)
+        approached = approach_of(correction.q_before[rows])
+        errors[rows] = difference(settled(machine, found.q[rows], load_at, meant, approached), meant)
     return errors
 
 
@@ -243,22 +247,29 @@ class _Commands:
     partly: dict[int, Array]
 
 
-def _commands(
-    machine: Machine,
-    targets: Array,
-    start: Array,
-    wrench: Array,
-    q: Array,
-    turned: NDArray[np.bool_],
-    held: Array | None,
-) -> _Commands:
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Commands to begin with: poses (N, 4, 4), joint values (N, A); what of these may change.
+
+    `held` (N, A): as of `external_axes`. `approached` (N, A): directions in which the joints last moved on
+    the path as programmed: corrections are far smaller than its motions.
+    """
+
+    poses: Array
+    q: Array
+    turned: NDArray[np.bool_]
+    held: Array | None
+    approached: Array
+
+
+def _commands(machine: Machine, targets: Array, wrench: Array, start: _Start) -> _Commands:
     """Iterate ``P' = P - dP`` for all targets at once, until the real tool is at them.
 
     Beside a singular posture a little of the command turns the joints, and so the error, far: there the steps
     need Broyden's method, of which the first is ``-dP``. The best command of all rounds is kept.
     """
-    commands, first, q = start.copy(), q, q.copy()
-    best, best_q, least = start.copy(), q.copy(), np.full(len(targets), np.inf)
+    commands, q, held = start.poses.copy(), start.q.copy(), start.held
+    best, best_q, least = commands.copy(), q.copy(), np.full(len(targets), np.inf)
     rest = np.zeros((len(targets), 6))
     whole = least
     reasons: dict[int, str] = {}
@@ -267,11 +278,12 @@ def _commands(
     inverse = np.tile(np.eye(6), (len(targets), 1, 1))
     for count in range(1, ROUNDS + 1):
         reached = machine.displaced(
-            machine.undeformed(q[left]), machine.moved(q[left], wrench[left], targets[left])
+            machine.undeformed(q[left]),
+            machine.moved(q[left], wrench[left], targets[left], start.approached[left]),
         )
         old = error[left]
         error[left] = difference(reached, targets[left])
-        error[~turned, 3:] = 0.0
+        error[~start.turned, 3:] = 0.0
         error[left, :3] = _possible(machine, q[left], error[left, :3])
         if count > 1:
             inverse[left] = _secant(inverse[left], step[left], error[left] - old)
@@ -303,7 +315,7 @@ def _commands(
         else:
             reasons[row] = f"no command found: {shown_error(rest[row])} remain"
     for row in reasons:
-        best[row], best_q[row] = start[row], first[row]
+        best[row], best_q[row] = start.poses[row], start.q[row]
     return _Commands(best, best_q, reasons, count, partly)
 
 
@@ -355,25 +367,33 @@ def _load_at(load: Process, path: ToolPath, targets: Array) -> Callable[[Array],
     return shifted
 
 
-def _unloaded(machine: Machine, q: Array, near: Array) -> Array:
+def _unloaded(machine: Machine, q: Array, near: Array, approached: Array | None = None) -> Array:
     """Return the poses (N, 4, 4) of the real tool without process load, for joint values (N, A)."""
     still = np.zeros((len(q), 6))
-    return settled(machine, q, lambda _: still, near)
+    return settled(machine, q, lambda _: still, near, approached)
 
 
-def settled(machine: Machine, q: Array, load: Callable[[Array], Array], near: Array) -> Array:
+def settled(
+    machine: Machine,
+    q: Array,
+    load: Callable[[Array], Array],
+    near: Array,
+    approached: Array | None = None,
+) -> Array:
     """Return the poses (N, 4, 4) at which load and displacement agree, for joint values (N, A), from `near`.
+
+    `approached`: as of `Machine.moved`.
 
     Broyden's method on ``x = moved(q, load(x))``, all targets at once; its first step is the fixed point's.
     """
     undeformed = machine.undeformed(q)
-    x = machine.moved(q, load(near), near)
+    x = machine.moved(q, load(near), near, approached)
     inverse = np.broadcast_to(-np.eye(6), (len(q), 6, 6)).copy()
     gap: Array | None = None
     step = np.zeros_like(x)
     for _ in range(ROUNDS):
         at = machine.displaced(undeformed, x)
-        new_gap = machine.moved(q, load(at), at) - x
+        new_gap = machine.moved(q, load(at), at, approached) - x
         if np.abs(new_gap).max() < SETTLED:
             return at
         if gap is not None:

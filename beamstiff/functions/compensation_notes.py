@@ -1,15 +1,18 @@
 """What is worth knowing of a corrected path, in sentences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from beamstiff.compensation.follow import external_axes
 from beamstiff.compensation.formats import Program
 from beamstiff.compensation.machine import VISIBLE, Machine
 from beamstiff.compensation.path import StatedFrame
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
+from beamstiff.diagnosis.effects.approach_direction import approach_of
+from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.recalibration import ALIKE
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
@@ -79,6 +82,7 @@ def compensation_notes(
             else f"the first target that is reached, {found.path.place(first)}, is"
         )
         said.append(f"{begins} at {', '.join(posture)}; --q chooses another posture")
+    said += [*_where_joints_stand(result), *_unknown_sides(result)]
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
         said.append(
@@ -126,6 +130,43 @@ def compensation_notes(
     if machine.real.effects:
         said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
     return said
+
+
+def _where_joints_stand(result: Compensated) -> Iterator[str]:
+    """Yield that joints stand where columns of the path say."""
+    held = external_axes(result.machine.kinematics, result.correction.path)
+    if held is not None:
+        every = result.machine.controller.actuated
+        names = [one.name for one, value in zip(every, held[0].tolist(), strict=True) if not np.isnan(value)]
+        yield f"{listed(names)}: held where the path's column of that name says; it stays as it is"
+
+
+def _unknown_sides(result: Compensated) -> Iterator[str]:
+    """Yield where nobody knows from which side joints with lost motion come, and what that may change."""
+    machine, found = result.machine, result.correction
+    rows = np.flatnonzero(~np.isnan(found.before[:, 0]))
+    every = [one.name for one in machine.controller.actuated]
+    for effect in machine.real.effects:
+        if effect.effect != REVERSED or not rows.size:
+            continue
+        own = [effect.component] if effect.component in every else every
+        q, at = found.q_before[rows], [every.index(name) for name in own]
+        known = approach_of(q)
+        unknown = (known[:, at] == 0.0).any(axis=1)
+        if not unknown.any():
+            continue
+        sides = known.copy()
+        sides[:, at] = np.where(known[:, at] == 0.0, 1.0, known[:, at])
+        near, still = machine.undeformed(q), np.zeros((len(q), 6))
+        apart = machine.moved(q, still, near, sides) - machine.moved(q, still, near, known)
+        most = 1e3 * np.linalg.norm(apart[unknown, :3], axis=1).max()
+        names = [found.path.called(row) for row in rows[unknown].tolist()]
+        which = "all targets" if len(names) == len(found.path) else listed(names, 5)
+        yield (
+            f"{which}: the path does not say from which side {listed(own)} comes, so its lost motion is not "
+            f"corrected there: up to {most:.2g} mm either way. Put a row before them that arrives as the "
+            "robot will"
+        )
 
 
 def _stated(program: Program, what: str) -> list[StatedFrame]:

@@ -80,6 +80,8 @@ class Measurements:
     sigma_load: float | None = None  # N: of the size of each load; `identify` counts it in
     targets: tuple[Target, ...] = ()  # sockets, base balls, planes, gauges (`measure.instruments`)
     camera: str = ""  # "on robot" or "fixed": where the camera is that read the rows (`measure.camera`)
+    # (N, V): 1, -1 or 0 by the direction in which each variable last moved; None: as the rows follow
+    approached: Array | None = None
 
     def __len__(self) -> int:
         return len(self.q)

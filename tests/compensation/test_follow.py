@@ -1,14 +1,23 @@
 """Joint values along paths: one branch, jumps told, out of reach told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from beamstiff.compensation.follow import JUMP, between, follow
+from beamstiff.compensation.follow import JUMP, between, external_axes, follow, follow_path
+from beamstiff.compensation.formats import path_csv
+from beamstiff.compensation.machine import Machine
+from beamstiff.compensation.path import ToolPath
+from beamstiff.errors import BeamstiffError
+from beamstiff.robot.frames import Kinematics
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array
+from tests.arms import on_rail
 
 KINEMATICS = compile_kinematics(load_robot("kr500"))
 START = np.array([0.2, -1.2, 1.5, 0.3, 0.8, 0.1])
@@ -106,3 +115,45 @@ def test_a_path_of_nothing_but_unreachable_targets(count: int) -> None:
     found = follow(KINEMATICS, poses)
     assert not found.reached.any()
     assert len(found.reasons) == count
+
+
+def rail_path(
+    unit: str = "m", factor: float = 1.0, beyond: float = 0.0
+) -> tuple[Kinematics, Array, ToolPath]:
+    """Return a robot on a rail, joint values along a path, and its table with the rail's column."""
+    kinematics = compile_kinematics(on_rail(KINEMATICS.robot))
+    q = np.c_[np.linspace(-0.4, 0.8, 12), START + np.linspace(0.0, 0.2, 12)[:, None] * [1, -1, 1, 1, 1, 1]]
+    poses = pose_of(kinematics, posture(kinematics, q), kinematics.robot.tcp)
+    table = [f"e1 [{unit}],x,y,z,qw,qx,qy,qz"]
+    for value, pose in zip(q[:, 0] + beyond, poses, strict=True):
+        turn = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+        table.append(",".join(f"{one:.12g}" for one in (factor * value, *pose[:3, 3], *turn)))
+    return kinematics, q, path_csv.read("\n".join(table), "seam.csv").path
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("mm", 1e3)])
+def test_a_column_called_as_a_joint_is_an_external_axis(unit: str, factor: float) -> None:
+    kinematics, q, path = rail_path(unit, factor)
+    found = follow_path(Machine(kinematics.robot), path, path.poses, q[0] + 0.05)
+    assert found.reached.all()
+    np.testing.assert_allclose(found.q, q, atol=1e-6)
+
+
+def test_without_that_column_the_rail_is_as_free_as_every_joint() -> None:
+    kinematics, q, path = rail_path()
+    found = follow_path(Machine(kinematics.robot), replace(path, columns={}), path.poses, q[0] + 0.05)
+    assert found.reached.all()
+    assert np.abs(found.q[:, 0] - q[:, 0]).max() > 0.01
+
+
+def test_an_external_axis_beyond_its_range_is_refused_with_its_line() -> None:
+    kinematics, _, path = rail_path(beyond=1.5)
+    with pytest.raises(
+        BeamstiffError, match=r"^seam\.csv:11: row 10: e1: found 2\.08182 m, expected -2 to 2 m"
+    ):
+        follow_path(Machine(kinematics.robot), path, path.poses)
+
+
+def test_columns_of_joints_that_are_needed_hold_nothing() -> None:
+    path = replace(rail_path()[2], columns={"q1": np.zeros(12)})
+    assert external_axes(KINEMATICS, path) is None

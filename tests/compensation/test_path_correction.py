@@ -90,7 +90,7 @@ class Jumping(Machine):
     step: float = 0.97e-3
     less: float = 0.95e-3
 
-    def moved(self, q: Array, wrench: Array, tip: Array) -> Array:
+    def moved(self, q: Array, wrench: Array, tip: Array, approached: Array | None = None) -> Array:
         sag = np.zeros((len(q), 6))
         sag[:, 2] = np.where(self.undeformed(q)[:, 2, 3] > 1.0 + self.step, -self.less, -1e-3)
         return sag
@@ -384,3 +384,20 @@ def test_beside_a_stretched_wrist_a_command_is_found() -> None:
     assert not found.reasons
     assert np.abs(found.before[:, 3:]).min(axis=0).max() > 1e-4
     assert np.abs(found.after).max() < 4e-7
+
+
+def test_lost_motion_follows_the_way_of_the_path_as_programmed() -> None:
+    half = 2e-4
+    lost = AddedEffect(
+        effect="approach-direction",
+        component="q2",
+        shape="direction of the last motion",
+        parameters={"half_lost_motion": f"{half} rad"},
+    )
+    robot = kr500()
+    path = path_of(robot)  # on which q2 falls
+    found = correct_path(Machine(robot, kr500(effects=(lost,))), path, start=START)
+    assert np.abs(found.after).max() < 1e-8
+    commanded = found.q - found.q_before
+    np.testing.assert_allclose(commanded[1:, 1], half, atol=1e-6)
+    np.testing.assert_allclose(commanded[0], 0.0, atol=1e-9)  # from which side it comes nobody knows

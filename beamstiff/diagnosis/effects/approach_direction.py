@@ -30,14 +30,21 @@ def last_direction(rows: Measurements, variable: str) -> Array:
 
     Rows follow one another by time, else as they stand in the table.
     """
-    q = rows.q[:, rows.variables.index(variable)]
+    at = rows.variables.index(variable)
+    if rows.approached is not None:
+        return rows.approached[:, at]
+    order = history_order(rows)
     result = np.zeros(len(rows))
-    last, before = 0.0, None
-    for row in history_order(rows).tolist():
-        if before is not None and abs(q[row] - before) > LEAST:
-            last = float(np.sign(q[row] - before))
-        result[row], before = last, q[row]
+    result[order] = approach_of(rows.q[order, at][:, None])[:, 0]
     return result
+
+
+def approach_of(q: Array) -> Array:
+    """Return the directions in which joints last moved, (N, A), from their values (N, A) in order."""
+    motion = np.diff(q, axis=0, prepend=q[:1])
+    way = np.where(np.abs(motion) > LEAST, np.sign(motion), 0.0)
+    latest = np.maximum.accumulate(np.where(way != 0.0, np.arange(len(q))[:, None], 0), axis=0)
+    return np.take_along_axis(way, latest, axis=0)
 
 
 def without_unknown(
