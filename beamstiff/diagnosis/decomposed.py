@@ -182,14 +182,14 @@ def _left_out(found: Decomposition) -> Iterator[str]:
         yield f"{found.apart.doubtful}. Is the table right there?"
     if found.first:
         yield (
-            f"left out: {listed(found.first, 6)}: from which side the joints came is unknown. A row ahead "
-            "with the joint values and the time of the posture before, and without a reading, tells"
+            f"left out: {listed(found.first, 6)}: the rows do not say from which side the joints came. To "
+            "use them, put a row before them: joint values and time of the previous posture, no reading"
         )
     if found.hanging:
         names = [in_words([cause.key]) for cause in found.hanging]
         yield (
-            f"not named as a cause: {listed(names, 6)}. Searches without a tenth of the postures mostly do "
-            "not find this, and it does not help beside what they find: more postures decide"
+            f"not named as a cause: {listed(names, 6)}: repeated without a tenth of the postures each time, "
+            "the search mostly does not find this. Measure more postures"
         )
 
 

@@ -121,7 +121,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         lost = np.flatnonzero(unknown & used.any(axis=1))
         if lost.size and used[~unknown].any():
             places = listed([measurements.place(row) for row in lost.tolist()], 6)
-            notes = (f"left out: {places}: from which side the joints came is unknown",)
+            notes = (f"left out: {places}: the rows do not say from which side the joints came",)
             measurements, used = read, used & ~unknown[:, None]
     if not used.any():
         raise BeamstiffError(f"{measurements.source}: no row has a measured position (dx dy dz or x y z)")

@@ -28,7 +28,7 @@ from beamstiff.robot.pruning import pruned
 from beamstiff.robot.sdf import read_sdf, unread
 from beamstiff.robot.sdf_writer import robot_to_sdf
 from beamstiff.robot.stiffness import missing_stiffness
-from beamstiff.robot.urdf.reader import read_tree, read_urdf
+from beamstiff.robot.urdf.reader import extension_of, read_tree, read_urdf
 from beamstiff.robot.urdf.writer import robot_to_urdf
 from beamstiff.robot.xml_text import parse_xml
 from beamstiff.robot.yaml_edit import robot_yaml
@@ -96,7 +96,15 @@ def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, li
     """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
     if tcp is None:
         return None
-    tree = read_tree(parse_xml(read_text(file), str(file)))
+    root = parse_xml(read_text(file), str(file))
+    _, more = extension_of(root)
+    if hold and (dropped := [key for key in more if key != "tcp"]):
+        raise OptionError(
+            "hold",
+            f"{file} has {listed(dropped, 3)} written by beamstiff, which would be lost; expected the URDF "
+            "from before. For `compensate`, a column of the path named after the joint holds it",
+        )
+    tree = read_tree(root)
     kinds = {joint.name: joint.kind for joint in tree.joints}
     values = {}
     for text in hold:

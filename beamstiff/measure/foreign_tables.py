@@ -17,11 +17,13 @@ from beamstiff.measure.columns import (
     unit_in,
     unit_outside,
 )
+from beamstiff.measure.profile_cells import clock_times
 from beamstiff.measure.profiles import JOINTS, POSITION, QUATERNION
 from beamstiff.measure.table import MEASURED
 from beamstiff.measure.text import SEPARATORS, RawTable
 from beamstiff.robot.description import Robot
 from beamstiff.robot.dh_tables import KINDS
+from beamstiff.units import UNITS
 
 # words that other programs name such columns with
 _POINT = {"point", "name", "target", "reflector", "marker", "prism", "smr"}
@@ -29,6 +31,7 @@ _POSE = {"pose", "posture", "pos", "position", "no", "nr", "id", "frame"}
 _LOAD = {"load", "weight", "mass", "payload", "kg", "fz", "last", "gewicht", "masse"}
 _TIME = {"time", "timestamp", "zeit"}
 _JOINT = re.compile(r"(?:j|a|q|axis|achse|joint|gelenk)[ _.]?([1-9][0-9]?)")
+_EXTERNAL = re.compile(r"e[1-6]")  # axes, as controllers call them
 _FORCE = re.compile(r"(?:f|force|kraft)[ _.]?([xyz])")
 _AXIS = re.compile(r"[pt]?([xyz])")
 _DISPLACED = re.compile(r"(?:d|delta)[ _.]?([xyz])")
@@ -130,6 +133,10 @@ def guessed_profile(
             continue  # a mass beside the force
         if key and key not in columns:
             columns[key] = cell
+            if kind == JOINTS and unit and unit_fault(unit, ("angle",)):
+                kind = key  # one that slides among others that turn
+            if kind == "time" and clock_times([row[place] for row in cells if place < len(row)]) is not None:
+                unit = "s"
             if kind:
                 units.setdefault(kind, unit if unit and not unit_fault(unit, _kinds(kind)) else "UNIT")
     absolute = {*POSITION} <= {*columns}
@@ -182,6 +189,10 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
     """Return our column of a name, and the key of its unit; empty where it cannot be guessed."""
     plain = name.casefold().strip()
     words = re.split(r"[\W_]+", plain)
+    if named := [joint for joint in joints if joint.casefold() == plain]:
+        return named[0], JOINTS
+    if _EXTERNAL.fullmatch(plain) and not joints:
+        return name.strip(), JOINTS
     if match := _JOINT.fullmatch(plain):
         at = int(match[1]) - 1
         return (joints[at] if at < len(joints) else "" if joints else f"q{at + 1}"), JOINTS
@@ -201,7 +212,7 @@ def _guessed(name: str, joints: Sequence[str]) -> tuple[str, str]:
 
 
 def _kinds(key: str) -> tuple[str, ...]:
-    return {JOINTS: ("angle", "length"), "fz": ("mass", "force")}.get(key, (key,))
+    return {"fz": ("mass", "force")}.get(key, (key,) if key in UNITS else ("angle", "length"))
 
 
 def _quoted(text: str) -> str:

@@ -22,6 +22,9 @@ JOINED = "\x1f"  # ASCII's unit separator, in the place of several separators
 DECIMAL_COMMAS = (
     "decimal commas need another separator: export with one, and state it and `decimal: comma` in the profile"
 )
+_CLOCK = re.compile(r"(\d{1,2}):(\d\d)(?::(\d\d(?:\.\d+)?))?")
+_DATED = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d+)?)?")
+DAY = 86400.0  # s
 _WHOLE, _DIGITS = re.compile(r"[+-]?[0-9]+"), re.compile(r"[0-9]+")
 
 
@@ -137,6 +140,9 @@ def profile_values(cells: Cells, profile: Profile, name: str) -> dict[str, Array
     for column, texts in cells.columns.items():
         if column in LABELS:
             continue
+        if column == "t" and (since := clock_times(texts)) is not None:
+            values[column] = since
+            continue
         comma = profile.decimal == "comma"
         try:
             raw = numbers(texts, may_be_empty=column in QUANTITIES, decimal_comma=comma, by_profile=True)
@@ -159,6 +165,35 @@ def profile_values(cells: Cells, profile: Profile, name: str) -> dict[str, Array
                 raw if column in QUATERNION else to_si(raw, Column(column, _kind(column, profile), unit))
             )
     return _turned(values, profile, name, cells.lines)
+
+
+def clock_times(cells: Sequence[str]) -> Array | None:
+    """Return times of day or dates with times as s since midnight of the first day (n,); None: they are not.
+
+    A time of day that is more than half a day before the one above it is of the next day.
+
+    >>> clock_times(["23:59:58.5", "0:00:01"]), clock_times(["2026-11-12 08:00"]), clock_times(["8.5"])
+    (array([86398.5, 86401. ]), array([28800.]), None)
+    """
+    texts = [cell.strip() for cell in cells]
+    if texts and all(map(_DATED.fullmatch, texts)):
+        days, clocks = zip(*((text[:10], text[11:]) for text in texts), strict=True)
+        try:
+            day = np.array(days, dtype="datetime64[D]").astype(float) * DAY
+        except ValueError:
+            return None
+        since: Array = day - day[0] + np.array([_seconds(clock) for clock in clocks])
+        return since
+    if not texts or not all(map(_CLOCK.fullmatch, texts)):
+        return None
+    found = np.array([_seconds(text) for text in texts])
+    found += DAY * np.cumsum(np.diff(found, prepend=found[0]) < -0.5 * DAY)
+    return found
+
+
+def _seconds(clock: str) -> float:
+    hours, minutes, *seconds = clock.split(":")
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + sum(map(float, seconds))
 
 
 def mass_notes(profile: Profile) -> list[str]:

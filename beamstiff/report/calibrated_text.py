@@ -23,9 +23,22 @@ ABOUT |= {"d": "shift along x", "r": "shift along z", "b": "shift along z"}
 ELSEWHERE = 0.01  # m between file and reflector from which a load at the file's place is another load
 
 
-def reflectors_moved(changed: Recalibration) -> bool:
-    """Return whether placing the reflectors anew, and nothing else, changes the gap."""
-    return rounded(changed.placed) != rounded(changed.before)
+def as_described(result: Diagnosis) -> tuple[float, float]:
+    """Return the error of the robot file, m: the measuring frame fitted, and the reflectors placed too.
+
+    Of the rigid robot where stiffness in the file is a guess: what that leaves says nothing.
+    """
+    changed = result.recalibration
+    assert changed is not None
+    if result.start_values and changed.rigid is not None and changed.rigid_placed is not None:
+        return changed.rigid, changed.rigid_placed
+    return changed.before, changed.placed
+
+
+def reflectors_moved(result: Diagnosis) -> bool:
+    """Return whether placing the reflectors anew, and nothing else, changes the error."""
+    before, placed = as_described(result)
+    return rounded(1e3 * placed) != rounded(1e3 * before)
 
 
 def calibrated_away(result: Diagnosis) -> str:

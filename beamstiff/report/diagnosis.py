@@ -175,7 +175,7 @@ def next_best_text(result: Diagnosis) -> list[str]:
     for one in result.runners_up:
         without, ratio = f"Without {in_words([one.cause])}", one.rms / one.rms_with
         if not one.keys:
-            lines.append(f"{without} nothing explains its share: {ratio:.2g} times as much is left.")
+            lines.append(f"{without} no other effect explains its share: {ratio:.2g} times as much is left.")
             continue
         names = " with ".join(OUTSIDE if key == UNKNOWN else in_words([key]) for key in one.keys[:2])
         odds = f"{one.odds:.1g}" if one.odds < 10.0 else f"{float(f'{one.odds:.1g}'):.0f}"

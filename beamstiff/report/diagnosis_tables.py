@@ -16,7 +16,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import Smallest
 from beamstiff.errors import counted, listed
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import reflectors_moved
+from beamstiff.report.calibrated_text import as_described, reflectors_moved
 from beamstiff.report.tables import Column, Table, below, number, scale_of, table
 from beamstiff.report.verdict import rounded
 from beamstiff.se3 import Array
@@ -40,7 +40,7 @@ class Step:
 def steps(result: Diagnosis) -> list[Step]:
     """Return the models from the robot file to all causes, what each leaves, and the noise floor."""
     found, changed = result.decomposition, result.recalibration
-    made = [Step("fitted model", result.rms)] if changed is None else _fitted(changed, _guessed(result))
+    made = [Step("fitted model", result.rms)] if changed is None else _fitted(result, changed)
     if found is None:
         if result.verdict.shrink is not None:
             made.append(Step(f"with {words.causes(result)}", result.verdict.shrink.after))
@@ -57,21 +57,17 @@ def steps(result: Diagnosis) -> list[Step]:
     return [*made, Step("noise floor", result.noise)]
 
 
-def _guessed(result: Diagnosis) -> bool:
-    """Return whether all stiffness that was fitted is a guess in the robot file."""
-    return bool(result.start_values) and len(result.start_values) == len(result.linear_stiffness)
-
-
-def _fitted(changed: Recalibration, is_guess: bool) -> list[Step]:
+def _fitted(result: Diagnosis, changed: Recalibration) -> list[Step]:
     """Return what the file leaves, and what its calibration leaves step by step."""
-    made, fitted, placed = [], ", measuring frame fitted", changed.placed
-    if changed.rigid is not None and rounded(changed.rigid) != rounded(changed.before):
-        made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
-    if is_guess and made and changed.rigid_placed is not None:  # what a guess leaves says nothing
-        placed = changed.rigid_placed
+    before, placed = as_described(result)
+    made, fitted = list[Step](), ", measuring frame fitted"
+    if result.start_values and before != changed.before:
+        made.append(Step(f"robot file, drives and links rigid{fitted}", before))
     else:
-        made.append(Step(f"robot file{', its stiffness' if made else ''}{fitted}", changed.before))
-    if reflectors_moved(changed):
+        if changed.rigid is not None and rounded(1e3 * changed.rigid) != rounded(1e3 * before):
+            made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
+        made.append(Step(f"robot file{', its stiffness' if made else ''}{fitted}", before))
+    if reflectors_moved(result):
         made.append(Step("and places of the reflectors", placed))
     if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):
         return [*made, Step("and geometry", changed.after)]

@@ -16,7 +16,12 @@ from beamstiff.diagnosis.notes import FEW_VALUES, MASSLESS, OFF, in_words
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted
 from beamstiff.report import diagnosis_words as words
-from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, reflectors_moved
+from beamstiff.report.calibrated_text import (
+    as_described,
+    calibrated_away,
+    calibrated_worse,
+    reflectors_moved,
+)
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
 from beamstiff.report.verdict import (
     Verdict,
@@ -89,16 +94,13 @@ def verdict(result: Diagnosis) -> Verdict:
 def _before(result: Diagnosis) -> str:
     """Return, in words, the error before the calibration; empty where that did not lower it."""
     changed = result.recalibration
-    if changed is None or changed.placed <= result.rms:
+    if changed is None or as_described(result)[1] <= result.rms:
         return ""
     fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
-    # stiffness values to start from are guesses: what a controller calculates is none
-    before = changed.rigid_placed if result.start_values else changed.placed
-    if before is None:
-        return f"; {fitted} calibrated"
     rigid = ", of a rigid robot" if result.start_values else ""
-    placed = ", places of the reflectors fitted" if reflectors_moved(changed) else ""
-    return f". Error before calibration of {fitted}: {rounded(1e3 * before)} mm{rigid}{placed}"
+    placed = ", places of the reflectors fitted" if reflectors_moved(result) else ""
+    before = rounded(1e3 * as_described(result)[1])
+    return f". Error before calibration of {fitted}: {before} mm{rigid}{placed}"
 
 
 def _warmth(result: Diagnosis) -> str:

@@ -6,12 +6,13 @@ import numpy as np
 
 from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import unlike
-from beamstiff.diagnosis.residual.baseline import fitted_names
+from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
 from beamstiff.diagnosis.residual.screening import SILENCE
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted, listed
@@ -34,6 +35,7 @@ WEIGHT = "no weight is known by which the machine sags, and such a sag follows t
 # what a remainder follows, and how it is varied by itself
 VARIED = {
     "angle": "move {} alone through its range in small steps, unloaded",
+    "position": "move {} alone through its travel in small steps, unloaded",
     "direction of approach": "move {} alone to the same values from both sides",
     "time": "return to one posture now and then, unloaded",
     "order of the rows": "return to one posture now and then, unloaded, and add a column t [s]",
@@ -123,12 +125,20 @@ def _drives(result: Diagnosis) -> str:
     base = result.baseline
     felt = bool(base.rows.wrench.any()) or (base.absolute and not weightless(base))
     rigid = [] if not felt or _compliant(result) else rigid_drives(base.nominal)
+    rigid = [name for name in rigid if _is_loaded(base, name)]
     fitted, guessed = [*result.linear_stiffness], {*result.untouched, *result.undetermined}
     # nothing is fitted where no row loads a drive
     unknown = [name for name in fitted if name in guessed] if fitted else fitted_names(base.nominal)
     return " ".join(
         filter(None, (rigid_text(base.nominal, rigid), undetermined_text(unknown, result.untouched)))
     )
+
+
+def _is_loaded(base: Baseline, name: str) -> bool:
+    """Return whether rows load a joint in its own direction: of no other a stiffness would show."""
+    joint = next(joint for joint in base.nominal.joints if joint.name == name)
+    axis = axis_at(base, component_of(base.nominal, joint))
+    return bool(axis.load.any() or (base.absolute and axis.dead.any()))
 
 
 def _compliant(result: Diagnosis) -> list[str]:

@@ -16,8 +16,8 @@ from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of,
 
 HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
 REFITTED = (
-    "The measuring frame was fitted to these rows, once without and once with the effects. It takes up "
-    "an error that shifts all rows alike: only the promised share includes it, no line above."
+    "The measuring frame was fitted to these rows, once without and once with the effects. So an error that "
+    "shifts all rows alike does not show in these lines; the promised share includes it."
 )
 NOTHING_TO_COMPARE = (
     "There is no before and after: the robot file holds no effects and no model. --nominal compares another."
@@ -59,8 +59,8 @@ def _sentences(found: Verification, refitted: bool) -> Iterator[str]:
         turn = ", ".join(f"{math.degrees(one):.4f}" for one in found.base[3:])
         yield (
             f"The robot's base stands at ({place}) mm in the measuring frame, turned by ({turn}) deg "
-            "(rotation vector). A workpiece that this instrument locates counts from there; the base that "
-            "fits a rigid model best is another."
+            "(rotation vector). Use this base for a workpiece that the same instrument measures; a base "
+            "fitted with a rigid model differs."
         )
     if not found.causes:
         if found.nominal is None:
@@ -173,5 +173,6 @@ def _again(found: Verification, files: Sequence[str]) -> str:
     return (
         "Take the robot file as it was before its effects were added, and diagnose its rows and these "
         f"together: {diagnose_command(['FIRST_ROBOT', 'FIRST_ROWS', *files])}"
-        f"{' (--stations if the tracker has moved since)' * found.absolute}."
+        f"{' (--stations if the tracker has moved since)' * found.absolute}. Keep other rows for the next "
+        "check."
     )

@@ -150,12 +150,17 @@ def test_a_trackers_list_and_a_controllers_trace_need_a_profile_each(
         (("crane.urdf", "--joint-stiffness", "1 N/m", "--out", "x.yaml"), "no joint moves so"),
         (("crane.urdf", "--joints", "crane.csv", "--out", "x.yaml"), "--joints: goes with --profile"),
         (("nothing.urdf", "--out", "x.yaml"), "nothing.urdf: no such file"),
+        (
+            ("fitted.urdf", "--tcp", "tip", "--hold", "q1=0deg", "--out", "x.yaml"),
+            "--hold: fitted.urdf has rigids written by beamstiff, which would be lost",
+        ),
     ],
 )
 def test_bad_input_ends_with_a_line_and_2(refused: Refused, arguments: tuple[str, ...], message: str) -> None:
     Path("classic.csv").write_text(
         "# convention: classic\ntheta [deg],d [mm],a [mm],alpha [deg]\nq1,0,600,0\n"
     )
+    Path("fitted.urdf").write_text("<robot name='a'><beamstiff tcp='tip'>rigids: []</beamstiff></robot>")
     refused(["convert", *arguments], message)
 
 

@@ -156,7 +156,7 @@ def test_rows_before_a_joint_moved_do_not_count_but_where_there_are_no_others() 
     rows = replace(plan, position=nominal_pose(robot, plan)[0] + predict(real, plan)[:, :3])
     rows.position[0] += 2e-3
     found = verify(real, rows)
-    said = f"left out: {rows.place(0)}: from which side the joints came is unknown"
+    said = f"left out: {rows.place(0)}: the rows do not say from which side the joints came"
     assert (found.rows, found.notes) == (11, (said,))
     assert found.after < 1e-9
     alone = verify(real, subset(rows, np.arange(1)))

@@ -25,7 +25,7 @@ def test_an_export_is_told_from_a_spelling_mistake_and_its_profile_reads_it(arm:
     guess = said[said.index(": {") + 2 :]
     assert "q1: " in guess
     assert "d2: " in guess  # the robot's own names, in its order
-    text = guess.replace("joints: deg", "q1: deg, d2: mm").replace("NODE", "tip").replace("NOISE", "0.02")
+    text = guess.replace("NODE", "tip").replace("NOISE", "0.02")
     row = parse_points(EXPORT, parse_profile(text)).text.splitlines()[2].split(",")
     assert row[:2] == IN_SI[:2]
     assert [float(cell) for cell in row[2:]] == pytest.approx(IN_SI[2:], rel=1e-14, abs=1e-15)
@@ -124,3 +124,13 @@ def test_where_a_robot_is_expected_points_and_measurements_are_called_what_they_
     with pytest.raises(BeamstiffError, match=r"data\.csv:2: found a table of measurements, expected a robot"):
         refuse_points("# sigma_position: 1 mm\nq1,x,y,z\n0,0,0,0\n", "data.csv")
     refuse_points("# convention: classic\nname,theta [deg],d [mm],a [mm],alpha [deg]\n", "frames.csv")
+
+
+@pytest.mark.parametrize(("joints", "first"), [((), "q1"), (("E1", "A1", "A2"), "A1")])
+def test_a_rail_is_no_turning_joint_and_a_time_of_day_needs_no_unit(
+    joints: tuple[str, ...], first: str
+) -> None:
+    header = ["Time", "E1 [mm]", "A1", "A2", "X", "Y", "Z"]
+    guess = guessed_profile(header, ";", joints, [["08:03:20", "1", "2", "3", "4", "5", "6"]])
+    assert f'columns: {{t: Time, E1: "E1 [mm]", {first}: A1, ' in guess
+    assert "units: {time: s, E1: mm, joints: UNIT, length: UNIT}" in guess

@@ -155,3 +155,25 @@ def test_many_skipped_rows_are_counted_before_all_else(skipped: int, note: str) 
     assert notes[0 if skipped > 1 else 1] == note
     assert notes[1 if skipped > 1 else 0].startswith("carried to the base frame")
     assert notes[2] == "`points` names what the list lacks: SMR2"
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        (("23:59:30", "0:00:15.5", "00:01"), (86370.0, 86415.5, 86460.0)),
+        (("2026-11-12 08:00:01", "2026-11-13T00:00"), (28801.0, 86400.0)),
+        (("3", "4.5", "5"), (3.0, 4.5, 5.0)),
+    ],
+)
+def test_times_are_numbers_times_of_day_or_dates(cells: tuple[str, ...], seconds: tuple[float, ...]) -> None:
+    profile = parse_profile("columns: {t: 1, x: 2, y: 3, z: 4}\nunits: {length: mm, time: s}\npoint: tip\n")
+    made = parse_points("\n".join(f"{cell},1,2,3" for cell in cells), profile)
+    at = made.text.splitlines()[-len(cells) - 1].split(",").index("t [s]")
+    assert tuple(float(row[at]) for row in rows(made)[-len(cells) :]) == seconds
+
+
+@pytest.mark.parametrize("cells", [("08:03", "8.5"), ("2026-13-12 08:00",)])
+def test_what_is_no_time_is_refused(cells: tuple[str, ...]) -> None:
+    profile = parse_profile("columns: {t: 1, x: 2, y: 3, z: 4}\nunits: {length: mm, time: s}\npoint: tip\n")
+    with pytest.raises(BeamstiffError, match="t: found"):
+        parse_points("\n".join(f"{cell},1,2,3" for cell in cells), profile)

@@ -81,7 +81,7 @@ def test_a_cause_without_look_alikes_has_a_next_best() -> None:
     assert next_best_text(replace(result, decomposition=replace(several, causes=named))) == [
         "Without angle-curve at q3 the best explanation is backlash at q3: 100 times less likely, held-out "
         "gap 10 % larger.",
-        "Without angle-curve at q3 nothing explains its share: 1.1 times as much is left.",
+        "Without angle-curve at q3 no other effect explains its share: 1.1 times as much is left.",
     ]
 
 

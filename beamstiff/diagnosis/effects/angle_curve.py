@@ -93,7 +93,8 @@ def joint_error(sizes: Mapping[str, float], angle: Array) -> Array:
 EFFECT = Effect(
     name="angle-curve",
     family="geometry",
-    meaning="The error of a joint follows its angle, of a slide its position: gear, encoder, rack, screw.",
+    meaning="The error of a joint follows its angle, of a slide its position: gear, encoder, eccentricity, "
+    "rack.",
     components=_components,
     shapes=_shapes,
     separation="move this joint alone through its range in small steps, unloaded; read it far from its axis",

@@ -11,6 +11,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report import diagnosis as shown
 from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import (
+    as_described,
     changes_table,
     changes_text,
     drives_table,
@@ -79,12 +80,10 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
         yield Fact(
             "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
         )
-    if (changed := result.recalibration) is not None:
-        rigid = bool(result.start_values)
-        before, name = (changed.rigid_placed, "Rigid robot") if rigid else (changed.placed, "Uncalibrated")
-        fitted = "frame and reflectors" if reflectors_moved(changed) else "measuring frame"
-        if before is not None:
-            yield Fact(name, f"{rounded(1e3 * before)} mm", f"RMS, {fitted} fitted")
+    if result.recalibration is not None:
+        name = "Rigid robot" if result.start_values else "Uncalibrated"
+        fitted = "frame and reflectors" if reflectors_moved(result) else "measuring frame"
+        yield Fact(name, f"{rounded(1e3 * as_described(result)[1])} mm", f"RMS, {fitted} fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {words.tested(result)}")
     if found:
         yield Fact("With the causes", f"{1e3 * found[-1].rms_after:.3f} mm", "the same, their effects added")
