@@ -38,6 +38,12 @@ def diagnose(
         "Write the robot with the fitted stiffness and the effects of the verdict, for verify, compensate "
         "and others: YAML, or URDF or MJCF (.xml) if ROBOT is one.",
     ),
+    residual_to: str | None = typer.Option(
+        None,
+        "--residuals",
+        help="Write what is left of every row, without and with the causes, as a table.",
+        metavar="CSV",
+    ),
     figure: str | None = option("FILE", "Draw the diagnosis (.png, .svg or .pdf)."),
     assembly: Assembly = None,
     html: Html = None,
@@ -72,7 +78,8 @@ def diagnose(
     from beamstiff.report.diagnosis_text import LIKELY, undecided_text
 
     file = robot_file(robot)
-    wanted: dict[str, Any] = {"next": next_to, "apply": apply, "figure": figure, "html": html}
+    wanted: dict[str, Any] = {"next": next_to, "apply": apply, "residuals": residual_to}
+    wanted |= {"figure": figure, "html": html}
     outputs = Outputs([file, *data], seed=seed, **wanted)
     machine = as_robot(file, assembly=assembly)
     where = parse_region(region)
@@ -121,5 +128,7 @@ def diagnose(
             if result.fits and result.verdict.probability < LIKELY:
                 share = f"{100 * result.verdict.probability:.0f} %"
                 note(f"{apply} contains only the likeliest cause ({share})")
+    if residual_to is not None:
+        write(residual_to, result.to_frame().to_csv(index=False), "SI, base frame")
     outputs.draw("figure", lambda: diagnosis_figure(result))
     outputs.page("diagnosis", result)

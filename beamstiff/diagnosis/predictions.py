@@ -14,7 +14,11 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from beamstiff.diagnosis.result import Diagnosis
+
+RESIDUAL = ("x", "y", "z", "rx", "ry", "rz")  # of a reading, as `residuals` names them
 
 
 def predictions(result: Diagnosis) -> tuple[Array, Array | None]:
@@ -28,6 +32,23 @@ def predictions(result: Diagnosis) -> tuple[Array, Array | None]:
         return baseline.predicted, None
     columns = [[one.hypothesis.shape.columns for one in fit.shapes] for fit in result.fits]
     return baseline.predicted, result.linear.predicted + shift(result.linear, result.fits, columns)
+
+
+def residuals(result: Diagnosis) -> pd.DataFrame:
+    """Return the rows and what the model leaves of them: see `Diagnosis.to_frame`."""
+    baseline, rows = result.baseline, result.baseline.rows
+    without, beside = predictions(result)
+    left = {"": baseline.measured - without}
+    if beside is not None:
+        left["_with_causes"] = baseline.measured - beside
+    columns = {
+        f"residual_{axis}{behind}": np.where(baseline.used[:, at], values[:, at], np.nan)
+        for behind, values in left.items()
+        for at, axis in enumerate(RESIDUAL)
+        if baseline.used[:, at].any()
+    }
+    table = rows.to_frame()
+    return table.dropna(axis="columns", how="all").assign(**columns)
 
 
 def as_measured(baseline: Baseline, deviation: Array) -> Array:

@@ -1,9 +1,11 @@
 """What a diagnosis found, as plain data."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from beamstiff.diagnosis.decomposition.plain import causes_dict
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.places import places_with_look_alikes
-from beamstiff.diagnosis.predictions import as_measured, columns_at
+from beamstiff.diagnosis.predictions import as_measured, columns_at, residuals
 from beamstiff.diagnosis.recalibration import Recalibration, recalibration_of
 from beamstiff.diagnosis.residual.baseline import Baseline, at_rows, fit_baseline
 from beamstiff.diagnosis.smallest import Smallest, smallest_sizes
@@ -32,6 +34,9 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FORMAT = "beamstiff-diagnosis/1"
 UNTOUCHED = 0.01  # of the noise: a joint that moves less at twice its compliance no load touches
@@ -299,6 +304,14 @@ class Diagnosis(Shown):
             columns = [[columns_at(near, one.hypothesis) for one in fit.shapes] for fit in self.fits]
             after = near.predicted + shift(near, self.fits, columns)
         return as_measured(there, before), as_measured(there, after)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows and what the model leaves of them, measured minus predicted.
+
+        A pandas DataFrame, SI, base frame, a row a reading: the columns of the table, ``residual_x`` and the
+        like of the fitted model, and ``residual_x_with_causes`` where causes were found.
+        """
+        return residuals(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain data, format ``beamstiff-diagnosis/1``."""

@@ -122,3 +122,17 @@ def test_python_has_what_the_terminal_and_the_written_robot_have(name: str) -> N
     assert any(fitted.std for fitted in result.fitted.values())
     assert all(result.fitted_stiffness[one][0] == result.fitted_stiffness[one][1] for one in result.kept)
     assert diagnosed(None).causes == []
+
+
+@pytest.mark.parametrize("name", [None, "backlash"])
+def test_the_table_of_residuals_has_what_the_fitted_model_and_the_cause_leave(name: str | None) -> None:
+    result = diagnosed(name)
+    table = result.to_frame()
+    assert len(table) == len(result.baseline.rows)
+    left = table[["residual_x", "residual_y", "residual_z"]].to_numpy()
+    np.testing.assert_allclose(left, result.baseline.gap[:, :3], atol=1e-15)
+    beside = [f"residual_{axis}_with_causes" for axis in "xyz"]
+    assert {*beside} <= {*table} if name else not any("causes" in one for one in table)
+    if name:  # noise is left
+        after = np.sqrt(np.square(table[beside].to_numpy()).sum(axis=1).mean())
+        assert after == pytest.approx(result.noise, rel=0.1)
