@@ -11,7 +11,7 @@ from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Deco
 from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
 from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
-from beamstiff.diagnosis.decomposition.forms import UNMODELLED, by_form, is_outside
+from beamstiff.diagnosis.decomposition.forms import SLIP, UNMODELLED, by_form, is_outside
 from beamstiff.diagnosis.decomposition.loads import has_loads, solved_beside
 from beamstiff.diagnosis.decomposition.look_alikes import (
     Rival,
@@ -41,7 +41,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     `final`: whether no cause is exchanged for others any more.
     """
     stage("checking the causes on held-out postures")
-    model, choice, least = folds.model, folds.choice, step.bic
+    model, choice, bic = folds.model, folds.choice, step.bic
     step, replaced = without_weak(folds, step), dict[Numbers, list[tuple[int, Step]]]()
     if not final:
         step, replaced = _improved(folds, with_usual_name(choice, step))
@@ -55,16 +55,22 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     opened = model.tangent.shape[1]
     thetas = dict(zip(step.chosen, by_form(forms, theta[opened:]), strict=True))
     stds = dict(zip(step.chosen, by_form(forms, std[opened:]), strict=True))
+    shares = closed(errors, noise2)
+    slips = sum(
+        share for cause, share in zip(order, shares, strict=True) if choice.forms[cause[0]].effect == SLIP
+    )
+    least = MINOR * float(np.clip(1.0 - slips, MINOR, 1.0))
     causes = {
         cause: replace(
             judged,
+            least=least,
             theta=tuple(thetas[k] for k in cause),
             std=tuple(stds[k] for k in cause),
             closes=share,
             shown=own,
         )
         for (cause, judged), share, own in zip(
-            _judged(folds, step, order, replaced).items(), closed(errors, noise2), shown, strict=True
+            _judged(folds, step, order, replaced).items(), shares, shown, strict=True
         )
     }
     order, errors = _named_first(folds, order, errors, causes, noise2)
@@ -105,7 +111,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
         change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
         scatter=step.scatter,
-        bic=least,
+        bic=bic,
         largest=_largest(errors),
     )
 

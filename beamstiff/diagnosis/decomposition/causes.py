@@ -80,6 +80,8 @@ class Cause:
         Share of the folds of postures without which it, or what looks like it, is selected.
     astray : bool
         Whether it may make postures worse that were held out, after those before it and beside all others.
+    least : float
+        Share of the gap from which it is named: of what slips of reflectors leave, whose form is exact.
     """
 
     forms: tuple[Form, ...]
@@ -96,6 +98,7 @@ class Cause:
     runner_up: RunnerUp | None = None
     found_again: float = 1.0
     astray: bool = False
+    least: float = MINOR
 
     @property
     def key(self) -> str:
@@ -148,7 +151,7 @@ class Cause:
         if self.outside_library:
             return False
         likely = self.probability >= NAMED or self.closes >= QUARTER
-        return self.present >= PRESENT and likely and min(self.closes, self.shown) >= MINOR
+        return self.present >= PRESENT and likely and min(self.closes, self.shown) >= self.least
 
     @property
     def rows(self) -> tuple[int, ...]:
