@@ -9,9 +9,11 @@ import pytest
 from beamstiff.diagnosis.decomposition import answer
 from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
 from beamstiff.diagnosis.decomposition.fit import fit_step
+from beamstiff.diagnosis.decomposition.forms import SLIP
 from beamstiff.diagnosis.decomposition.plain import parameters_of
 from beamstiff.diagnosis.effects import Quantity
 from beamstiff.se3 import Array
+from tests.diagnosis.decomposition.test_decompose import found
 from tests.diagnosis.decomposition.test_selection import SIZE, VALUES, choice_of, form
 
 
@@ -38,6 +40,18 @@ def test_what_may_be_a_little_of_everything_is_not_named_whatever_it_closes() ->
 
 def test_what_the_form_of_another_may_leave_is_not_named() -> None:
     assert not cause(1.0, 1.0, MINOR - 0.001).named
+
+
+def test_beside_a_slip_it_is_the_share_of_what_the_slip_leaves_that_counts() -> None:
+    one = cause(1.0, 1.0, 0.02)
+    assert not one.named
+    assert replace(one, least=0.2 * MINOR).named
+    several = found("approach", "gear", "slip")[0].decomposition
+    assert several is not None
+    [slip] = [other for other in several.every if other.forms[0].effect == SLIP]
+    assert 0.1 < slip.closes < 0.9
+    for other in several.every:
+        assert other.least == pytest.approx(MINOR * (1.0 - slip.closes), rel=0.3)
 
 
 def test_of_two_that_cancel_one_another_neither_is_named() -> None:
