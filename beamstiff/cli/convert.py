@@ -168,6 +168,7 @@ def convert(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
     from beamstiff.functions.convert import missing_notes, read_any, robot_text
+    from beamstiff.report.verdict import rigid_drives
     from beamstiff.robot.joint_stiffness import with_joint_stiffness
     from beamstiff.robot.kinematics import actuated_values
     from beamstiff.robot.stiffness import stiffness_parameters
@@ -202,6 +203,8 @@ def convert(
         given, before = set(stiffness_parameters(machine).items()), dict.fromkeys(machine.identify)
         new = [name for name, value in values.items() if (name, value) not in given]
         said += f" Start values: {listed(new, 12)}."
+        if rigid := rigid_drives(robot):
+            said += f" Rigid: {listed(rigid, 12)}."
         if kept := [name for name in before if name not in new]:
             said += f" Kept from the file: {listed(kept, 12)}."
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
