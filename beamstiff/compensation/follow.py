@@ -54,7 +54,8 @@ def six_freedoms(kinematics: Kinematics) -> bool:
 def external_axes(kinematics: Kinematics, path: ToolPath) -> Array | None:
     """Return where a path says that joints stand, (N, A), rad or m; NaN: it does not. None: nowhere.
 
-    Its columns that are called as joints are external axes, where six others are left to reach its targets.
+    Its columns, and axes of a program beside the robot's, that are called as joints are external axes, where
+    six others are left to reach its targets.
 
     Raises
     ------
@@ -62,13 +63,20 @@ def external_axes(kinematics: Kinematics, path: ToolPath) -> Array | None:
         When one is out of its joint's range.
     """
     every = kinematics.robot.actuated
-    stated = [variable.name for variable in every if variable.name in path.columns]
+    unit_of = {"angle": np.pi / 180.0, "length": 1e-3}  # of a program
+    axes = {name.casefold(): values for name, values in path.external.items()}
+    stated = {
+        one.name: unit_of[one.kind] * axes[one.name.casefold()]
+        for one in every
+        if one.name.casefold() in axes
+    }
+    stated |= {one.name: path.columns[one.name] for one in every if one.name in path.columns}
     if not stated or len(every) - len(stated) < 6:
         return None
     held = np.full((len(path), len(every)), np.nan)
     for at, variable in enumerate(every):
         if variable.name in stated:
-            held[:, at] = path.columns[variable.name]
+            held[:, at] = stated[variable.name]
             low, high = variable.limits or (-np.inf, np.inf)
             for row in np.flatnonzero((held[:, at] < low) | (held[:, at] > high)).tolist():
                 unit = "rad" if variable.kind == "angle" else "m"
@@ -354,6 +362,7 @@ def resample(path: ToolPath, step: float = np.inf, angle: float = np.inf) -> Too
         turns=np.concatenate([path.turns[segment], path.turns[-1:]]),
         wrench=None if path.wrench is None else along(path.wrench),
         columns={name: along(values) for name, values in path.columns.items()},
+        external={name: along(values) for name, values in path.external.items()},
         stated_postures=tuple(
             path.stated_postures[at] if part == 0 else None
             for at, part in zip([*segment.tolist(), len(path) - 1], [*number.tolist(), 0], strict=True)

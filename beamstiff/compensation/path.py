@@ -38,6 +38,8 @@ class ToolPath:
     # (N, A), rad or m: targets that the file writes as joint values, of the controller; NaN where it does not
     joints: Array | None = None
     files: tuple[str, ...] = ()  # of the targets, where they stand in several
+    # (N,), mm or deg: axes of a program beside the robot's, as it names them; NaN where it does not state one
+    external: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -55,6 +57,7 @@ class ToolPath:
             stated_postures=tuple(self.stated_postures[row] for row in rows.tolist() if self.stated_postures),
             joints=None if self.joints is None else self.joints[rows],
             files=tuple(self.files[row] for row in rows.tolist() if self.files),
+            external={name: values[rows] for name, values in self.external.items()},
         )
 
     @property

@@ -133,12 +133,20 @@ def compensation_notes(
 
 
 def _where_joints_stand(result: Compensated) -> Iterator[str]:
-    """Yield that joints stand where columns of the path say."""
-    held = external_axes(result.machine.kinematics, result.correction.path)
-    if held is not None:
-        every = result.machine.controller.actuated
-        names = [one.name for one, value in zip(every, held[0].tolist(), strict=True) if not np.isnan(value)]
-        yield f"{listed(names)}: held where the path's column of that name says; it stays as it is"
+    """Yield which joints stand where the path says, and which of its axes no joint of the robot is."""
+    path, every = result.correction.path, [one.name for one in result.machine.controller.actuated]
+    held = external_axes(result.machine.kinematics, path)
+    followed = [] if held is None else [every[at] for at in np.flatnonzero(~np.isnan(held).all(axis=0))]
+    if followed:
+        yield f"{listed(followed)}: external axis, held where the path says"
+    moved = {name: np.flatnonzero(np.nan_to_num(values)) for name, values in path.external.items()}
+    known = {name.casefold() for name in followed}
+    lost = {name: rows[0] for name, rows in moved.items() if rows.size and name.casefold() not in known}
+    if lost:
+        yield (
+            f"external axes are not followed: {listed(lost)}, first in line {path.line(min(lost.values()))}. "
+            "They are, if joints of the robot file beside six others have these names"
+        )
 
 
 def _unknown_sides(result: Compensated) -> Iterator[str]:

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from beamstiff import load_robot
 from beamstiff.cli.main import app
 from beamstiff.robot.writer import robot_to_yaml
+from tests.arms import on_rail
 from tests.cli.conftest import FAR, PROGRAM, TAUGHT, Refused, Run
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -391,3 +392,19 @@ def test_a_program_is_written_with_its_dat(folder: Path, run: Run, succeed: Run,
     refused("compensate kr500 cell.src --out new.src", "new.dat")
     assert run("compensate kr500 cell.src --out cell.SRC").exit_code == 2
     assert (folder / "cell.dat").read_text() == data
+
+
+def test_external_axes_of_a_program_hold_the_joints_of_these_names(cell: Path, succeed: Run) -> None:
+    rail = PROGRAM.replace("C 0} C_DIS", "C 0,E1 250.0,E2 0.0} C_DIS").replace(
+        "C 0}\r\nEND", "C 0,E1 250.0}\r\nEND"
+    )
+    (cell / "rail.src").write_bytes(rail.encode("latin-1"))
+    (cell / "rail.yaml").write_text(robot_to_yaml(on_rail(load_robot("kr500"))), encoding="utf-8")
+    still = succeed("compensate kr500 rail.src --wrench fz=-900N")
+    assert "note: external axes are not followed: E1, first in line 4" in still.stderr
+    moved = succeed("compensate rail.yaml rail.src --wrench fz=-900N --out new.src --json new.json")
+    assert "note: e1: external axis, held where the path says" in moved.stderr
+    assert "not followed" not in moved.stderr
+    assert (cell / "new.src").read_bytes().count(b",E1 250.0") == 3
+    targets = json.loads((cell / "new.json").read_text())["targets"]
+    assert [target["q"]["e1"] for target in targets] == [0.25] * 3

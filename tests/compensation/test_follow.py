@@ -157,3 +157,13 @@ def test_an_external_axis_beyond_its_range_is_refused_with_its_line() -> None:
 def test_columns_of_joints_that_are_needed_hold_nothing() -> None:
     path = replace(rail_path()[2], columns={"q1": np.zeros(12)})
     assert external_axes(KINEMATICS, path) is None
+
+
+def test_an_axis_of_a_program_is_in_millimetres_and_degrees() -> None:
+    kinematics, q, path = rail_path()
+    program = replace(path, columns={}, external={"e1": 1e3 * q[:, 0], "e2": np.zeros(12)})
+    np.testing.assert_array_equal(external_axes(kinematics, program)[:, 0], q[:, 0])
+    turned = replace(path, columns={}, external={"q6": np.degrees(q[:, 6])})
+    held = external_axes(kinematics, turned)
+    np.testing.assert_allclose(held[:, 6], q[:, 6], rtol=1e-15)
+    assert np.isnan(held[:, :6]).all()

@@ -121,12 +121,13 @@ def test_a_frame_that_a_motion_goes_to_is_a_target() -> None:
     assert program.path.names == ("P1",)
 
 
-@pytest.mark.parametrize(
-    ("axes", "told"), [("E1 0,E2 0.0,E3 -0.0E+01", False), ("E1 0,E2 -0.5", True), ("E1 1500", True)]
-)
-def test_a_robot_that_travels_on_external_axes_is_told(axes: str, told: bool) -> None:
-    notes = krl.read(f"XP1={LITERAL[:-1]},S 2,T 35,{axes}}}\n", "a.dat").notes
-    assert ("external axes, which are not followed, are left as they are: line 1" in " ".join(notes)) == told
+def test_external_axes_are_read_and_stay_where_a_target_does_not_state_them() -> None:
+    text = f"XP1={LITERAL[:-1]},S 2,T 35,E1 0.0,E2 -5E-1}}\nXP2={LITERAL}\nXP3={LITERAL[:-1]},E1 1500}}\n"
+    external = krl.read(text, "a.dat").path.external
+    assert {name: values.tolist() for name, values in external.items()} == {
+        "E1": [0.0, 0.0, 1500.0],
+        "E2": [-0.5, -0.5, -0.5],
+    }
 
 
 SRC = (

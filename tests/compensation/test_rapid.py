@@ -29,15 +29,15 @@ def test_targets_assigned_or_passed_on_are_found() -> None:
     program = rapid.read(text, "a.mod")
     assert program.path.names == ("p1", "robtarget", "q", "MoveL")
     assert program.path.lines.tolist() == [1, 2, 3, 5]
-    assert program.notes == (
-        "components set one by one are left as they are: line 4",
-        "external axes are not followed, first in line 1",
-    )
+    assert program.notes == ("components set one by one are left as they are: line 4",)
 
 
-def test_external_axes_that_are_not_there_or_at_rest_are_not_told() -> None:
+def test_external_axes_that_are_there_are_read() -> None:
     target = TARGET.replace("11,12.3", "0.0,9E+09")
-    assert rapid.read(f"p1 := {target};", "a.mod").notes == ()
+    external = rapid.read(f"p1 := {TARGET};\np2 := {target};", "a.mod").path.external
+    assert external["eax_a"].tolist() == [11.0, 0.0]
+    assert external["eax_b"].tolist() == [12.3, 12.3]
+    assert {*external} == {"eax_a", "eax_b"}
 
 
 def test_what_is_no_robtarget_is_left_alone() -> None:

@@ -9,6 +9,7 @@ the path is that much higher.
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,16 +41,17 @@ def read(text: str, source: str) -> Program:
     section = _SECTION.search(text)
     places: list[Place] = []
     joints: list[str] = []
-    travelling: list[str] = []
     for name, at, body in _points(text, section.end() if section else len(text)):
         line = line_of(text, at)
         parts = {match["key"]: match for match in _PART.finditer(body)}
         if "J1" in parts:
             joints.append(name)
             continue
-        for key, part in parts.items():
-            if key[0] == "E" and _NUMBER.fullmatch(part["value"]) and float(part["value"]):
-                travelling.append(name)
+        external = {
+            key: float(part["value"])
+            for key, part in parts.items()
+            if key[0] == "E" and _NUMBER.fullmatch(part["value"])
+        }
         position, rotation = (
             tuple(_slot(parts, key, at, text, source, name) for key in keys) for keys in (POSITION, ROTATION)
         )
@@ -60,7 +62,8 @@ def read(text: str, source: str) -> Program:
         config = _CONFIG.search(body)
         posture = _stated(config["text"]) if config else None
         base, tool = frames.get("UF"), frames.get("UT")
-        places.append(Place(name, line, position, rotation, base=base, tool=tool, posture=posture))
+        place = Place(name, line, position, rotation, base=base, tool=tool, posture=posture)
+        places.append(replace(place, external=external))
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0"
@@ -69,8 +72,6 @@ def read(text: str, source: str) -> Program:
     notes = []
     if joints:
         notes.append(f"positions in joint values are left as they are: {listed(joints, 4)}")
-    if travelling:
-        notes.append(f"external axes are not followed: {listed(dict.fromkeys(travelling), 4)}")
     if match := _OFFSET.search(text, 0, section.start() if section else 0):
         notes.append(f"offsets and INC are left as they are, first in line {line_of(text, match.start())}")
     return make_program(text, source, places, EulerAngles("xyz"), read, notes)

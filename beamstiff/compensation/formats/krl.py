@@ -39,7 +39,6 @@ LEFT = (
     "frames, tools and loads",
     "relative motions",
     "axis values",
-    "external axes, which are not followed,",
     "components set one by one",
     "frames combined by ':'",
     "literals that are neither moved to nor given a name",
@@ -53,7 +52,7 @@ _FRAMES = re.compile(
 _COMPONENT = re.compile(r"\s*(?P<key>[A-Za-z_]\w*(?:\[\s*\d*\s*\])?)(?:\s+(?P<value>\S.*?))?\s*", re.DOTALL)
 _NUMBER = re.compile(NUMBER)
 _PART = re.compile(r"^\s*[A-Za-z_]\w*(?:\[[^\]]*\])?\.[XYZABC]\s*=", re.IGNORECASE)
-_EXTERNAL = re.compile(r"\bE[1-6]\s+[-+.0]*[1-9]", re.IGNORECASE)
+_EXTERNAL = re.compile(r"E[1-6]")
 _GIVEN = re.compile(r"(?:\$(?:BASE|TOOL)|(?:BASE|TOOL)_DATA\s*\[[^\]]*\])\s*=(?P<from>.*)", re.IGNORECASE)
 _FRAME = re.compile(
     r"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?FRAME\s+(?P<names>[A-Za-z_].*)", re.IGNORECASE
@@ -111,8 +110,6 @@ def read(text: str, source: str, points: str = "") -> Program:
             elif line[:start].rstrip().endswith(":") or line[end + 1 :].lstrip().startswith(":"):
                 left["frames combined by ':'"].append(here)
             elif label := name or motion:
-                if _EXTERNAL.search(inner):
-                    left["external axes, which are not followed,"].append(here)
                 place = _target(inner, at + start + 1, label, number, file, places, name is None)
                 followed = name is not None or motion in ("PTP", "SPTP")
                 posture = place.posture if followed else None
@@ -207,6 +204,7 @@ def _target(
 ) -> Place:
     slots: dict[str, Slot] = {}
     stated: dict[str, int] = {}
+    external: dict[str, float] = {}
     for offset, match in _parts(inner):
         if match is None or match["value"] is None:
             end = inner.find(",", offset)
@@ -216,6 +214,8 @@ def _target(
         key, value = match["key"].upper(), match["value"]
         if key in ("S", "T") and (bits := _BITS.fullmatch(value)):
             stated[key] = int(bits["digits"], {"B": 2, "H": 16}.get(bits["base"].upper(), 10))
+        if _EXTERNAL.fullmatch(key) and _NUMBER.fullmatch(value):
+            external[key] = float(value)
         if key not in POSITION + ROTATION:
             continue
         if not _NUMBER.fullmatch(value):
@@ -236,7 +236,7 @@ def _target(
     rotation = () if missing else tuple(slots[key] for key in ROTATION)
     position = tuple(slots[key] for key in POSITION)
     own = f"{name} {line}" if motion else name  # a literal in a motion has no other name
-    return Place(own, line, position, rotation, inherited, posture=_stated(stated))
+    return Place(own, line, position, rotation, inherited, posture=_stated(stated), external=external)
 
 
 def _stated(bits: dict[str, int]) -> StatedPosture | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -41,6 +41,7 @@ class Place:
     tool: StatedFrame | None = None
     posture: StatedPosture | None = None
     file: str = ""  # in which it stands, if that is another than the path's
+    external: Mapping[str, float] = field(default_factory=dict)  # axes beside the robot's, mm or deg
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +169,20 @@ def make_program(
         stated_postures=tuple(place.posture for place in places) if any(p.posture for p in places) else (),
         joints=_joints(places),
         files=tuple(place.file or source for place in places) if any(place.file for place in places) else (),
+        external=_external(places),
     )
     return Program(text, path, tuple(places), orientation, read, tuple(notes))
+
+
+def _external(places: Sequence[Place]) -> dict[str, Array]:
+    """Return where axes beside the robot's stand, (N,), mm or deg; an axis that is not stated stays."""
+    result = {}
+    for name in dict.fromkeys(name for place in places for name in place.external):
+        values = [np.nan]
+        for place in places:
+            values.append(place.external.get(name, values[-1]))
+        result[name] = np.array(values[1:])
+    return result
 
 
 def _joints(places: Sequence[Place]) -> Array | None:

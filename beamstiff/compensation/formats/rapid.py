@@ -21,6 +21,7 @@ from beamstiff.measure.columns import fail
 from beamstiff.measure.orientation import Quaternion
 
 SIZES = (3, 4, 4, 6)
+EXTERNAL = tuple(f"eax_{letter}" for letter in "abcdef")
 PARTS = ("position x, y, z", "quaternion q1 to q4", "axis configuration", "external axes")
 MILLIMETRE, DECIMALS = 1e-3, (3, 7)
 NO_AXIS = 9e8  # an external axis of 9E9 is not there
@@ -40,7 +41,6 @@ def read(text: str, source: str) -> Program:
     """Return the targets of a RAPID text; `text` as of `editing.read_bytes`."""
     code = masked(text, "!")
     places: list[Place] = []
-    travelling: list[int] = []
     ends = [0]
     for name, at, count in _literals(code):
         found, end = _bracket(code, at, source, name)
@@ -48,9 +48,9 @@ def read(text: str, source: str) -> Program:
         items = found if count else [found]
         for number, item in enumerate(items, start=1):
             label = f"{name}{{{number}}}" if count else name
-            places.append(_target(item, label, code, at, source, travelling))
+            places.append(_target(item, label, code, at, source))
     for start, stop in zip(ends[::2], [*ends[1::2], len(code)], strict=True):
-        places += _elsewhere(code, start, stop, source, travelling)
+        places += _elsewhere(code, start, stop, source)
     places.sort(key=lambda place: place.position[0].start)
     if not places:
         raise BeamstiffError(
@@ -64,8 +64,6 @@ def read(text: str, source: str) -> Program:
         notes.append(f"components set one by one are left as they are: line {line_of(text, match.start())}")
     if match := _OFFSETS.search(code):
         notes.append(f"Offs and RelTool are left as they are, first in line {line_of(text, match.start())}")
-    if travelling:
-        notes.append(f"external axes are not followed, first in line {min(travelling)}")
     return make_program(text, source, places, Quaternion(), read, notes)
 
 
@@ -81,13 +79,13 @@ def _literals(code: str) -> Iterator[tuple[str, int, bool]]:
     yield from sorted(found, key=lambda item: item[1])
 
 
-def _elsewhere(code: str, start: int, stop: int, source: str, travelling: list[int]) -> Iterator[Place]:
+def _elsewhere(code: str, start: int, stop: int, source: str) -> Iterator[Place]:
     """Yield the targets of a part of the text that are only assigned or passed on."""
     for match in _NESTED.finditer(code, start, stop):
         try:
             found, _ = _bracket(code, match.start(), source, "")
             name = _NAME.search(code, max(start, match.start() - 100), match.start())
-            yield _target(found, name[1] if name else "robtarget", code, match.start(), source, travelling)
+            yield _target(found, name[1] if name else "robtarget", code, match.start(), source)
         except BeamstiffError:
             continue  # other data: tools, work objects, poses
 
@@ -129,8 +127,8 @@ def _bracket(code: str, at: int, source: str, name: str) -> tuple[list[object], 
     _fail(source, code, at, name, "found '[' without its ']'")
 
 
-def _target(item: object, name: str, code: str, at: int, source: str, travelling: list[int]) -> Place:
-    """Return the target of a literal; its line goes to `travelling` where external axes are not at 0."""
+def _target(item: object, name: str, code: str, at: int, source: str) -> Place:
+    """Return the target of a literal."""
     if not isinstance(item, list) or len(item) != 4 or not all(isinstance(part, list) for part in item):
         count = len(item) if isinstance(item, list) else 1
         _fail(
@@ -143,15 +141,15 @@ def _target(item: object, name: str, code: str, at: int, source: str, travelling
             where = part[0][0] if part and isinstance(part[0], tuple) else at
             _fail(source, code, where, name, f"found {len(part)} numbers for the {what}, expected {size}")
     line = line_of(code, item[0][0][0])
-    if any(0.0 < abs(float(number)) < NO_AXIS for _, number in item[3]):
-        travelling.append(line)
+    axes = zip(EXTERNAL, (float(number) for _, number in item[3]), strict=True)
+    external = {name: value for name, value in axes if abs(value) < NO_AXIS}
     units = (MILLIMETRE, 1.0)
     slots = [
         tuple(Slot(start, number, unit, decimals) for start, number in part)
         for part, unit, decimals in zip(item[:2], units, DECIMALS, strict=True)
     ]
     configuration = tuple(int(float(number)) for _, number in item[2])
-    return Place(name, line, slots[0], slots[1], posture=_stated(configuration))
+    return Place(name, line, slots[0], slots[1], posture=_stated(configuration), external=external)
 
 
 def _stated(configuration: tuple[int, ...]) -> StatedPosture:
