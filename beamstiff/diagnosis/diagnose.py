@@ -36,6 +36,7 @@ from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
+from beamstiff.diagnosis.linear_statics import linear_statics
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
 from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, order_taken
@@ -104,8 +105,8 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     causes = several.every if several is not None else ()
     order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
     found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
-    if doubt := shared_reading(found):
-        found = replace(found, notes=(*found.notes, doubt))
+    doubts = filter(None, (shared_reading(found), linear_statics(found)))
+    found = replace(found, notes=(*found.notes, *doubts))
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"
@@ -147,7 +148,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         stated, known = fit_baseline(robot, without_rows(rows, apart.left_out)), None
     several = decompose(robot, stated.rows, prior=prior, seed=seed, baseline=stated, known=known)
     told = several.every
-    if found.verdict.effect == UNKNOWN:  # what no effect of the library is says at least what it looks like
+    if found.verdict.key == UNKNOWN:  # what no effect of the library is says at least what it looks like
         told = (*told, *several.unmodelled)
     if not left and (several.verdict is None or several.verdict.key != usual):
         return found

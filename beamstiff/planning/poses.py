@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.columns import Column, to_si
-from beamstiff.robot.closure import close_loops
+from beamstiff.robot.closure import close_loops, near_fold
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import Kinematics, Posture, actuated_values, posture_at
 from beamstiff.se3 import Array
@@ -91,12 +91,14 @@ def joint_ranges(robot: Robot) -> tuple[Array, Array]:
 
 
 def random_poses(kinematics: Kinematics, count: int, random: np.random.Generator) -> Array:
-    """Return poses (count, A) drawn evenly within the joint limits, those whose loops close."""
+    """Return poses (count, A) drawn evenly within the joint limits: their loops close, and near no fold."""
     lower, upper = joint_ranges(kinematics.robot)
     found = np.zeros((0, lower.size))
     for _ in range(ROUNDS):
         drawn = random.uniform(lower, upper, (max(2 * (count - len(found)), 16), lower.size))
-        found = np.concatenate([found, drawn[close_loops(kinematics, drawn, strict=False).closed]])
+        values, closed, _ = close_loops(kinematics, drawn, strict=False)
+        closed[closed] = ~near_fold(kinematics, values[closed])
+        found = np.concatenate([found, drawn[closed]])
         if len(found) >= count:
             return found[:count]
     raise BeamstiffError(

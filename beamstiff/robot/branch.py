@@ -85,6 +85,13 @@ def near_singular(jacobian: Array) -> NDArray[np.bool_]:
     return np.asarray(s[:, -1] < NEAR_SINGULAR * s[:, 0])
 
 
+def margin(jacobian: Array) -> Array:
+    """Return how far J_p (P, M, Q) is from singular, (P,): its least singular value, of unit columns."""
+    length = np.linalg.norm(jacobian, axis=1, keepdims=True)
+    unit = jacobian / np.where(length > 0.0, length, 1.0)
+    return np.asarray(np.linalg.svd(unit, compute_uv=False).min(axis=1, initial=1.0))
+
+
 def assembly_at(system: LoopSystem, free: Array) -> Assembly | None:
     """Return the assembly at a closed posture (A + Q,), or None where passive variables are undetermined."""
     jacobian = loop_equations(system, free[None])[1][0, :, system.actuated :]

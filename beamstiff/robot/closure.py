@@ -11,7 +11,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near
-from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, near_singular, scattered
+from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, margin, near_singular, scattered
 from beamstiff.robot.continuation import close_in_branch, grid_of_starts, search_width
 from beamstiff.robot.forward import body_of, screws_of
 from beamstiff.robot.frames import Kinematics, all_values
@@ -22,6 +22,7 @@ from beamstiff.se3 import Array
 HELD = 1e-6  # gap per motion, in machine sizes and rad, that no passive motion makes up for
 FAR = np.radians(30.0)  # from the guesses, that the nearest assembly is worth a note; 1 rad is a machine size
 CHOICE = "assembly: in the robot file, --assembly of a command"
+FOLD = 0.1  # of the margin of the assembly's own posture: of a parallelogram at right angles, 6 deg
 FASTEST = 1e4  # scaled passive variable by actuated ones: beyond it a posture is a dead centre
 GRID = 512  # poses: for fewer it is not worth making a grid of starts
 SCATTERED = 48  # starts where the guess does not lead to a closed posture
@@ -74,6 +75,19 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
     depends = (joined.matrix[:, joined.actuated :] != 0.0).any(axis=1)
     values[np.ix_(~closed, depends)] = np.nan
     return Closure(values, closed, tuple(reasons))
+
+
+def near_fold(kinematics: Kinematics, values: Array) -> Mask:
+    """Return at which closed postures (P, V) the loops are near to where two assemblies meet, (P,).
+
+    Beyond such a fold, where a parallelogram is flat, the other assembly may close under the same name.
+    """
+    joined, assembly = kinematics.coupling, kinematics.assembly
+    if assembly is None or not len(values):
+        return np.zeros(len(values), dtype=np.bool_)
+    free = values[:, [joined.names.index(name) for name in joined.free]]
+    jacobian = loop_equations(loop_system(kinematics), free)[1][:, :, joined.actuated :]
+    return np.asarray(margin(jacobian) < FOLD * margin(assembly.jacobian[None]))
 
 
 def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> Array:

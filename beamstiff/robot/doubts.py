@@ -5,11 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from beamstiff.errors import listed
-from beamstiff.robot.closure import assembly_doubts
+from beamstiff.robot.closure import assembly_doubts, close_loops, near_fold
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, posture, sampled_postures
 
+FOLDS = 200  # postures that are looked at
 MOST_TURNS = 10  # each way, that a joint without a mistake may have as its limit
 FARTHEST = 200.0  # m, that a slide may have
 UNEVEN = 0.01  # of a link's length over the postures: calibrated axes stand off their links by less
@@ -18,7 +19,7 @@ SOFTEST, STIFFEST = 1e7, 2e12  # Pa, of what machines are built of: from rubber 
 
 def robot_doubts(robot: Robot) -> tuple[str, ...]:
     """Return, one sentence each, what in a robot looks like a mistake; mostly nothing, and no error."""
-    of_loops = assembly_doubts(compile_kinematics(robot)) if robot.loops else ()
+    of_loops = (*assembly_doubts(compile_kinematics(robot)), *_of_folds(robot)) if robot.loops else ()
     return (
         *_of_limits(robot),
         *_of_joints(robot),
@@ -42,6 +43,26 @@ def _of_limits(robot: Robot) -> Iterator[str]:
                 f"{head} rad are {turns:.0f} turns; a number without a unit is in rad, write for instance "
                 f"'{high:g} deg'"
             )
+
+
+def _of_folds(robot: Robot) -> Iterator[str]:
+    """Yield that the limits hold postures where loops fold, and one of these."""
+    kinematics, q = compile_kinematics(robot), sampled_postures(robot, FOLDS, 0)
+    values, closed, _ = close_loops(kinematics, q, strict=False)
+    folded = near_fold(kinematics, values[closed])
+    if folded.any():
+        kinds = variable_kinds(robot)
+        at = zip((one.name for one in robot.actuated), q[closed][folded][0].tolist(), strict=True)
+        place = listed(
+            f"{name} = {value * 1e3:.4g} mm"
+            if kinds[name] == "length"
+            else f"{name} = {np.degrees(value):.4g} deg"
+            for name, value in at
+        )
+        yield (
+            f"robot {robot.name!r}: within the limits its loops come near a fold, such as at {place}: beyond "
+            "it they may close in another assembly. Narrow the limits"
+        )
 
 
 def _of_lengths(robot: Robot) -> Iterator[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.residual.internal_wrench import Places, find_places
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective
-from beamstiff.identification.parameters import build_parameters
+from beamstiff.identification.parameters import Parameters, build_parameters
 from beamstiff.identification.problem import Problem
 from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import Integers
@@ -152,24 +152,8 @@ def fit_baseline(
         theta, stiffness = None, model.start
         for _ in range(ROUNDS):
             bent = predicted - model.predict(_values(fitted, names, model.start))
-            problem = Problem(
-                model=model,
-                measured=np.where(used, measured - bent, 0.0),
-                used=used,
-                sigma=spread,
-                sigma_known=claimed,
-                sharing=sharing,
-                pose=rows.pose,
-                load=rows.pose,
-                whitening=whitening(spread, used, sharing),
-                source=rows.source,
-            )
-            near = {
-                name: (value, KNOWN_FACTOR) for name, value in zip(names, model.start.tolist(), strict=True)
-            }
-            stated = build_parameters(names, model.start, priors=near)
-            found = minimise(Objective(problem, stated), begin=theta)
-            before, theta = stiffness, found.theta
+            stated, theta = _fitted(model, rows, measured - bent, used, spread, claimed, theta)
+            before = stiffness
             stiffness = stated.stiffness(theta)
             fitted = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
             predicted = predict(fitted, rows)
@@ -193,6 +177,42 @@ def fit_baseline(
         response=tool_response(fitted, rows),
         places=find_places(fitted, rows),
     )
+
+
+def _fitted(
+    model: PortModel,
+    rows: Measurements,
+    measured: Array,
+    used: NDArray[np.bool_],
+    sigma: Array,
+    claimed: bool,
+    begin: Array | None,
+) -> tuple[Parameters, Array]:
+    """Return the parameters of a linear model, and their logarithms (t,) that explain (N, 6) best."""
+    problem = Problem(
+        model=model,
+        measured=np.where(used, measured, 0.0),
+        used=used,
+        sigma=sigma,
+        sigma_known=claimed,
+        sharing=rows.sharing,
+        pose=rows.pose,
+        load=rows.pose,
+        whitening=whitening(sigma, used, rows.sharing),
+        source=rows.source,
+    )
+    starts = zip(model.parameters, model.start.tolist(), strict=True)
+    stated = build_parameters(
+        model.parameters, model.start, priors={name: (at, KNOWN_FACTOR) for name, at in starts}
+    )
+    return stated, minimise(Objective(problem, stated), begin=begin).theta
+
+
+def linear_gap(fit: Baseline) -> Array:
+    """Return what linear statics leaves of displacements, (N, 6), its stiffness values fitted like these."""
+    model = reduce_to_ports(fit.nominal, fit.rows, fit.fitted).along(fit.rows)
+    stated, theta = _fitted(model, fit.rows, fit.measured, fit.used, fit.sigma, fit.claimed, None)
+    return np.where(fit.used, fit.measured - model.predict(stated.stiffness(theta)), 0.0)
 
 
 def at_rows(fit: Baseline, rows: Measurements) -> Baseline:
