@@ -36,7 +36,7 @@ from beamstiff.diagnosis.inference.linearised import TURNS, beside_the_cause
 from beamstiff.diagnosis.inference.noise_scale import noise_prior_of, scale_after
 from beamstiff.diagnosis.inference.pair_evidence import Pair
 from beamstiff.diagnosis.inference.search import NONE, OUTLIERS, UNKNOWN, Search, search, weighed_together
-from beamstiff.diagnosis.linear_statics import linear_statics
+from beamstiff.diagnosis.linear_statics import as_loaded
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tests
 from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict, order_taken
@@ -100,13 +100,17 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     every = counted_once(measurements)
     rows = in_runs(every, MOST_ROWS)
     said = measured_torques(robot, rows, prior)
-    found = with_next(_of_rows(robot, rows, said.informed(prior), seed, stations), seed)
+    found = _of_rows(robot, rows, said.informed(prior), seed, stations)
+    if found.verdict.key != NONE and (loaded := as_loaded(robot, rows)) is not None:
+        found = _of_rows(robot, loaded[0], said.informed(prior), seed, stations)
+        found = replace(found, notes=(loaded[1], *found.notes))
+    found = with_next(found, seed)
     several = found.decomposition
     causes = several.every if several is not None else ()
     order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
     found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
-    doubts = filter(None, (shared_reading(found), linear_statics(found)))
-    found = replace(found, notes=(*found.notes, *doubts))
+    if doubt := shared_reading(found):
+        found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):
         return found
     sample = f"{len(rows)} of {len(every)} rows are diagnosed: ten runs of postures, spread over the table"

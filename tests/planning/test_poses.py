@@ -1,5 +1,6 @@
 """Grids and random poses: the poses they say they are, within limits and with loops closed."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from beamstiff.errors import BeamstiffError
 from beamstiff.planning import poses
 from beamstiff.planning.poses import closed_posture, joint_grid, joint_ranges, random_poses, spread
+from beamstiff.robot.closure import close_loops, near_fold
+from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import Variable
 from beamstiff.robot.reader import load_robot
@@ -81,3 +84,25 @@ def test_when_no_pose_closes_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
     robot = IR663.model_copy(update={"variables": variables})
     with pytest.raises(BeamstiffError, match="only 0 of 5 poses found whose loops close within the limits"):
         random_poses(compile_kinematics(robot), 5, np.random.default_rng(0))
+
+
+def test_no_pose_is_drawn_where_a_loop_folds_and_limits_that_hold_a_fold_are_told() -> None:
+    palletizer = load_robot("palletizer")
+    assert not [said for said in robot_doubts(palletizer) if "fold" in said]
+    wide = [
+        one.model_copy(update={"limits": (one.limits[0] - 0.9, one.limits[1] + 0.9)}) if one.limits else one
+        for one in palletizer.variables
+    ]
+    robot = palletizer.model_copy(update={"variables": tuple(wide)})
+    [said] = [said for said in robot_doubts(robot) if "fold" in said]
+    assert re.search(r"its loops come near a fold, such as at q1 = \S+ deg, ", said)
+    kinematics = compile_kinematics(robot)
+    drawn = random_poses(kinematics, 400, np.random.default_rng(0))
+    values, closed, _ = close_loops(kinematics, drawn, strict=False)
+    assert closed.mean() > 0.99  # with other neighbours than when it was drawn
+    assert not near_fold(kinematics, values[closed]).any()
+    low, high = joint_ranges(robot)
+    every, closed, _ = close_loops(
+        kinematics, np.random.default_rng(1).uniform(low, high, (400, len(low))), False
+    )
+    assert near_fold(kinematics, every[closed]).any()

@@ -208,11 +208,13 @@ def _fitted(
     return stated, minimise(Objective(problem, stated), begin=begin).theta
 
 
-def linear_gap(fit: Baseline) -> Array:
-    """Return what linear statics leaves of displacements, (N, 6), its stiffness values fitted like these."""
+def linear_fit(fit: Baseline) -> tuple[Robot, Array]:
+    """Return the robot whose linear statics explains displacements best, and what it predicts, (N, 6)."""
     model = reduce_to_ports(fit.nominal, fit.rows, fit.fitted).along(fit.rows)
     stated, theta = _fitted(model, fit.rows, fit.measured, fit.used, fit.sigma, fit.claimed, None)
-    return np.where(fit.used, fit.measured - model.predict(stated.stiffness(theta)), 0.0)
+    stiffness = stated.stiffness(theta)
+    robot = fit.nominal.with_parameters(dict(zip(fit.fitted, stiffness.tolist(), strict=True)))
+    return robot, model.predict(stiffness)
 
 
 def at_rows(fit: Baseline, rows: Measurements) -> Baseline:

@@ -18,6 +18,7 @@ from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
+from beamstiff.model.linear import predict_displacements
 from beamstiff.report.diagnosis_text import remainder_text
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
@@ -193,3 +194,18 @@ def test_modes_move_the_readings_a_metre_each_and_are_few() -> None:
         rms = np.sqrt((form.shape.columns[:, :3] ** 2).sum(axis=1).mean(axis=0))
         np.testing.assert_allclose(rms, 1.0)
         assert form.columns == pytest.approx(model.weighed(form.shape.columns * form.sizes))
+
+
+def test_displacements_tell_the_motion_of_the_instrument_too() -> None:
+    robot = load_robot("kr240-2")
+    rows, point = loaded_in_turn(robot)
+    tilt = 3e-7 * np.stack([rows.wrench[:, 1], -rows.wrench[:, 0], np.zeros(POSES)], axis=1)
+    noise = NOISE * np.random.default_rng(13).standard_normal((POSES, 3))
+    moved = predict_displacements(robot, rows)[:, :3] + np.cross(tilt, point - [3.0, -2.0, 0.0]) + noise
+    nothing = np.full((POSES, 3), np.nan)
+    read = replace(rows, kind="displacement", position=nothing, displacement=np.hstack([moved, nothing]))
+    diagnosis = diagnose(robot, read)
+    assert diagnosis.verdict.effect == "unknown"
+    assert diagnosis.law is not None
+    assert diagnosis.law.key == "instrument-motion:null"
+    assert diagnosis.law.closes > 0.9
