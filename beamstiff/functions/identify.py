@@ -32,7 +32,7 @@ from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.identification.wind_up import without_encoders
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
 from beamstiff.measure.doubts import counted_once
-from beamstiff.measure.rows import concatenate, ranges_of, require_tracker, row_digests
+from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.parallel import check_places
 from beamstiff.robot.description import Robot
@@ -225,9 +225,6 @@ def identify(
         placed = None if positions is None else as_tables(positions, machine, what="positions")[0]
         larger, said_of_model = fitted_robot(found.robot, bare, rows, kind, options, placed)
         found, notes = replace(found, robot=larger), [*notes, *said_of_model]
-    left = found.rms if found.rms_held_out is None else found.rms_held_out
-    known = found.robot.with_fitted_rows(row_digests(rows), ranges_of(rows), left)
-    found = replace(found, robot=known)
     if machine.effects:
         effects = {"effects": machine.effects}
         found = replace(found, robot=found.robot.model_copy(update=effects))

@@ -213,7 +213,7 @@ class Robot(Shown, Described):
             update={
                 "fitted_rows": " ".join(every),
                 "fitted_ranges": tuple(FittedRange(variable=k, low=a, high=b) for k, (a, b) in wider.items()),
-                "fitted_error": error,
+                "fitted_error": None if error is None else float(f"{error:.3g}"),
                 "unexplained": unexplained,
             }
         )

@@ -90,7 +90,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     ),
     "diagnose": (
         ("crane.yaml", "crane.csv"),
-        {"next": "next.csv", "apply": "o.yaml", "figure": "o.pdf", "html": "o.html"},
+        {"next": "next.csv", "apply": "o.yaml", "residuals": "r.csv", "figure": "o.pdf", "html": "o.html"},
     ),
     "campaign": (("next", "camp"), {"out": "o.csv"}),
     "compare-runs": (("crane.yaml", "crane.csv", "again.csv"), {}),
