@@ -387,7 +387,7 @@ def _unmodelled(judged: Judged, found: Search) -> Iterator[str]:
     if judged.verdict != UNKNOWN or best is None:
         return
     if found.unmodelled[best] > max(found.log_weight[found.named[0]], found.log_weight[UNKNOWN]):
-        yield f"what explains most is no effect of the library: {best[0]} {best[1]}"
+        yield f"most of the gap looks as if {best[0]} {best[1]}, which is no effect of the library"
 
 
 def _rivals(judged: Judged, found: Search) -> list[str]:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED = "Undecided"
-BEST = "least that effects of the library leave, all at once or one alone,"
+BEST = "the best fit by effects of the library leaves"
 
 
 def verdict(result: Diagnosis) -> Verdict:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from beamstiff.errors import listed
 from beamstiff.functions.checks import shown_value
 from beamstiff.functions.stiffness import TcpStiffness
 from beamstiff.report.tables import Table, millimetres, number, table
@@ -26,19 +25,19 @@ def stiffness_tables(found: TcpStiffness) -> Iterator[Table | str]:
     yield _matrix_table(f"{name} at the TCP: row = C column", MOTIONS, FORCES, found.compliance, found.rigid)
     if len(found.rigid):
         yield (
-            f"Rigid: the TCP is not displaced by {listed(_wrenches(found.rigid), 6)} (N, N m); "
-            "a stiffness matrix does not exist."
+            f"Rigid: loads that do not displace the TCP (N, N m): {'; '.join(_wrenches(found.rigid))}. "
+            "A stiffness matrix does not exist."
         )
 
 
 def _wrenches(rigid: Array) -> list[str]:
-    """Return wrenches in words: ``fx``, or ``mx with 0.6 mz``, SI."""
+    """Return wrenches in words: ``fx``, or ``mx = 1 with mz = 0.6``, SI."""
     names = [name.split()[0] for name in FORCES]
     told = []
     for wrench in rigid:
         first = int(np.argmax(wrench == 1.0))
-        rest = [f"{wrench[i]:.3g} {names[i]}" for i in np.flatnonzero(wrench) if i != first]
-        told.append(names[first] + (f" with {' and '.join(rest)}" if rest else ""))
+        rest = [f"{names[i]} = {wrench[i]:.3g}" for i in np.flatnonzero(wrench) if i != first]
+        told.append(f"{names[first]} = 1 with {', '.join(rest)}" if rest else names[first])
     return told
 
 

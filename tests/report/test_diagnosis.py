@@ -68,7 +68,7 @@ def test_few_rows_are_no_proof_that_there_is_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("scale", "words"),
-    [(3.3, " mm (3.3 times the stated noise)"), (1.2, " mm; least that effects of the library leave")],
+    [(3.3, " mm (3.3 times the stated noise)"), (1.2, " mm; the best fit by effects of the library leaves")],
 )
 def test_noise_that_is_not_the_stated_one_is_called_so(scale: float, words: str) -> None:
     assert words in said(NONE, scale=scale, noise_position=1.0)[1]

@@ -41,7 +41,7 @@ TERMS = {
     "none saw": "held-out",
     "left out of the fit": "held out",
     "postures left out": "held-out postures",
-    "could give": "least that effects of the library leave",
+    "could give": "the best fit by effects of the library leaves",
     "only act together": "identifiable only in combination",
     "what it leaves": "the residual",
     "has no name": "outside the library",
