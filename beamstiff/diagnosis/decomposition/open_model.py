@@ -295,7 +295,12 @@ def open_as_determined(
 ) -> tuple[OpenModel, tuple[str, ...] | None]:
     """Return the open model with as much of the geometry free as the readings determine, and what that is."""
     for parameters in opened:
-        model = open_geometry(robot, rows, parameters=parameters, stations=stations, balance=balance)
+        try:
+            model = open_geometry(robot, rows, parameters=parameters, stations=stations, balance=balance)
+        except BeamstiffError:  # beside a cause a geometry that is free altogether may let the machine buckle
+            if parameters == opened[-1]:
+                raise
+            continue
         if model.count >= VALUES_A_PARAMETER * model.determined:
             return model, parameters
     raise BeamstiffError(
