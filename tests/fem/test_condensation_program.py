@@ -355,3 +355,20 @@ def test_elimination_is_a_schur_complement() -> None:
     found = np.array([[left.get((min(i, j), max(i, j)), 0.0) for j in range(6, 9)] for i in range(6, 9)])
     assert np.abs(found - expected).max() <= 1e-12
     assert np.prod(list(pivots.values())) == pytest.approx(np.linalg.det(full[:6, :6]), rel=1e-10)
+
+
+@pytest.mark.parametrize("own", ["6e7 N/m", "rigid"])
+def test_struts_that_stretch_over_their_free_length_are_in_series_with_their_own_stiffness(own: str) -> None:
+    platform = load_robot("stewart")
+    struts = [
+        Strut(name=one.name, nodes=one.nodes, stiffness=own, EA=f"{at + 2}e7 N", fixed_length="200 mm")
+        for at, one in enumerate(platform.struts)
+    ]
+    robot = platform.model_copy(update={"struts": tuple(struts)})
+    structure = compile_structure(robot)
+    poses = posture(structure.kinematics, within_limits(robot, 8))
+    (_, _, found, _, _), sure = program_of(structure).run(poses.values)
+    assert sure.all()
+    assert disagreement(found, generally(structure, poses).clamped) <= AGREED
+    beside = tcp_compliance(compile_structure(platform), poses) if own == "6e7 N/m" else 0.0
+    assert (np.trace(found - beside, axis1=-2, axis2=-1) > 0.0).all()  # a rod in series only softens
