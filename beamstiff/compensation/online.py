@@ -297,7 +297,8 @@ class OnlineCompensation:
         loads, undeformed = wrench + states[:, 6:12], machine.undeformed(found.q)
         tip, torques = commands, np.zeros((len(states), 0))
         for _ in range(2):  # the load acts where the real tool is
-            moved = smooth.moved(found.q, loads, tip)
+            # which way joints came is not known of one target
+            moved = smooth.moved(found.q, loads, tip, np.zeros_like(found.q))
             if self._laws:
                 motions, torques = joint_motions(machine, self._laws, machine.rows(found.q, loads, tip))
                 moved += np.einsum("kal,kl->ka", motions, states[:, 12:])
