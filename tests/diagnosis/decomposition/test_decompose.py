@@ -11,7 +11,11 @@ from beamstiff import Robot, load_robot
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposed import diagnosis_of
+from beamstiff.diagnosis.decomposition import decompose as module
+from beamstiff.diagnosis.decomposition.answer import unsteady
 from beamstiff.diagnosis.decomposition.applied import applied, of_the_campaign
+from beamstiff.diagnosis.decomposition.fit import Step
+from beamstiff.diagnosis.decomposition.folds import Folds
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.effects.approach_direction import last_direction
 from beamstiff.diagnosis.result import Diagnosis
@@ -327,3 +331,20 @@ def test_a_noise_that_is_stated_of_all_three_axes_is_suspected(monkeypatch: pyte
         assert ["divide it" in one for one in told] == asks
     monkeypatch.setattr(type(several.model), "determined", several.model.count - 8.0)
     assert not suspected(diagnosis_of(several))  # chance leaves so little of a few values
+
+
+def test_a_cause_that_makes_held_out_postures_worse_stays_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = list[set[str]]()
+
+    def once(folds: Folds, step: Step, seed: int) -> set[str]:
+        calls.append(unsteady(folds, step, seed) if calls else {"angle-curve:q3"})
+        return calls[-1]
+
+    monkeypatch.setattr(module, "unsteady", once)
+    robot, rows = table(("gear", "slip"))
+    keys = {cause.key for cause in module.decompose(robot, rows).every}
+    assert "target-slip:null" in keys
+    assert "angle-curve:q3" not in keys
+    assert len(calls) > 1
