@@ -25,7 +25,7 @@ from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.measure.registration import check_spread, fit_rigid_motion, lay_over
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
-from beamstiff.robot.closure import HELD
+from beamstiff.robot.closure import HELD, free_of
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE
 from beamstiff.robot.frames import widened
@@ -224,7 +224,7 @@ def opening_parameters(geometry: Geometry) -> dict[str, str]:
     wide = widened(kinematics, [(frame, motion) for _, frame, motion in geometry.frame_columns])
     system = loop_system(wide)
     joined = kinematics.coupling
-    free = posture.values[:, [joined.names.index(name) for name in joined.free]]
+    free = free_of(kinematics, posture.values)
     few = free[np.unique(np.linspace(0, len(free) - 1, 8).astype(np.intp))]
     nothing = np.zeros((len(few), len(geometry.frame_columns)))
     few = np.concatenate([few[:, : joined.actuated], nothing, few[:, joined.actuated :]], axis=1)

@@ -51,8 +51,8 @@ def six_freedoms(kinematics: Kinematics) -> bool:
     return len(kinematics.robot.actuated) >= 6
 
 
-def external_axes(kinematics: Kinematics, path: ToolPath) -> Array | None:
-    """Return where a path says that joints stand, (N, A), rad or m; NaN: it does not. None: nowhere.
+def external_axes(kinematics: Kinematics, path: ToolPath) -> Array:
+    """Return where a path says that joints stand, (N, A), rad or m; NaN: it does not.
 
     Its columns, and axes of a program beside the robot's, that are called as joints are external axes, where
     six others are left to reach its targets.
@@ -71,9 +71,9 @@ def external_axes(kinematics: Kinematics, path: ToolPath) -> Array | None:
         if one.name.casefold() in axes
     }
     stated |= {one.name: path.columns[one.name] for one in every if one.name in path.columns}
-    if not stated or len(every) - len(stated) < 6:
-        return None
     held = np.full((len(path), len(every)), np.nan)
+    if len(every) - len(stated) < 6:
+        return held
     for at, variable in enumerate(every):
         if variable.name in stated:
             held[:, at] = stated[variable.name]
@@ -127,9 +127,10 @@ def follow(
     `poses` (N, 4, 4): base frame, m. `start` (A,): a posture near the first target, which chooses the branch;
     rad or m. `stated` (N or 0): postures that the targets state, of the `arm`; they go before nearness.
     `given` (N, A): joint values of targets that state these; NaN elsewhere. `held` (N, A): as of
-    `external_axes`.
+    `external_axes`; default none.
     """
     count, actuated = len(poses), len(kinematics.robot.actuated)
+    held = np.full((count, actuated), np.nan) if held is None else held
     q, reached = np.zeros((count, actuated)), np.zeros(count, dtype=np.bool_)
     reasons: dict[int, str] = {}
     switched: list[int] = []
@@ -154,7 +155,7 @@ def follow(
             row += 1
             continue
         if anchor is not None:
-            found = solve(kinematics, poses[some], anchor, 0, _some(held, some))
+            found = solve(kinematics, poses[some], anchor, 0, held[some])
             good = found.reached & _near(kinematics, np.vstack([anchor, found.q]))
             good &= fits(range(row, row + len(good)), found.q)
             if given is not None:
@@ -168,22 +169,22 @@ def follow(
             if run > 1:
                 run = 1
                 continue
-            walked = _walk(kinematics, anchor, poses[row], _some(held, row))
+            walked = _walk(kinematics, anchor, poses[row], held[row])
             if walked is not None and fits([row], walked[None]).all():
                 q[row], reached[row], anchor = walked, True, walked
                 row += 1
                 continue
         # whoever is out of reach has neighbours that are: they are looked for together
         some = slice(row, min(row + SEARCHED, count)) if row else slice(0, 1)
-        found = solve(kinematics, poses[some], anchor, RESTARTS, _some(held, some))
+        found = solve(kinematics, poses[some], anchor, RESTARTS, held[some])
         lost = int(np.argmax(found.reached)) if found.reached.any() else len(found.reached)
         for at in range(lost):
             q[row + at], said = found.q[at], shortfall(kinematics, found, at)
-            reasons[row + at] = said + _if_turned(kinematics, poses[row + at], _some(held, row + at))
+            reasons[row + at] = said + _if_turned(kinematics, poses[row + at], held[row + at])
         row += lost
         if lost == 0:  # else the way there may be short again
             wanted = stated[row] if stated and arm is not None else None
-            chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted, _some(held, row))
+            chosen = _convenient(kinematics, poses[row], found.q[0], anchor, arm, wanted, held[row])
             if arm is not None and wanted is not None and not len(chosen):
                 q[row] = found.q[0]
                 reasons[row] = f"{NO_POSTURE} {wanted.text}{_reachable(arm, poses[row], q[row], wanted)}"
@@ -197,10 +198,6 @@ def follow(
     return Followed(q, reached, reasons, np.array(switched, dtype=np.int64))
 
 
-def _some(held: Array | None, rows: slice | int) -> Array | None:
-    return None if held is None else held[rows]
-
-
 def _convenient(
     kinematics: Kinematics,
     pose: Array,
@@ -208,7 +205,7 @@ def _convenient(
     near: Array | None,
     arm: Arm | None,
     stated: StatedPosture | None,
-    held: Array | None,
+    held: Array,
 ) -> Array:
     """Return of many solutions at a pose the one nearest to a posture, or to the middle of the ranges.
 
@@ -280,7 +277,7 @@ def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:
     return f"out of reach by {' and '.join(parts) or 'nothing that shows'}{limits}"
 
 
-def _if_turned(kinematics: Kinematics, pose: Array, held: Array | None) -> str:
+def _if_turned(kinematics: Kinematics, pose: Array, held: Array) -> str:
     """Return, in words, that a pose (4, 4) out of reach is one by its orientation; empty where it is not."""
     if not six_freedoms(kinematics):
         return ""
@@ -296,14 +293,13 @@ def _near(kinematics: Kinematics, q: Array) -> NDArray[np.bool_]:
     return near
 
 
-def _walk(kinematics: Kinematics, start: Array, goal: Array, held: Array | None) -> Array | None:
+def _walk(kinematics: Kinematics, start: Array, goal: Array, held: Array) -> Array | None:
     """Return joint values at a pose reached in small steps along the straight line, or None."""
     first = pose_of(kinematics, posture(kinematics, start), kinematics.robot.tcp)[0]
     q = start
     shares = np.linspace(0.0, 1.0, WALK + 1)[1:]
     for share, pose in zip(shares.tolist(), between(first[None], goal[None], shares), strict=True):
-        there = None if held is None else start + share * (held - start)
-        found = solve(kinematics, pose[None], q, 0, there)
+        found = solve(kinematics, pose[None], q, 0, start + share * (held - start))
         if not (found.reached.all() and _near(kinematics, np.vstack([q, found.q])).all()):
             return None
         q = found.q[0]

@@ -258,7 +258,7 @@ class _Start:
     poses: Array
     q: Array
     turned: NDArray[np.bool_]
-    held: Array | None
+    held: Array
     approached: Array
 
 
@@ -268,7 +268,7 @@ def _commands(machine: Machine, targets: Array, wrench: Array, start: _Start) ->
     Beside a singular posture a little of the command turns the joints, and so the error, far: there the steps
     need Broyden's method, of which the first is ``-dP``. The best command of all rounds is kept.
     """
-    commands, q, held = start.poses.copy(), start.q.copy(), start.held
+    commands, q = start.poses.copy(), start.q.copy()
     best, best_q, least = commands.copy(), q.copy(), np.full(len(targets), np.inf)
     rest = np.zeros((len(targets), 6))
     whole = least
@@ -299,7 +299,7 @@ def _commands(machine: Machine, targets: Array, wrench: Array, start: _Start) ->
         commands[left, :3, 3] += step[left, :3]
         commands[left, :3, :3] = rotation_from_vector(step[left, 3:]) @ commands[left, :3, :3]
         poses = machine.frames.node_poses(commands[left])
-        found = solve(machine.kinematics, poses, q[left], 0, None if held is None else held[left])
+        found = solve(machine.kinematics, poses, q[left], 0, start.held[left])
         q[left] = found.q
         for at in np.flatnonzero(~found.reached).tolist():
             row = int(left[at])

@@ -62,7 +62,7 @@ def taught_base(
     targets: Array,
     q: Array,
     reached: Callable[[Array, Array], Array],
-    held: Array | None = None,
+    held: Array,
 ) -> TaughtBase:
     """Return the base that the real robot taught at points (3, 3), m, of the frame of the path.
 
@@ -74,8 +74,7 @@ def taught_base(
     places = points @ base[:3, :3].T + base[:3, 3]
     near = np.linalg.norm(targets[:, :3, 3] - places[:, None], axis=2).argmin(axis=1)
     poses = transform(targets[near, :3, :3], places)
-    stand = None if held is None else held[near]
-    found = follow(machine.kinematics, machine.frames.node_poses(poses), q[near[0]], held=stand)
+    found = follow(machine.kinematics, machine.frames.node_poses(poses), q[near[0]], held=held[near])
     for row, reason in found.reasons.items():
         raise OptionError("base_taught", f"{POINTS[row]} is {reason}. {_right(base)}")
     return TaughtBase(poses, found.q, _motion(poses, reached(found.q, poses)[:, :3, 3]))

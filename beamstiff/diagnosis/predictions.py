@@ -8,6 +8,7 @@ import numpy as np
 
 from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.torque_laws import DIRECTIONS
 from beamstiff.diagnosis.held_out.score import shift
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from beamstiff.diagnosis.result import Diagnosis
-
-RESIDUAL = ("x", "y", "z", "rx", "ry", "rz")  # of a reading, as `residuals` names them
 
 
 def predictions(result: Diagnosis) -> tuple[Array, Array | None]:
@@ -44,7 +43,7 @@ def residuals(result: Diagnosis) -> pd.DataFrame:
     columns = {
         f"residual_{axis}{behind}": np.where(baseline.used[:, at], values[:, at], np.nan)
         for behind, values in left.items()
-        for at, axis in enumerate(RESIDUAL)
+        for at, axis in enumerate(DIRECTIONS)
         if baseline.used[:, at].any()
     }
     table = rows.to_frame()

@@ -136,7 +136,7 @@ def _where_joints_stand(result: Compensated) -> Iterator[str]:
     """Yield which joints stand where the path says, and which of its axes no joint of the robot is."""
     path, every = result.correction.path, [one.name for one in result.machine.controller.actuated]
     held = external_axes(result.machine.kinematics, path)
-    followed = [] if held is None else [every[at] for at in np.flatnonzero(~np.isnan(held).all(axis=0))]
+    followed = [every[at] for at in np.flatnonzero(~np.isnan(held).all(axis=0))]
     if followed:
         yield f"{listed(followed)}: external axis, held where the path says"
     moved = {name: np.flatnonzero(np.nan_to_num(values)) for name, values in path.external.items()}

@@ -77,6 +77,12 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
     return Closure(values, closed, tuple(reasons))
 
 
+def free_of(kinematics: Kinematics, values: Array) -> Array:
+    """Return the free variables (P, A + Q) among all values (P, V)."""
+    joined = kinematics.coupling
+    return values[:, [joined.names.index(name) for name in joined.free]]
+
+
 def near_fold(kinematics: Kinematics, values: Array) -> Mask:
     """Return at which closed postures (P, V) the loops are near to where two assemblies meet, (P,).
 
@@ -85,7 +91,7 @@ def near_fold(kinematics: Kinematics, values: Array) -> Mask:
     joined, assembly = kinematics.coupling, kinematics.assembly
     if assembly is None or not len(values):
         return np.zeros(len(values), dtype=np.bool_)
-    free = values[:, [joined.names.index(name) for name in joined.free]]
+    free = free_of(kinematics, values)
     jacobian = loop_equations(loop_system(kinematics), free)[1][:, :, joined.actuated :]
     return np.asarray(margin(jacobian) < FOLD * margin(assembly.jacobian[None]))
 
@@ -96,7 +102,7 @@ def closure_rates(kinematics: Kinematics, values: Array, transforms: Array) -> A
     if not kinematics.loops or not len(values):
         return np.zeros((len(values), len(joined.free) - joined.actuated, joined.actuated))
     system = loop_system(kinematics)
-    free = values[:, [joined.names.index(name) for name in joined.free]]
+    free = free_of(kinematics, values)
     bodies = {frame: body_of(transforms[:, frame]) for frame in system.frames}
     _, jacobian = equations_at(system, bodies, screws_of(kinematics, values, transforms, system.frames))
     to_actuated, to_passive = np.split(jacobian, [joined.actuated], axis=2)

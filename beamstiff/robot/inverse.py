@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.robot.closure import close_loops
+from beamstiff.robot.closure import close_loops, free_of
 from beamstiff.robot.forward import chain_to, place, twists_at
 from beamstiff.robot.frames import Kinematics, all_values
 from beamstiff.robot.kinematics import actuated_values, node_at, pose_of, posture_at
@@ -108,7 +108,7 @@ def inverse_geometry(
     lower = np.array([-np.inf if v.limits is None else v.limits[0] for v in robot.actuated])
     upper = np.array([np.inf if v.limits is None else v.limits[1] for v in robot.actuated])
     fixed = np.broadcast_to(np.nan if held is None else np.asarray(held), (len(positions), len(lower)))
-    free = np.isnan(fixed)
+    free, any_held = np.isnan(fixed), not np.isnan(fixed).all()
     lower, upper = np.where(free, lower, fixed), np.where(free, upper, fixed)
     at = node_at(kinematics, robot.tcp if node is None else node)
     task = _Task(kinematics, loop_system(kinematics), at, positions, rotations, lower, upper)
@@ -125,10 +125,10 @@ def inverse_geometry(
     def promising(rows: NDArray[np.intp], attempt: int) -> Array:
         pool, order = pooled()
         begin = pool[order[rows, attempt]]
-        if held is None:
+        if not any_held:
             return np.asarray(begin)
         q = np.where(free[rows], begin[:, :actuated], fixed[rows])
-        return _free_of(kinematics, close_loops(kinematics, q, strict=False).values)
+        return free_of(kinematics, close_loops(kinematics, q, strict=False).values)
 
     if start is None:
         first = promising(np.arange(poses), 0)
@@ -136,10 +136,10 @@ def inverse_geometry(
         given = actuated_values(robot, start)
         if len(given) not in (1, poses):
             raise BeamstiffError(f"found {len(given)} starts for {poses} targets, expected one or as many")
-        some = slice(1) if held is None else slice(None)  # one start needs its loops closed once
+        some = slice(None) if any_held else slice(1)  # one start needs its loops closed once
         given = np.clip(given, lower[some], upper[some])
         closed = close_loops(kinematics, given, strict=False)
-        values = _free_of(kinematics, closed.values)
+        values = free_of(kinematics, closed.values)
         first = np.broadcast_to(values, (poses, values.shape[1])).copy()
         open_ = np.flatnonzero(~np.broadcast_to(closed.closed, poses))
         if open_.size:
@@ -190,12 +190,6 @@ def _targets(targets: ArrayLike) -> tuple[Array, Array | None]:
     return array[:, :3, 3], rotations
 
 
-def _free_of(kinematics: Kinematics, values: Array) -> Array:
-    """Return the free variables (P, A + Q) among all values (P, V)."""
-    joined = kinematics.coupling
-    return values[:, [joined.names.index(name) for name in joined.free]]
-
-
 def _pool(task: _Task, seed: int) -> Array:
     """Return closed postures (K, A + Q) all over the limits, to start from."""
     kinematics, actuated = task.kinematics, task.lower.shape[1]
@@ -207,7 +201,7 @@ def _pool(task: _Task, seed: int) -> Array:
     values, closed, reasons = close_loops(kinematics, q, strict=False)
     if not closed.any():
         raise BeamstiffError(f"no posture within the limits closes its loops, for instance: {reasons[0]}")
-    return _free_of(kinematics, values)[closed]
+    return free_of(kinematics, values)[closed]
 
 
 def _most_promising(task: _Task, pool: Array, count: int, seed: int) -> NDArray[np.intp]:

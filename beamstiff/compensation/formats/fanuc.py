@@ -9,7 +9,6 @@ the path is that much higher.
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -62,8 +61,9 @@ def read(text: str, source: str) -> Program:
         config = _CONFIG.search(body)
         posture = _stated(config["text"]) if config else None
         base, tool = frames.get("UF"), frames.get("UT")
-        place = Place(name, line, position, rotation, base=base, tool=tool, posture=posture)
-        places.append(replace(place, external=external))
+        places.append(
+            Place(name, line, position, rotation, base=base, tool=tool, posture=posture, external=external)
+        )
     if not places:
         raise BeamstiffError(
             f"{source}: found no target, expected positions of group 1 after /POS, such as P[1]{{ GP1: UF : 0"

@@ -58,7 +58,11 @@ def longest_wave(baseline: Baseline, name: str) -> float | None:
 def phase(baseline: Baseline, name: str) -> Array:
     """Return the angle of the first wave at every row (N,), rad: of a joint that turns it is its own."""
     value = baseline.rows.q[:, baseline.rows.variables.index(name)]
-    wave = longest_wave(baseline, name)
+    return angle_of(value, longest_wave(baseline, name))
+
+
+def angle_of(value: Array, wave: float | None) -> Array:
+    """Return the angle of the first wave, rad, at values of a joint (n,), rad or m; `wave`: of a slide, m."""
     return value if wave is None else 2.0 * np.pi / wave * value
 
 

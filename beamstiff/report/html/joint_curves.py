@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from beamstiff.diagnosis.decomposition.plain import parameters_of
-from beamstiff.diagnosis.effects.angle_curve import EFFECT, joint_error, longest_wave
+from beamstiff.diagnosis.effects.angle_curve import EFFECT, angle_of, joint_error, longest_wave
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.report.html.parts import Figure, axis, chart_layout, css, label, numbers, scatter
@@ -44,5 +44,5 @@ def _drawn(
     sizes: Mapping[str, float], wave: float | None, q: Array
 ) -> tuple[list[float | None], list[float | None]]:
     """Return values (n,) of a joint, deg or mm, and its errors there, mrad or mm; `wave`: of a slide."""
-    shown, angle = (np.degrees(q), q) if wave is None else (1e3 * q, 2.0 * np.pi / wave * q)
-    return numbers(shown, 4), numbers(1e3 * joint_error(sizes, angle), 3)
+    shown = np.degrees(q) if wave is None else 1e3 * q
+    return numbers(shown, 4), numbers(1e3 * joint_error(sizes, angle_of(q, wave)), 3)
