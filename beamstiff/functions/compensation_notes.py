@@ -6,8 +6,10 @@ import numpy as np
 
 from beamstiff.compensation.follow import external_axes
 from beamstiff.compensation.formats import Program
+from beamstiff.compensation.learn import Learned
 from beamstiff.compensation.machine import VISIBLE, Machine
 from beamstiff.compensation.path import StatedFrame
+from beamstiff.compensation.path_correction import Correction
 from beamstiff.compensation.posture import arm_of
 from beamstiff.compensation.rewrite import Compensated, size_of
 from beamstiff.compensation.uncertainty import correlated_effects, from_start_values
@@ -26,89 +28,137 @@ def compensation_notes(
     result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
 ) -> list[str]:
     """Return what is worth knowing, where frames are `given` and the `branch` is chosen or not."""
-    machine = result.machine
-    unproven = [] if taught else _unproven(result, machine)
-    found = result.correction
-    said = [*robot_doubts(machine.controller), *unproven, *_from_start_values(result, taught), *program.notes]
+    machine, learned = result.machine, result.learned
+    return [
+        *robot_doubts(machine.controller),
+        *([] if taught else _unproven(result, machine)),
+        *_from_start_values(result, taught),
+        *program.notes,
+        *_one_robot_for_both(machine),
+        *_given_frames(program, machine, given),
+        *_where_from(result),
+        *_unseen_tip(machine),
+        *_assumed_frames(program, machine, given),
+        *_unfollowed_postures(result, branch),
+        *_where_it_begins(result, branch),
+        *_where_joints_stand(result),
+        *_unknown_sides(result),
+        *_jumps(result.correction),
+        *([] if learned is None else _learned_said(learned)),
+        *_left_out(result),
+        *_of_the_robot(result),
+    ]
+
+
+def _one_robot_for_both(machine: Machine) -> Iterator[str]:
+    """Yield what is lost where controller and real robot hardly differ."""
     if machine.actual is None and machine.controller.calibrated:
-        said.append(
+        yield (
             f"robot {machine.controller.name!r} is calibrated and serves as the controller's robot too: its "
             f"geometry errors stay uncorrected. Unless the controller has this geometry, name the nominal "
             f"robot first and this one with --actual"
         )
     if missing_stiffness(machine.real) and not machine.real.effects:
         what = "differ in geometry alone" if machine.actual is not None else "are one and the same"
-        said.append(
+        yield (
             f"robot {machine.real.name!r} is rigid: weight and load move nothing, so that controller and "
             f"real robot {what}; give it a stiffness, or the real robot as `actual`"
         )
+
+
+def _given_frames(program: Program, machine: Machine, given: Mapping[str, bool]) -> Iterator[str]:
+    """Yield whose base and tool count, where the program states some."""
     for what in ("base", "tool"):
         stated = _stated(program, what)
         if stated and given[what]:
-            said.append(f"{what} is the given one, not {stated[0].name} of the program")
+            yield f"{what} is the given one, not {stated[0].name} of the program"
         elif used := dict.fromkeys(
             one.name for one in stated if one.pose is not None and not np.array_equal(one.pose, np.eye(4))
         ):
-            said.append(f"{what} is that of the program: {listed(used, 4)}")
+            yield f"{what} is that of the program: {listed(used, 4)}"
         elif stated and what == "tool":
-            said.append(
+            yield (
                 f"the tool of the program is zero: its targets count for node {machine.controller.tcp!r} of "
                 "the robot file; if the controller's flange is elsewhere, give its tool (--tool)"
             )
-    said += [*_where_from(result), *_unseen_tip(machine)]
+
+
+def _assumed_frames(program: Program, machine: Machine, given: Mapping[str, bool]) -> Iterator[str]:
+    """Yield which frames count where neither the program nor the user states any."""
     if silent := [what for what in ("base", "tool") if not given[what] and not _stated(program, what)]:
         frames = {"base": "the base frame", "tool": f"node {machine.controller.tcp!r}"}
         taken = " and ".join(frames[what] for what in silent)
-        said.append(
+        yield (
             f"the program names no {' and no '.join(silent)}: {taken} of the robot file "
             f"{'count' if len(silent) > 1 else 'counts'} (--{', --'.join(silent)})"
         )
-    if postures := [one.text for one in found.path.stated_postures if one is not None]:
-        if branch:
-            said.append(f"q chooses the posture: {postures[0]} and the like in the program are not followed")
-        elif arm_of(machine.kinematics) is None:
-            said.append(
-                f"{postures[0]} and the like in the program are not followed: robot "
-                f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
-            )
-    if not branch and found.corrected.any():  # of a refused target no posture is its own
-        first = int(np.argmax(found.corrected))
-        names = [variable.name for variable in machine.controller.actuated]
-        values = zip(names, found.q[first].round(6).tolist(), strict=True)
-        posture = (f"{name} = {shown_value(machine.controller, name, value + 0.0)}" for name, value in values)
-        begins = (
-            "the path begins"
-            if first == 0
-            else f"the first target that is reached, {found.path.place(first)}, is"
+
+
+def _unfollowed_postures(result: Compensated, branch: bool) -> Iterator[str]:
+    """Yield why the postures that a program states are not followed."""
+    machine = result.machine
+    postures = [one.text for one in result.correction.path.stated_postures if one is not None]
+    if postures and branch:
+        yield f"q chooses the posture: {postures[0]} and the like in the program are not followed"
+    elif postures and arm_of(machine.kinematics) is None:
+        yield (
+            f"{postures[0]} and the like in the program are not followed: robot "
+            f"{machine.controller.name!r} is no arm of six joints with a spherical wrist"
         )
-        said.append(f"{begins} at {', '.join(posture)}; --q chooses another posture")
-    said += [*_where_joints_stand(result), *_unknown_sides(result)]
+
+
+def _where_it_begins(result: Compensated, branch: bool) -> Iterator[str]:
+    """Yield at which joint values the path begins, where nobody chose them."""
+    found, robot = result.correction, result.machine.controller
+    if branch or not found.corrected.any():  # of a refused target no posture is its own
+        return
+    first = int(np.argmax(found.corrected))
+    values = zip(robot.actuated, found.q[first].round(6).tolist(), strict=True)
+    joints = (f"{one.name} = {shown_value(robot, one.name, value + 0.0)}" for one, value in values)
+    begins = (
+        "the path begins"
+        if first == 0
+        else f"the first target that is reached, {found.path.place(first)}, is"
+    )
+    yield f"{begins} at {', '.join(joints)}; --q chooses another posture"
+
+
+def _jumps(found: Correction) -> Iterator[str]:
+    """Yield where the joints jump to another configuration."""
     if found.switched.size:
         lines = listed([found.path.line(row) for row in found.switched.tolist()])
-        said.append(
+        yield (
             f"the joints must jump to another configuration before line {lines}. If the robot itself makes "
             "no such jump, the program's base or tool is another (--base, --tool)"
         )
-    if (learned := result.learned) is not None:
-        if effects := effects_text(learned.effects):
-            said.append(f"the run shows {effects} besides the process; added to the robot")
-        if names := [one.name for one in learned.parameters if not one.identifiable]:
-            said.append(f"the run does not identify {listed(names)}, which stay near their expected values")
-        if not learned.pays:
-            said.append(
-                f"another correction would not help: the run was {1e3 * learned.before:.3f} mm (RMS) from "
-                f"its targets, of which {1e3 * learned.unexplained:.3f} mm are not explained"
-            )
+
+
+def _learned_said(learned: Learned) -> Iterator[str]:
+    """Yield what a measured run tells, and whether another would help."""
+    if effects := effects_text(learned.effects):
+        yield f"the run shows {effects} besides the process; added to the robot"
+    if names := [one.name for one in learned.parameters if not one.identifiable]:
+        yield f"the run does not identify {listed(names)}, which stay near their expected values"
+    if not learned.pays:
+        yield (
+            f"another correction would not help: the run was {1e3 * learned.before:.3f} mm (RMS) from "
+            f"its targets, of which {1e3 * learned.unexplained:.3f} mm are not explained"
+        )
+
+
+def _left_out(result: Compensated) -> Iterator[str]:
+    """Yield which targets are not corrected, or not exactly, and which effects are not."""
+    found, machine = result.correction, result.machine
     if partly := {row: left for row, left in found.partly.items() if row not in found.reasons}:
         names = [found.path.called(row) for row in partly]
         left = size_of(np.array([*partly.values()]))
-        said.append(
+        yield (
             f"no command is exact for {len(names)} of {len(found.path)} targets, because the real robot "
             f"jumps there: at most {left.max_mm:.3g} mm and {left.max_deg:.3g} deg remain: {listed(names, 5)}"
         )
     if result.left_alone:
         names = [found.path.called(row) for row in result.left_alone]
-        said.append(
+        yield (
             f"{len(names)} of {len(found.path)} targets stay as they are, because their correction is below "
             f"twice its standard deviation: {listed(names, 5)}"
         )
@@ -116,20 +166,23 @@ def compensation_notes(
         ignored = f"{effects_text(machine.set_aside)} is taken for an error of measuring and ignored"
         drifts = any(one.effect == "thermal-drift" for one in machine.set_aside)
         robot = "; if the robot drifts and not the tracker, calibrate it warm" if drifts else ""
-        said.append(ignored + _true_loads(machine) + robot)
-    if result.std is not None and (apart := correlated_effects(machine.real.effects)):
-        said.append(
+        yield ignored + _true_loads(machine) + robot
+
+
+def _of_the_robot(result: Compensated) -> Iterator[str]:
+    """Yield which effects and which model of the real robot the correction includes."""
+    real = result.machine.real
+    if result.std is not None and (apart := correlated_effects(real.effects)):
+        yield (
             f"the standard deviations of the corrections leave out {effects_text(apart)}: its parameters "
             "were fitted together, and the robot file does not hold their correlation"
         )
-    if machine.real.model is not None:
-        said.append(
-            f"the displacement follows the robot's model ({machine.real.model.kind}), fitted to "
-            f"{machine.real.model.source}"
+    if real.model is not None:
+        yield (
+            f"the displacement follows the robot's model ({real.model.kind}), fitted to {real.model.source}"
         )
-    if machine.real.effects:
-        said.append(f"the robot's effects are included: {effects_text(machine.real.effects)}")
-    return said
+    if real.effects:
+        yield f"the robot's effects are included: {effects_text(real.effects)}"
 
 
 def _where_joints_stand(result: Compensated) -> Iterator[str]:
