@@ -316,6 +316,8 @@ def _worse(statement: Statement, held: Array | None, folds: int) -> Iterator[str
     problem = statement.problem
     placing = [item.name for item in problem.parameters if item.group in STANDS]
     placing = [name for name in placing if name in statement.identified]
+    if set(placing) == set(statement.identified):  # nothing else is fitted that could be worse
+        return
     if placing:
         start = registered(problem, problem.expected)
         left = held_out(placing, problem, start, "levenberg-marquardt", folds)

@@ -17,6 +17,7 @@ from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Variable
 from beamstiff.se3 import Array
 
+DUST = 1e-13  # m, rad: what a solution leaves of a parameter that nothing moves
 JOINED = 1e-9  # m: nearer than this, the nodes of a joint are left where they are
 
 
@@ -30,7 +31,7 @@ def corrected(robot: Robot, changes: Mapping[str, float], q: Array) -> Robot:
     Those of the measuring frame and of the target are no part of a robot and left out. `q` (P, A): joint
     readings at which the loops close, one at least.
     """
-    changes = {name: float(by) for name, by in changes.items() if by}
+    changes = {name: float(by) for name, by in changes.items() if abs(by) > DUST}
     robot = _apart_from_joints(robot, changes)
     declared = {variable.name for variable in robot.variables}
     zeros = {name: by for name, by in changes.items() if name in declared and by}

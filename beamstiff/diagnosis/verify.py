@@ -15,12 +15,13 @@ from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_
 from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.se3 import Array, skew, vector_from_rotation
 from beamstiff.shown import Shown
 
 MODEL = "model:"  # before its kind, among the causes
 FRAME = 6  # parameters of a measuring frame
-MOST = 0.75  # share of the gap's square that a rigid motion closes where the measuring frame is another one
+MOST = 0.75  # share of the gap's square that a rigid motion closes where the measuring frame is another one,
+# or that other places of the points close where these are not where the robot file says
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,6 +58,11 @@ class Verification(Shown):
         Position and rotation vector of the robot's base in the measuring frame, where that was fitted.
     unexplained : str
         What the error looks like that the robot's fit left, where its file says so.
+    moved_points : tuple of (str, tuple of float (3,)), m
+        Measured points that hardly sit where the robot file says: placed anew they close most of the error.
+        And by how much each is off, along the axes of its frame.
+    placed : float or None, m
+        What is left with these points placed anew.
     """
 
     before: float
@@ -73,6 +79,8 @@ class Verification(Shown):
     nominal: float | None = None
     base: tuple[float, ...] | None = None
     unexplained: str = ""
+    moved_points: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+    placed: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data, lengths in mm."""
@@ -87,6 +95,8 @@ class Verification(Shown):
             "base_in_measuring_frame": None if self.base is None else list(self.base),
             "fitted_rows": self.fitted,
             "other_frame_mm": None if self.other_frame is None else 1e3 * self.other_frame,
+            "moved_points_mm": {name: [1e3 * by for by in moved] for name, moved in self.moved_points},
+            "points_placed_mm": None if self.placed is None else 1e3 * self.placed,
             "causes": [
                 {"cause": name, "rms_after_mm": 1e3 * after, "closes": closes}
                 for name, after, closes in self.causes
@@ -149,6 +159,10 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     other_frame = None
     if absolute and not refit_frame and errors[-1] > noise:
         other_frame = _in_another_frame(robot, measurements, errors[-1])
+    placed, moved_points = None, tuple[tuple[str, tuple[float, float, float]], ...]()
+    mounted = absolute and not (measurements.targets or measurements.camera)
+    if mounted and other_frame is None and errors[-1] > noise:
+        placed, moved_points = _placed_anew(robot, measurements, *gaps[-1])
     stated = [effect.closes for effect in robot.effects if effect.closes is not None]
     return Verification(
         before=errors[0],
@@ -168,6 +182,8 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
         if base is None
         else (*base.translation.tolist(), *vector_from_rotation(base.rotation).tolist()),
         unexplained=robot.unexplained,
+        moved_points=moved_points,
+        placed=placed,
         fitted=int((used.any(axis=1) & np.isin(row_digests(measurements), robot.fitted_rows.split())).sum()),
     )
 
@@ -183,6 +199,35 @@ def _in_another_frame(robot: Robot, rows: Measurements, after: float) -> float |
     left = _rms(_errors(robot, rows, refit=True)[0], used)
     free = int(used.sum()) - FRAME  # values of which six are taken up by any frame
     return left if free > 0 and left**2 * used.sum() / free < (1.0 - MOST) * after**2 else None
+
+
+def _placed_anew(
+    robot: Robot, rows: Measurements, gap: Array, motion: RigidMotion | None
+) -> tuple[float | None, tuple[tuple[str, tuple[float, float, float]], ...]]:
+    """Return what places of the points that fit these rows leave of a gap (N, 3), and by how much they move.
+
+    Where that closes most of it; else None, and none. `motion`: of a measuring frame that was fitted, and is
+    fitted anew.
+    """
+    names, used = np.unique(rows.point).tolist(), rows.measured_mask[:, :3] & ~np.isnan(gap)
+    columns = [nominal_pose(robot, rows, name)[1] * (rows.point == name)[:, None, None] for name in names]
+    if motion is not None:
+        columns, shift = (
+            [motion.rotation @ one for one in columns],
+            np.broadcast_to(np.eye(3), (len(rows), 3, 3)),
+        )
+        columns += [shift, -skew(np.nan_to_num(rows.position - gap))]
+    matrix, right = np.concatenate(columns, axis=2)[used], gap[used]
+    free = len(right) - matrix.shape[1]
+    if free <= 0:
+        return None, ()
+    moved, *_ = np.linalg.lstsq(matrix, right, rcond=None)
+    left2, before2 = float(np.square(right - matrix @ moved).sum()), float(right @ right)
+    if left2 * len(right) / free >= (1.0 - MOST) * before2:
+        return None, ()
+    by = moved.reshape(-1, 3).tolist()
+    placed = float(np.sqrt(left2 / used.any(axis=1).sum()))
+    return placed, tuple((name, (x, y, z)) for name, (x, y, z) in zip(names, by, strict=False))
 
 
 def _errors(robot: Robot, rows: Measurements, refit: bool) -> tuple[Array, RigidMotion | None]:

@@ -76,6 +76,7 @@ NAMES = (
         "half_lost_motion",
         "positive where the joint goes farther than its reading, negative where it stays behind",
     ),
+    (r"\bslip_[xyz]", "slip_x", "along the axes of the link or frame that the point is fixed to"),
     (r"\btare", "tare", "what the load cell reads without a load"),
     (
         r"_compliance_[xyz]",

@@ -1,19 +1,21 @@
 """Verdict, table and sentences of a verification: a robot with its effects on fresh rows."""
 
 import math
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 from rich.console import RenderableType
 
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.verify import MODEL, Verification
+from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import percent
 from beamstiff.report.tables import Table, table
 from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
 
+LITTLE = 0.03  # share of the gap, by which effects may make rows worse that tell nothing against them
 HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
 REFITTED = (
     "The measuring frame was fitted to these rows, once without and once with the effects. So an error that "
@@ -111,8 +113,10 @@ def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
             f"{rounded(1e3 * found.other_frame)} mm with the measuring frame fitted (--refit-frame)"
         )
         return Verdict(head, "differs", action="Run it again with --refit-frame.")
+    if found.moved_points and found.placed is not None:
+        return _moved_verdict(found, robot, files, left, found.placed)
     worse = in_words(_worse(found))
-    if found.after > found.before:
+    if found.true < -LITTLE:
         head = (
             f"The file's effects make these rows worse: position error {rounded(1e3 * found.before)} mm "
             f"without them, {left} with them"
@@ -135,12 +139,29 @@ def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
     return Verdict(head, "differs", action=action)
 
 
+def _moved_verdict(
+    found: Verification, robot: str, files: Sequence[str], left: str, placed: float
+) -> Verdict:
+    """Return the verdict where the measured points do not sit where the robot file says."""
+    names, many = listed([name for name, _ in found.moved_points], 3), len(found.moved_points) > 1
+    head = (
+        f"{names} {'do' if many else 'does'} not sit where the robot file says: position error {left}, "
+        f"{rounded(1e3 * placed)} mm with {'them' if many else 'it'} placed anew"
+    )
+    places = "; ".join(
+        f"{name} by ({', '.join(f'{1e3 * one:+.2f}' for one in by)}) mm" for name, by in found.moved_points
+    )
+    command = ["beamstiff", "calibrate", robot, *files, "--parameters", "base,target", "--out"]
+    action = (
+        f"Was it mounted anew, or did it slip since the robot was fitted? It is off along the axes of its "
+        f"frame: {places}. Fit the places alone ({shlex.join(command)} NEW), and verify NEW on other rows."
+    )
+    return Verdict(head, "differs", action=action)
+
+
 def _worse(found: Verification) -> list[str]:
-    """Return the causes that make the error larger than it is with those before them."""
-    errors = pairwise([found.before, *(after for _, after, _ in found.causes)])
-    return [
-        name for (name, _, _), (before, after) in zip(found.causes, errors, strict=True) if after > before
-    ]
+    """Return the causes that make the error larger than it is with those before them, and not by little."""
+    return [name for name, _, closes in found.causes if closes < -LITTLE]
 
 
 def _action(found: Verification, robot: str, files: Sequence[str], level: Level) -> str:

@@ -9,6 +9,7 @@ from rich.text import Text
 
 import beamstiff
 from beamstiff import Robot
+from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.measured_torques import BESIDE_EFFECTS
 from beamstiff.diagnosis.residual.baseline import nominal_pose, predict
@@ -255,3 +256,32 @@ def test_a_frame_that_is_off_is_told_from_a_robot_that_is_off(machine: Robot) ->
     near = read(machine, rows_of("kr240-2", True, seed=5))
     assert verify(robot_of("kr240-2"), near).other_frame is None  # the machine's play is no frame
     assert verify(machine, replace(rows, sigma=np.full_like(rows.sigma, 10.0))).other_frame is None
+
+
+@pytest.mark.parametrize("refit", [False, True])
+def test_a_reflector_that_was_mounted_anew_is_told_from_effects_that_fail(
+    machine: Robot, refit: bool
+) -> None:
+    rows = read(machine, rows_of("kr240-2", True, seed=5))
+    noise = SIGMA * np.random.default_rng(4).standard_normal(rows.position.shape)
+    rows = seen(machine, SIGMA) if refit else replace(rows, position=rows.position + noise)
+    by = {f"{machine.tcp}.x": 3e-3, f"{machine.tcp}.y": -2e-3, f"{machine.tcp}.z": 1e-3}
+    elsewhere = corrected(machine, by, rows.q[:1])
+    found = verify(elsewhere, rows, refit_frame=refit)
+    ((name, moved),) = found.moved_points
+    assert name == machine.tcp
+    np.testing.assert_allclose(moved, (-3e-3, 2e-3, -1e-3), atol=3e-5)
+    assert found.placed == pytest.approx(verify(machine, rows, refit_frame=refit).after, rel=0.1)
+    told = verification_verdict(found, "arm.yaml", ["rows.csv"])
+    assert told.headline.startswith(f"{machine.tcp} does not sit where the robot file says: position error ")
+    assert "beamstiff calibrate arm.yaml rows.csv --parameters base,target --out NEW" in told.action
+    assert not verify(machine, rows, refit_frame=refit).moved_points
+
+
+def test_effects_that_hardly_change_rows_are_not_what_is_wrong_with_them() -> None:
+    off = replace(verify(played(), fresh(played())), before=1e-3, after=1.01e-3, noise=2e-5)
+    little, more = (
+        verification_verdict(replace(off, true=true), "a", ["b"]).headline for true in (-0.02, -0.2)
+    )
+    assert little.startswith("Position error 1.0 mm with the file's effects, 50.5 times the noise")
+    assert more.startswith("The file's effects make these rows worse")

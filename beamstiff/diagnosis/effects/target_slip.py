@@ -1,14 +1,15 @@
 """`target-slip`: the reflector, or the tool, moves on the robot at some row and stays there.
 
-From that row on the point is off by p, constant in the tool's frame. Every row of a point is a possible
-moment, and a slip says nothing of other campaigns: the target is glued on anew.
+From that row on the point is off by p, constant along the axes in which the robot file says where it sits.
+Every row of a point is a possible moment, and a slip says nothing of other campaigns: the target is glued on
+anew.
 """
 
 import numpy as np
 
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape
-from beamstiff.diagnosis.effects.external import shift_alone, tool_axes
-from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.diagnosis.effects.external import shift_alone
+from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
 from beamstiff.measure.rows import history_order
 
 SIZE = 5e-4  # m
@@ -41,7 +42,7 @@ def _components(baseline: Baseline) -> list[str | None]:
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     rows, point = baseline.rows, component or baseline.nominal.tcp
     own = [row for row in history_order(rows).tolist() if rows.point[row] == point]
-    moved = shift_alone(tool_axes(baseline))
+    moved = shift_alone(nominal_pose(baseline.nominal, rows, point)[1])
     after = np.zeros(len(rows))
     after[own[FEWEST:]] = 1.0
     shapes = []

@@ -339,13 +339,16 @@ def deviation(robot: Robot, rows: Measurements) -> Array:
     return rows.along(result) if rows.camera else result
 
 
-def nominal_pose(robot: Robot, rows: Measurements) -> tuple[Array, Array]:
-    """Return where the undeformed robot has the rows' points (N, 3), and the TCP's rotation (N, 3, 3)."""
+def nominal_pose(robot: Robot, rows: Measurements, node: str | None = None) -> tuple[Array, Array]:
+    """Return where the undeformed robot has the rows' points (N, 3), and the rotation of a node (N, 3, 3).
+
+    `node`: default the TCP.
+    """
     kinematics = compile_kinematics(robot)
     poses, number = np.unique(rows.q, axis=0, return_inverse=True)
     where, pose = posture(kinematics, poses), number.reshape(-1)
     seen = [kinematics.node_index[name] for name in rows.point.tolist()]
-    return where.node_positions[pose, seen], pose_of(kinematics, where, robot.tcp)[pose, :3, :3]
+    return where.node_positions[pose, seen], pose_of(kinematics, where, node or robot.tcp)[pose, :3, :3]
 
 
 def _values(robot: Robot, names: Sequence[str], start: Array) -> Array:

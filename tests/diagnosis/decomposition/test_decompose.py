@@ -24,6 +24,7 @@ from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.report.diagnosis_text import verdict
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
+from beamstiff.robot.parts import Frame, Node, Rigid
 from beamstiff.se3 import Array, rotation_from_vector
 
 UR10 = Path(__file__).resolve().parents[3] / "examples" / "data" / "ur10.yaml"
@@ -161,6 +162,26 @@ def test_a_target_that_slipped_stands_where_it_came_to_rest() -> None:
     fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("approach", "gear"), rng)
     later = verify(extended(diagnosis), fresh, refit_frame=True)
     assert later.after > 0.3 * np.linalg.norm(SLIP)  # glued on anew, it stands at its old place
+
+
+def test_a_slip_is_along_the_axes_in_which_the_robot_file_places_the_point() -> None:
+    """The TCP's own axes are others: a flange frame that is turned against the link, as in most URDFs."""
+    robot, rows = table(("slip",))
+    turned = robot.model_copy(
+        update={
+            "frames": (*robot.frames, Frame(name="tool0", parent="f6", alpha=1.2, theta=-0.7)),
+            "nodes": (*robot.nodes, Node(name="tool0", frame="tool0")),
+            "rigids": (*robot.rigids, Rigid(name="flange", nodes=(robot.tcp, "tool0"))),
+            "tcp": "tool0",
+        }
+    )
+    diagnosis = diagnose(turned, rows)
+    assert diagnosis.verdict.key == f"target-slip:{robot.tcp}"
+    for one, true in zip(diagnosis.verdict.estimates, SLIP, strict=True):
+        assert abs(one.value - true) < 4.0 * one.std
+    rng = np.random.default_rng(9)
+    fresh = read(robot, rng.uniform(-2.5, 2.5, (40, 6)), ("slipped",), rng)
+    assert verify(extended(diagnosis), fresh, refit_frame=True).after < 2.0 * np.sqrt(3) * NOISE
 
 
 def test_of_a_cause_that_is_withheld_most_stays_and_the_remainder_says_what_it_follows() -> None:
