@@ -222,7 +222,15 @@ def _placed(
     program = path if isinstance(path, Program) else read_program(Path(path))
     if names := names_of("only", only):
         program = program.only(names)
-    frames = Frames(_stated_frame(program, "base", base), _stated_frame(program, "tool", tool))
+    try:
+        placed = _stated_frame(program, "base", base)
+    except OptionError as error:
+        try:  # to say both at once
+            _stated_frame(program, "tool", tool)
+        except OptionError as other:
+            raise OptionError("base", f"{error.what}; and tool {other.what}") from None
+        raise
+    frames = Frames(placed, _stated_frame(program, "tool", tool))
     return program, Machine(controller, real, frames=frames)
 
 
@@ -280,7 +288,11 @@ def _stated_frame(program: Program, what: str, given: ArrayLike | None) -> Array
             poses[name] = one.pose
         else:
             at = f":{one.line}" if one.line else ""
-            told = f"is needed: {source}{at} has {one.name}, whose place the program does not say"
+            itself = "the robot's own base frame" if what == "base" else "the TCP of the robot file itself"
+            told = (
+                f"is needed: {source}{at} has {one.name}, whose place the program does not say "
+                f"(x=0: {itself})"
+            )
             each = f"; take the targets of one at a time with only: {names}" if many else ""
             raise OptionError(what, told + each)
     first = next(iter(poses.values()))

@@ -75,6 +75,12 @@ def test_bases_may_differ_by_target_and_numbers_stay_in_their_own(tmp_path: Path
             f"$BASE=BASE_DATA[2]\nLIN {TARGET}\n",
             r"base: is needed: .*a.src:1 has \$BASE = BASE_DATA\[2\]",
         ),
+        (
+            "a.src",
+            f"$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\nLIN {TARGET}\n",
+            r"base: is needed: .*BASE_DATA\[2\].* \(x=0: the robot's own base frame\); and tool is needed: "
+            r".*TOOL_DATA\[1\].* \(x=0: the TCP of the robot file itself\)",
+        ),
         ("a.src", f"BAS(#TOOL,4)\nLIN {TARGET}\n", r"tool: is needed: .*a.src:1 has tool 4"),
         ("a.src", f"$TOOL.Z = 5\nLIN {TARGET}\n", r"tool: is needed: .*a.src:1 has \$TOOL.Z = 5"),
         ("a.mod", f"MoveL {RAPID_TARGET},v100,z5,gun\\WObj:=wobj0;", "tool: is needed: .*a.mod:1 has gun"),
