@@ -47,9 +47,9 @@ NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 
 
 def action(result: Diagnosis, head: str) -> str:
-    """Return what to do next of a diagnosis with a headline: the one thing, and what of the drives."""
+    """Return what to do next of a diagnosis with a headline, a task a line: the first, and what of the drives."""
     drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
-    return f"{_one(result, head)} {drives}".strip()
+    return f"{_one(result, head)}\n{drives}".strip()
 
 
 def _one(result: Diagnosis, head: str) -> str:
@@ -176,15 +176,15 @@ def _elsewhere(cause: Candidate) -> str:
 
 
 def _also(result: Diagnosis, measure: str) -> str:
-    """Return the states to measure as a sentence after others, `measure` its verb; empty without."""
+    """Return the states to measure as a line after others, `measure` its verb; empty without."""
     if not result.next:
         return ""
     each = [item["discrimination"] for item in result.next if item["separates"]]
     if each and sum(each) < DECIDES:
         return (
-            f" More readings like these will not decide: even {proposed(result)} add little{_written(result)}"
+            f"\nMore readings like these will not decide: even {proposed(result)} add little{_written(result)}"
         )
-    return f" {measure} {proposed(result)}{_written(result)}"
+    return f"\n{measure} {proposed(result)}{_written(result)}"
 
 
 def _written(result: Diagnosis) -> str:

@@ -42,7 +42,7 @@ class Verdict:
     headline: str  # the answer in a line
     level: Level = "plain"  # green, amber or red; plain where nothing is judged
     data: str = ""  # which files, how many rows
-    action: str = ""  # the one thing to do next
+    action: str = ""  # the one thing to do next; of several tasks, a line each
     causes: str = ""  # all causes, where there are several; what an error comes from
     doubt: str = ""  # why not to believe the headline
     explained: bool = False  # whether what is named leaves but noise
@@ -62,7 +62,7 @@ class Verdict:
         if self.data:
             yield Text(f"Data: {self.data}.")
         if self.action:
-            yield Text(f"Next: {self.action}")
+            yield Text("Next: " + self.action.replace("\n", "\n      "))
         yield Text("")
 
 
