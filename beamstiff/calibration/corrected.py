@@ -11,7 +11,7 @@ from beamstiff.fem.geometry import COINCIDENT
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression
-from beamstiff.robot.forward import screws_of
+from beamstiff.robot.forward import Screw, screws_of
 from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Variable
@@ -198,16 +198,19 @@ class _Seats:
 def _on_axis(kinematics: Kinematics, where: Posture, node: int) -> Array:
     """Return a node's place (3,) in its frame, on the axis that the frame turns about.
 
-    Parameters behind the joint's motion (beta and r behind theta) carry the frame off its axis.
+    Parameters behind the joint's motion (beta and r behind theta, frames without a motion of their own) carry
+    the frame off its axis.
     """
     at: Array = kinematics.node_at[node]
-    frame = int(kinematics.node_frame[node])
-    chain = [int(kinematics.parents[frame]), frame]
-    screws = screws_of(kinematics, where.values[:1], where.transforms[:1], chain) if frame else []
+    moving, screws = int(kinematics.node_frame[node]), list[Screw]()
+    while moving and not screws:
+        chain = [int(kinematics.parents[moving]), moving]
+        screws = screws_of(kinematics, where.values[:1], where.transforms[:1], chain)
+        moving = chain[0]
     turns = [screw for screw in screws if MOTIONS[screw.motion][1] == "turn"]
     if len(turns) != 1:
         return at
-    pose = where.transforms[0, frame]
+    pose = where.transforms[0, kinematics.node_frame[node]]
     axis = pose[:3, :3].T @ turns[0].axis[:, 0]
     foot = pose[:3, :3].T @ (turns[0].point[:, 0] - pose[:3, 3])
     return np.asarray(foot + ((at - foot) @ axis) * axis)

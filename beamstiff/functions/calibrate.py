@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate as fit
+from beamstiff.calibration.elastic import felt_names
 from beamstiff.calibration.observability import NOTICED
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
@@ -15,12 +16,14 @@ from beamstiff.calibration.statement import build_calibration
 from beamstiff.calibration.validation import errors_on
 from beamstiff.diagnosis.measured_torques import measured_torques
 from beamstiff.diagnosis.without_effects import positions_without_effects
-from beamstiff.errors import BeamstiffError, OptionError, optional, shown, suggest
+from beamstiff.errors import BeamstiffError, OptionError, listed, optional, shown, suggest
 from beamstiff.functions.checks import effects_text, names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
 from beamstiff.measure.position_doubts import stands_doubts
 from beamstiff.measure.rows import concatenate, ranges_of, require_tracker, row_digests
+from beamstiff.measure.table import Measurements
+from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import RobotLike
 from beamstiff.units import quantity
 
@@ -110,6 +113,7 @@ def calibrate(
         "stations": stations,
         "encoders": not machine.effects,
     }
+    dropped += start_values_taken(machine, rows, said["compliances"])
     if np.isfinite(rows.link).any() and (machine.effects or not compliances):
         why = "the robot has effects" if machine.effects else "no compliances are sought"
         dropped += (f"encoders behind the gears are not used: {why}",)
@@ -135,6 +139,18 @@ def calibrate(
     )
     found = replace(found, robot=calibrated)
     return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
+
+
+def start_values_taken(robot: Robot, rows: Measurements, fitted: Sequence[str]) -> tuple[str, ...]:
+    """Return which start values of a stiffness the deformation counts with as if they were measured."""
+    guessed = [name for name in robot.unmeasured if name not in fitted]
+    if not guessed or not (guessed := felt_names(robot, rows, guessed)):
+        return ()
+    names = ",".join(guessed)
+    return (
+        f"deformation counts by start values that no measurement determined: {listed(guessed, 6)}. Fit them "
+        f"too (--compliances {names}), or take beamstiff diagnose, which does",
+    )
 
 
 def each_prior(

@@ -47,7 +47,7 @@ NO_CAUSES = "Fitted zeros, lengths and drive stiffness do not count as causes."
 
 
 def action(result: Diagnosis, head: str) -> str:
-    """Return what to do next of a diagnosis with a headline, a task a line: the first, and what of the drives."""
+    """Return what to do next of a diagnosis with a headline, a task a line: one thing, and the drives."""
     drives = "" if result.rms > LARGE_DISPLACEMENT else _drives(result)  # then the table is wrong first
     return f"{_one(result, head)}\n{drives}".strip()
 
@@ -181,9 +181,8 @@ def _also(result: Diagnosis, measure: str) -> str:
         return ""
     each = [item["discrimination"] for item in result.next if item["separates"]]
     if each and sum(each) < DECIDES:
-        return (
-            f"\nMore readings like these will not decide: even {proposed(result)} add little{_written(result)}"
-        )
+        few = f"even {proposed(result)} add little{_written(result)}"
+        return f"\nMore readings like these will not decide: {few}"
     return f"\n{measure} {proposed(result)}{_written(result)}"
 
 

@@ -338,3 +338,17 @@ def test_rotations_read_worse_than_stated_do_not_pull_positions_away() -> None:
         assert any("rotations scatter" in note for note in found.notes)
         wrong.append(errors)
     assert np.mean(wrong, axis=0)[0] < 1.1 * np.mean(wrong, axis=0)[1]
+
+
+def test_a_sag_by_start_values_is_told_unless_they_are_fitted() -> None:
+    rows = measured(machine(serial(False), machined(serial(), 3)), within(serial(), 40, 1))
+    guessed = serial(False).with_unmeasured((), ["J2.torsional"])
+    notes = [
+        calibrate(guessed, rows, compliances=fitted, folds=0).notes for fitted in ((), ("J2.torsional",))
+    ]
+    told = [
+        any("start values that no measurement determined: J2.torsional" in one for one in own)
+        for own in notes
+    ]
+    assert told == [True, False]
+    assert not any("start values" in one for one in calibrate(serial(False), rows, folds=0).notes)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError, Robot, load_robot, robot_names
+from beamstiff.calibration.corrected import corrected
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import all_values, compile_frames
 from beamstiff.robot.reader import parse_robot
@@ -302,3 +303,15 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(text: str, message: s
         load_robot(file)
     assert str(error.value).startswith(f"{file}:")
     assert str(error.value).isprintable()
+
+
+def test_a_leaders_other_zero_is_written_into_the_joints_that_follow_it() -> None:
+    """A link that follows stands where its leader truly is, whatever zero the leader reads."""
+    robot, text = parse_urdf(EVERYTHING, tcp=TCP), EVERYTHING
+    moved = corrected(robot, {"grip": 0.02}, np.zeros((1, 3)))
+    written = robot_to_urdf(moved)
+    assert 'multiplier="-2"' in written
+    q = {"base-yaw": 0.3, "lift": 0.2, "grip": -0.7}
+    true, read = by_scipy(text, q | {"grip": q["grip"] + 0.02}), by_scipy(written, q)
+    for link, pose in true.items():
+        np.testing.assert_allclose(read[link], pose, atol=1e-9)

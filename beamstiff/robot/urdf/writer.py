@@ -14,8 +14,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.robot.coupling import coupling, frame_expressions
+from beamstiff.robot.coupling import coupling, frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
+from beamstiff.robot.expression import parse_expression
 from beamstiff.robot.forward import forward
 from beamstiff.robot.frames import compile_frames
 from beamstiff.robot.link_tree import (
@@ -91,6 +92,7 @@ def _written_into(text: str, robot: Robot) -> str:
     for joint in tree.joints:
         _write_stiffness(edits, elements[joint.name], joint, robot)
     _write_places(edits, robot, tree, elements)
+    _write_mimics(edits, robot, tree, elements)
     _write_limits(edits, robot, tree, elements)
     _write_masses(edits, robot, root)
     changed = edits.made()
@@ -252,6 +254,25 @@ def _moved_by(robot: Robot, parent: str, child: str) -> set[str] | None:
         used.update(name for item in expressions[child].values() for name in item.coefficients)
         child = frames[child].parent
     return used
+
+
+def _write_mimics(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping[str, Element]) -> None:
+    """Write how joints follow others, where that changed: the leader's zero may be elsewhere."""
+    names, kinds = variable_names(tree.joints), variable_kinds(robot)
+    equals = {variable.name: variable.equals for variable in robot.variables}
+    for joint in tree.joints:
+        told = equals.get(names.get(joint.name, ""))
+        if joint.mimic is None or told is None:
+            continue
+        leader = names[joint.mimic.joint]
+        exact = parse_expression(told, kinds[names[joint.name]], kinds)
+        if exact.coefficients.keys() != {leader}:
+            continue  # the extension tells it
+        element, old = elements[joint.name].need("mimic"), (joint.mimic.multiplier, joint.mimic.offset)
+        new = (exact.coefficients[leader], exact.constant)
+        for name, before, value in zip(("multiplier", "offset"), old, new, strict=True):
+            if not _alike(before, value):
+                edits.attribute(element, name, short_number(value))
 
 
 def _write_limits(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping[str, Element]) -> None:
