@@ -23,7 +23,14 @@ from beamstiff.diagnosis.decomposition.look_alikes import (
 )
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
 from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, causes_of, gain, resampled
+from beamstiff.diagnosis.decomposition.selection import (
+    ENOUGH,
+    FORMS,
+    causes_of,
+    gain,
+    resampled,
+    with_further_forms,
+)
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.prior import TEMPERING
 from beamstiff.se3 import Array
@@ -45,6 +52,9 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
     step, replaced = without_weak(folds, step), dict[Numbers, list[tuple[int, Step]]]()
     if not final:
         step, replaced = _improved(folds, with_usual_name(choice, step))
+        likelier = _with_likelier(folds, step, replaced)
+        if likelier is not step:
+            step, replaced = likelier, _replaced(folds, likelier)
     noise2 = _noise2(model)
     order, errors, shown = _without_cancelling(folds, step, noise2)
     step = fit_step(choice, tuple(number for cause in order for number in cause))
@@ -313,8 +323,7 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
     """Return the fit that none is better than which lacks one of its causes, and such fits by that cause."""
     choice = folds.choice
     for _ in range(ROUNDS):
-        causes = [cause for cause in causes_of(choice, step) if not choice.keeps(cause)]
-        replaced = {cause: list(instead(choice, step, cause, folds.squared_errors)) for cause in causes}
+        replaced = _replaced(folds, step)
         every = [found for fits in replaced.values() for _, found in fits]
         best = min(every, key=lambda found: found.bic, default=step)
         better = with_usual_name(choice, without_weak(folds, best)) if best.bic <= step.bic - ENOUGH else step
@@ -322,6 +331,33 @@ def _improved(folds: Folds, step: Step) -> tuple[Step, dict[Numbers, list[tuple[
             break
         step = better
     return step, replaced
+
+
+def _replaced(folds: Folds, step: Step) -> dict[Numbers, list[tuple[int, Step]]]:
+    """Return by each cause that may go the fits without it, the others selected anew."""
+    causes = [cause for cause in causes_of(folds.choice, step) if not folds.choice.keeps(cause)]
+    return {cause: list(instead(folds.choice, step, cause, folds.squared_errors)) for cause in causes}
+
+
+def _with_likelier(folds: Folds, step: Step, replaced: Mapping[Numbers, Sequence[tuple[int, Step]]]) -> Step:
+    """Return a fit in which an effect of the library stands for a law outside it that is less likely.
+
+    Less likely than all of the library that would do in its place: of these the likeliest stands for all.
+    """
+    choice = folds.choice
+    for cause in causes_of(choice, step):
+        if not choice.forms[cause[0]].outside_library:
+            continue
+        rival = _rival_of(folds, step, cause, replaced.get(cause, ()))
+        others = tuple(k for k in step.chosen if k not in cause)
+        taken = {choice.forms[k].key for k in others}
+        form = next((k for k in rival.forms if not choice.forms[k].outside_library), None)
+        if form is None or choice.forms[form].key in taken or rival.in_library <= rival.probability:
+            continue
+        same = choice.of_cause[choice.forms[form].key]
+        other = with_further_forms(choice, fit_step(choice, (*others, form)), same, FORMS)
+        return _with_likelier(folds, without_weak(folds, other), {})
+    return step
 
 
 def _no_worse(folds: Folds, step: Step, other: Step) -> bool:

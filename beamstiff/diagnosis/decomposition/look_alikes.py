@@ -54,12 +54,15 @@ class Rival:
         Causes that explain the rows nearly as well in its place, or may do most of what it does beside it.
     forms : tuple of int
         Numbers of the best form of each of these that has one.
+    in_library : float
+        Probability of effects of the library in its place, together.
     """
 
     probability: float
     present: float
     indistinguishable: tuple[str, ...]
     forms: tuple[int, ...]
+    in_library: float
 
 
 def rival_of(
@@ -129,6 +132,7 @@ def rival_of(
         presence(step, without),
         tuple(alike),
         tuple(form[key] for key in alike if key in form),
+        sum(weight[key] for key, number in form.items() if not choice.forms[number].outside_library) / total,
     )
 
 
