@@ -212,11 +212,9 @@ def _placed_anew(
     names, used = np.unique(rows.point).tolist(), rows.measured_mask[:, :3] & ~np.isnan(gap)
     columns = [nominal_pose(robot, rows, name)[1] * (rows.point == name)[:, None, None] for name in names]
     if motion is not None:
-        columns, shift = (
-            [motion.rotation @ one for one in columns],
-            np.broadcast_to(np.eye(3), (len(rows), 3, 3)),
-        )
-        columns += [shift, -skew(np.nan_to_num(rows.position - gap))]
+        shift = np.broadcast_to(np.eye(3), (len(rows), 3, 3))
+        turn = -skew(np.nan_to_num(rows.position - gap))
+        columns = [*(motion.rotation @ one for one in columns), shift, turn]
     matrix, right = np.concatenate(columns, axis=2)[used], gap[used]
     free = len(right) - matrix.shape[1]
     if free <= 0:

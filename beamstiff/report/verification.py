@@ -4,6 +4,7 @@ import math
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from rich.console import RenderableType
@@ -15,7 +16,7 @@ from beamstiff.report.diagnosis_words import percent
 from beamstiff.report.tables import Table, table
 from beamstiff.report.verdict import Level, Verdict, diagnose_command, level_of, rounded
 
-LITTLE = 0.03  # share of the gap, by which effects may make rows worse that tell nothing against them
+LITTLE = 0.03  # of the squared error: by no more than that an effect does not make rows worse
 HALF = 0.5  # of the promised share: a robot that closes less is not the one that was promised
 REFITTED = (
     "The measuring frame was fitted to these rows, once without and once with the effects. So an error that "
@@ -116,7 +117,7 @@ def _judged(found: Verification, robot: str, files: Sequence[str]) -> Verdict:
     if found.moved_points and found.placed is not None:
         return _moved_verdict(found, robot, files, left, found.placed)
     worse = in_words(_worse(found))
-    if found.true < -LITTLE:
+    if _is_more(found, found.before, found.after):
         head = (
             f"The file's effects make these rows worse: position error {rounded(1e3 * found.before)} mm "
             f"without them, {left} with them"
@@ -144,24 +145,32 @@ def _moved_verdict(
 ) -> Verdict:
     """Return the verdict where the measured points do not sit where the robot file says."""
     names, many = listed([name for name, _ in found.moved_points], 3), len(found.moved_points) > 1
+    do, they, were = ("do", "them", "Were they") if many else ("does", "it", "Was it")
     head = (
-        f"{names} {'do' if many else 'does'} not sit where the robot file says: position error {left}, "
-        f"{rounded(1e3 * placed)} mm with {'them' if many else 'it'} placed anew"
+        f"{names} {do} not sit where the robot file says: position error {left}, "
+        f"{rounded(1e3 * placed)} mm with {they} placed anew"
     )
     places = "; ".join(
         f"{name} by ({', '.join(f'{1e3 * one:+.2f}' for one in by)}) mm" for name, by in found.moved_points
     )
     command = ["beamstiff", "calibrate", robot, *files, "--parameters", "base,target", "--out"]
     action = (
-        f"Was it mounted anew, or did it slip since the robot was fitted? It is off along the axes of its "
-        f"frame: {places}. Fit the places alone ({shlex.join(command)} NEW), and verify NEW on other rows."
+        f"{were} mounted anew since the robot was fitted, or is there a slip? By how much, along the axes of "
+        f"the link or frame: {places}. Fit the places alone ({shlex.join(command)} NEW), and verify NEW on "
+        "other rows."
     )
     return Verdict(head, "differs", action=action)
 
 
 def _worse(found: Verification) -> list[str]:
     """Return the causes that make the error larger than it is with those before them, and not by little."""
-    return [name for name, _, closes in found.causes if closes < -LITTLE]
+    errors = pairwise([found.before, *(after for _, after, _ in found.causes)])
+    return [name for (name, _, _), each in zip(found.causes, errors, strict=True) if _is_more(found, *each)]
+
+
+def _is_more(found: Verification, before: float, after: float) -> bool:
+    """Return whether one error is larger than another, and not by little of what there is without effects."""
+    return after**2 - before**2 > LITTLE * found.before**2
 
 
 def _action(found: Verification, robot: str, files: Sequence[str], level: Level) -> str:
