@@ -16,10 +16,10 @@ from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import REPEATED, SLIP, Form, forms_of
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry, open_stiffness, orthonormal
 from beamstiff.diagnosis.decomposition.remainder import Remainder
-from beamstiff.diagnosis.effects.external import tool_axes
+from beamstiff.diagnosis.effects.external import shift_alone
 from beamstiff.diagnosis.predictions import as_measured, columns_at
 from beamstiff.diagnosis.prior import Prior
-from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline
+from beamstiff.diagnosis.residual.baseline import at_rows, fit_baseline, nominal_pose
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
@@ -65,8 +65,8 @@ class PlainStepwise:
             for form, theta in zip(cause.forms, cause.theta, strict=True):
                 if form.effect == SLIP:  # it stays where it came to rest
                     here = rows.point == (form.component or near.nominal.tcp)
-                    columns = np.zeros((len(rows), 6, 3))
-                    columns[:, :3] = tool_axes(near) * here[:, None, None]
+                    axes = nominal_pose(near.nominal, near.rows, form.component)[1]
+                    columns = shift_alone(axes * here[:, None, None])
                 else:
                     columns = columns_at(near, form)
                 after = after + columns @ (theta * form.sizes)

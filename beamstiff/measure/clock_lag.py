@@ -30,6 +30,7 @@ EXPLAINED = 0.99  # share of a point's motion that the joints must explain
 AS_MANY = 0.9  # of the motions that tell the best lag: what so many others tell as well is a doubt too
 ALIKE = 2.0  # a second lag that fits nearly as well (residuals within this factor) leaves a doubt
 FREE = 0.2  # of each place's own value that the other places leave: fewer places tell nothing
+ROUNDING = 1e-12  # of the places' squared spread, left by a fit of them: what is less says nothing of a lag
 MODEL = 2e-3  # s: error of one motion's lag beside noise, of curves that are no polynomial
 MOST_FREE = 30  # readings that count in one motion: what a polynomial leaves is no white noise
 USUAL_DRIFT = 1e-4  # s/s: quartz clocks drift by less
@@ -177,7 +178,8 @@ def _by_rests(
         if free.min() < FREE:
             continue
         left = (x - projected @ x) / free[:, None]
-        errors.append((float((left**2).sum() / ((x - x.mean(axis=0)) ** 2).sum()), lag))
+        share = float((left**2).sum() / ((x - x.mean(axis=0)) ** 2).sum())
+        errors.append((max(share, ROUNDING), lag))
     if not errors:
         return None
     best, lag = min(errors)
