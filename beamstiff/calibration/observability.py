@@ -17,6 +17,7 @@ from beamstiff.se3 import Array
 
 NOTICED = 1.0  # signal over noise of a realistic deviation, below which a parameter is held
 EXACT = 1e-9  # of the longest unit column: what is left below is rounding
+TIE = 1e-7  # of a column, by which it has to be longer to be taken before one that comes first
 MENTIONED = 1e-3  # of a column, from which another's part in it is named
 
 
@@ -57,11 +58,13 @@ def observability(
     adds = np.zeros(len(parameters))
     for rank in sorted({item.rank for item in parameters}):
         group = np.array([at for at, item in enumerate(parameters) if item.rank == rank])
-        _, upper, pivots = qr(left[:, group], mode="economic", pivoting=True)
+        # of two that move the points alike the first is taken, and not the one that rounding makes longer
+        first = 1.0 - TIE * np.arange(group.size)
+        _, upper, pivots = qr(left[:, group] * first, mode="economic", pivoting=True)
         # fewer rows than columns: the columns behind add nothing
         gains = np.zeros(group.size)
         diagonal = np.abs(np.diagonal(upper))
-        gains[: diagonal.size] = diagonal
+        gains[: diagonal.size] = diagonal / first[pivots[: diagonal.size]]
         ordered = group[pivots]
         adds[ordered] = gains
         kept = felt[ordered] & (gains > noticed) & (gains > EXACT * length[ordered])

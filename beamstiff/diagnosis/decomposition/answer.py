@@ -179,23 +179,38 @@ def _without_cancelling(
     """Return causes in order, the errors (P,) along them, and what share of the gap each shows.
 
     Of several that cancel one another some close less than nothing, and a fit without one is hardly worse:
-    what it does the others do too; or some of them leave more than there is without any cause. The one that
-    is missed least goes, and so on.
+    what it does the others do too; or some of them leave more than there is without any cause. The one goes
+    without which the others do not cancel, that is missed least if there are several; where there is none,
+    the one of the cancelling that is missed least, and so on.
     """
-    while True:
-        order, errors = ordered(folds, causes_of(folds.choice, step))
-        explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
-        shown = [own / explainable for own in _shown(folds, order)]
-        shares = closed(errors, noise2)
-        free = {at for at, cause in enumerate(order) if not folds.choice.keeps(cause)}
-        negative = {at for at in free if shares[at] <= -MINOR}
-        cancelling = {at for at in free if shown[at] < MINOR <= abs(shares[at])}
-        if max(error.sum() for error in errors) > errors[0].sum():
-            cancelling |= negative
-        if not cancelling or not negative:
-            return order, errors, shown
-        least = order[min(cancelling, key=lambda at: shown[at])]
+    order, errors, shown, cancelling = _cancelling(folds, step, noise2)
+    while cancelling:
+        missed = [order[at] for at in np.argsort(shown).tolist() if not folds.choice.keeps(order[at])]
+        for gone in missed:
+            without = fit_step(folds.choice, [number for number in step.chosen if number not in gone])
+            told = _cancelling(folds, without, noise2)
+            if not told[-1]:
+                return told[:3]
+        least = next(cause for cause in missed if cause in cancelling)
         step = fit_step(folds.choice, [number for number in step.chosen if number not in least])
+        order, errors, shown, cancelling = _cancelling(folds, step, noise2)
+    return order, errors, shown
+
+
+def _cancelling(
+    folds: Folds, step: Step, noise2: float
+) -> tuple[list[Numbers], list[Array], list[float], list[Numbers]]:
+    """Return the order of causes, the errors along it, what each shows, and those that cancel others."""
+    order, errors = ordered(folds, causes_of(folds.choice, step))
+    explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
+    shown = [own / explainable for own in _shown(folds, order)]
+    shares = closed(errors, noise2)
+    free = {at for at, cause in enumerate(order) if not folds.choice.keeps(cause)}
+    negative = {at for at in free if shares[at] <= -MINOR}
+    cancelling = {at for at in free if shown[at] < MINOR <= abs(shares[at])}
+    if max(error.sum() for error in errors) > errors[0].sum():
+        cancelling |= negative
+    return order, errors, shown, [order[at] for at in sorted(cancelling)] if negative else []
 
 
 def _rank(cause: Cause) -> int:

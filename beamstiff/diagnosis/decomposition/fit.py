@@ -30,6 +30,7 @@ from beamstiff.se3 import Array
 
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
 ROUNDING = 1e-12  # of the largest column of a form, at which one is 0
+ZERO = 1e-10  # of the largest parameter, up to which one that cannot be negative is 0 but for rounding
 SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
 
@@ -163,6 +164,8 @@ class Step:
         Columns that are used.
     triangle : (c, c) array
         Of Cholesky, upper: of ``G + D``.
+    unbounded : (array (a,), array (a, a), array (a,))
+        Columns, triangle and parameters of the fit in which all are used.
     theta : (c,) array
         Parameters, per unit column.
     squares : float
@@ -178,6 +181,7 @@ class Step:
     choice: Choice
     at: Integers
     triangle: Array
+    unbounded: tuple[Integers, Array, Array]
     theta: Array
     squares: float
     determined: float
@@ -294,6 +298,7 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     gram = np.concatenate([choice.products_of(k)[:, at] for k in (DRIVES, *chosen)])
     gram += np.diag(choice.precision[at])
     triangle, pull = _factor(gram, choice.pull[at])
+    unbounded = (at, triangle, np.asarray(solve_triangular(triangle, pull, check_finite=False)))
     root = solve_triangular(triangle, np.eye(at.size), check_finite=False)
     # a sign that was left out is a choice too: it costs as much
     determined = float(at.size - choice.precision[at] @ (root**2).sum(axis=1))
@@ -311,7 +316,10 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     value = float(bic(squares, choice.open_count + determined, choice.independent, prior))
     if impossible(choice, at, theta, np.sqrt(variance * max(squares / max(choice.count, 1), 1.0))):
         value = np.inf
-    return Step(chosen, tuple(each), drives, choice, at, triangle, theta, squares, determined, value)
+    each_free = tuple(each)
+    return Step(
+        chosen, each_free, drives, choice, at, triangle, unbounded, theta, squares, determined, value
+    )
 
 
 def impossible(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:
@@ -344,6 +352,7 @@ def _allowed(
     if not any(len(one.cuts(found)) for one in matrices):
         return (found > 0.0) | ~positive, None
     found = passive(triangle, pull, positive, matrices)
+    found[positive & (found <= ZERO * np.abs(found).max())] = 0.0
     for one in matrices:
         positive[one.at[one.at >= 0]] = True  # couplings of what is 0 are 0 as well
     return (found != 0.0) | ~positive, found

@@ -252,24 +252,31 @@ def with_usual_name(choice: Choice, step: Step) -> Step:
     """Return a fit in which what is one mechanics has its usual name, where the rows do not distinguish them.
 
     Of all joints that have lost motion those few are the cause that are worth one each; all drives that are
-    compliant are the one that is, where the others move little and are causes beside it.
+    compliant are the one that is, where the others move little and are causes beside it. Where two causes may
+    have a usual name, the one comes first that fits best under it.
     """
+    fits = [fit for cause in causes_of(choice, step) for fit in _usually_named(choice, step, cause)]
+    if not fits:
+        return step
+    return with_usual_name(choice, min(fits, key=lambda fit: fit.bic))
+
+
+def _usually_named(choice: Choice, step: Step, cause: tuple[int, ...]) -> Iterator[Step]:
+    """Yield the fit in which a cause has its usual name, if the rows do not distinguish them."""
     keys = {choice.forms[number].key for number in step.chosen}
-    for cause in causes_of(choice, step):
-        own = choice.forms[cause[0]]
-        others = tuple(k for k in step.chosen if k not in cause)
-        usual = [key for key in choice.alike.get(own.key, ())[:1] if key not in keys]
-        alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
-        fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
-        worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
-        if own.key in (ALL_DRIVES, ALL_REVERSED):
-            fits = [_some_joints(choice, others, own)]
-            # that it is all of them is likelier beforehand: this says nothing of what the others move
-            worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
-        named = min(fits, key=lambda fit: fit.bic, default=None)
-        if named and len(named.chosen) > len(others) and named.bic <= step.bic + worse:
-            return with_usual_name(choice, named)
-    return step
+    own = choice.forms[cause[0]]
+    others = tuple(k for k in step.chosen if k not in cause)
+    usual = [key for key in choice.alike.get(own.key, ())[:1] if key not in keys]
+    alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
+    fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
+    worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
+    if own.key in (ALL_DRIVES, ALL_REVERSED):
+        fits = [_some_joints(choice, others, own)]
+        # that it is all of them is likelier beforehand: this says nothing of what the others move
+        worse = ENOUGH + 2.0 * (prior_of(choice, step.chosen) - prior_of(choice, fits[0].chosen))
+    named = min(fits, key=lambda fit: fit.bic, default=None)
+    if named and len(named.chosen) > len(others) and named.bic <= step.bic + worse:
+        yield named
 
 
 def _some_joints(choice: Choice, others: tuple[int, ...], every: Form) -> Step:

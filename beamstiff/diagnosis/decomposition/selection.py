@@ -105,32 +105,55 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         open_to[choice.of_cause[key]] &= choice.apart[choice.of_cause[key]]
     open_to[list(step.chosen)] = False
     some = [np.flatnonzero(open_to[numbers]) for numbers, _, _ in choice.groups]
-    inside, pull = np.zeros((len(step.theta), len(choice.precision))), choice.pull
-    if len(step.theta):
-        used = zip((DRIVES, *step.chosen), (step.drives, *step.free), strict=True)
-        products = np.concatenate([choice.products_of(k)[free] for k, free in used])
-        at = np.concatenate([at[own].ravel() for own, (_, at, _) in zip(some, choice.groups, strict=True)])
-        inside[:, at] = solve_triangular(step.triangle, products[:, at], trans="T", check_finite=False)
-        pull = pull - step.theta @ products
+    products = np.concatenate([choice.products_of(k) for k in (DRIVES, *step.chosen)])
+    free = np.concatenate([step.drives, *step.free]).astype(bool)
+    places = np.concatenate([at[own].ravel() for own, (_, at, _) in zip(some, choice.groups, strict=True)])
+    beside = _beside(choice, products[free], step.triangle, step.theta, places)
+    _, triangle, unbounded = step.unbounded
+    beside_all = beside if free.all() else _beside(choice, products, triangle, unbounded, places)
     for own, (numbers, at, gram) in zip(some, choice.groups, strict=True):
         if not own.size:
             continue
-        numbers, at = numbers[own], at[own]
-        normal, precision = gram[own] - inside.T[at] @ inside.T[at].swapaxes(1, 2), choice.precision[at]
-        normal[:, np.arange(at.shape[1]), np.arange(at.shape[1])] += precision
-        inverse = np.linalg.inv(normal)
-        variance = np.einsum("gii->gi", inverse)
-        theta = (inverse @ pull[at][:, :, None])[:, :, 0]
-        squares = step.squares - (theta * pull[at]).sum(axis=1)
-        determined = at.shape[1] - (variance * precision).sum(axis=1)
-        std = np.sqrt(variance * np.maximum(squares / max(choice.count, 1), 1.0)[:, None])
-        wrong = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1) | (determined < SHOWS)
+        numbers, at, gram = numbers[own], at[own], gram[own]
+        theta, variance = _added(choice, beside, at, gram)
+        squares = step.squares - (theta * beside[1][at]).sum(axis=1)
+        determined = at.shape[1] - (variance * choice.precision[at]).sum(axis=1)
+        spread = np.maximum(squares / max(choice.count, 1), 1.0)[:, None]
+        wrong = _wrong(choice, at, theta, np.sqrt(variance * spread))
+        if wrong.any() and not free.all():  # beside parameters that are held at 0 others are surer than they are
+            also, of_all = _added(choice, beside_all, at[wrong], gram[wrong])
+            wrong[wrong] = _wrong(choice, at[wrong], also, np.sqrt(of_all * spread[wrong]))
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
-        wrong |= impossible(choice, at, theta, std)
         parameters = choice.open_count + step.determined + determined
         values = bic(squares, parameters, choice.independent, known + log_prior[numbers])
-        result[numbers] = np.where(wrong, np.inf, values)
+        result[numbers] = np.where(wrong | (determined < SHOWS), np.inf, values)
     return result, bounded
+
+
+def _beside(
+    choice: Choice, products: Array, triangle: Array, theta: Array, at: Integers
+) -> tuple[Array, Array]:
+    """Return columns (c, C) inside those of a fit, for those at some places, and the pull (C,) that is left."""
+    inside = np.zeros((len(theta), len(choice.precision)))
+    if not len(theta):
+        return inside, choice.pull
+    inside[:, at] = solve_triangular(triangle, products[:, at], trans="T", check_finite=False)
+    return inside, choice.pull - theta @ products
+
+
+def _added(choice: Choice, beside: tuple[Array, Array], at: Integers, gram: Array) -> tuple[Array, Array]:
+    """Return the parameters (g, c) of forms beside a fit, each added by itself, and their variance."""
+    inside, pull = beside
+    normal = gram - inside.T[at] @ inside.T[at].swapaxes(1, 2)
+    normal[:, np.arange(at.shape[1]), np.arange(at.shape[1])] += choice.precision[at]
+    inverse = np.linalg.inv(normal)
+    return (inverse @ pull[at][:, :, None])[:, :, 0], np.einsum("gii->gi", inverse)
+
+
+def _wrong(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:
+    """Return whether forms (g,) surely ask for a sign that a parameter cannot have, or a size of no machine."""
+    sign = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1)
+    return np.asarray(sign | impossible(choice, at, theta, std))
 
 
 def select(
