@@ -11,19 +11,22 @@ from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
 from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
 from beamstiff.calibration.instruments import settled, start_of
 from beamstiff.calibration.observability import NOTICED, Observability, observability
-from beamstiff.calibration.parameters import GEOMETRY, SOFTER, STANDS
+from beamstiff.calibration.parameters import ANGLE, GEOMETRY, LENGTH, SOFTER, STANDS
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
 from beamstiff.calibration.spread import spread_over_noise
 from beamstiff.calibration.statement import Statement, build_calibration, registered, rigid_gap
 from beamstiff.calibration.validation import held_out
 from beamstiff.errors import listed, optional
+from beamstiff.measure.far_rows import far_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, transform, vector_from_rotation
 
 ROUNDS = 5  # of calibrating and correcting the elastic displacement
 SETTLED = 1e-2  # of the noise: change of the elastic displacement below which the rounds end
+DEVIATION = {"m": LENGTH, "rad": ANGLE}
+UNREALISTIC = 100.0  # of these, 6 deg or 0.1 m: a joint whose zero was lost is off by less
 CHANCE = 0.05  # of so large a residual, below which the stated noise is not believed
 
 
@@ -297,10 +300,41 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         method=method,
         message="converged" if found.converged else "stopped before it converged",
         costs=found.costs,
-        notes=(*statement.notes, *_notes(problem, found, factor, widened), *worse, *left_out),
+        notes=(
+            *statement.notes,
+            *_notes(problem, found, factor, widened),
+            *_far_off(parameters),
+            *_far_rows(problem, gap),
+            *worse,
+            *left_out,
+        ),
         statement=statement,
         targets=tuple(settled(one, problem.values(theta)) for one in problem.rows.targets),
     )
+
+
+def _far_off(parameters: Sequence[Found]) -> Iterator[str]:
+    """Yield which zeros, lengths and angles changed by more than any robot is off from its description."""
+    own = [one for one in parameters if one.parameter.group in GEOMETRY and one.identified]
+    far = [one for one in own if abs(one.change) > UNREALISTIC * DEVIATION[one.parameter.unit]]
+    if far:
+        shown = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg")}
+        units = [(one, *shown[one.parameter.unit]) for one in far]
+        told = [f"{one.name} by {factor * one.change:.3g} {unit}" for one, factor, unit in units]
+        are = "are errors" if len(far) > 1 else "is an error"
+        yield (
+            f"{listed(told, 4)} {are} that no robot has: another zero or sense of the joint in the robot "
+            "file, or readings that do not determine it; compare the zeros, or free less (parameters offsets, "
+            "or a prior)"
+        )
+
+
+def _far_rows(problem: Problem, gap: Array) -> Iterator[str]:
+    """Yield which rows are far off all others."""
+    if not (problem.rows.targets or problem.rows.camera):
+        sigma, used = problem.sigma[:, :3] * problem.claimed, problem.used[:, :3]
+        if told := far_rows(problem.rows, gap[:, :3], sigma, used):
+            yield told
 
 
 def _worse(statement: Statement, held: Array | None, folds: int) -> Iterator[str]:

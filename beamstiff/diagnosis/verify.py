@@ -11,6 +11,7 @@ from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.far_rows import far_rows
 from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_motion
 from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements
@@ -163,6 +164,9 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     mounted = absolute and not (measurements.targets or measurements.camera)
     if mounted and other_frame is None and errors[-1] > noise:
         placed, moved_points = _placed_anew(robot, measurements, *gaps[-1])
+    if other_frame is None and not moved_points:
+        far = far_rows(measurements, gaps[-1][0], sigma, used)
+        notes += (far,) if far else ()
     stated = [effect.closes for effect in robot.effects if effect.closes is not None]
     return Verification(
         before=errors[0],

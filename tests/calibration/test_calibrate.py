@@ -352,3 +352,19 @@ def test_a_sag_by_start_values_is_told_unless_they_are_fitted() -> None:
     ]
     assert told == [True, False]
     assert not any("start values" in one for one in calibrate(serial(False), rows, folds=0).notes)
+
+
+def test_a_row_that_is_far_off_all_others_is_named() -> None:
+    rows = measured(REAL, within(serial(), 40, 1), base=BASE)
+    assert not any("wrong reading" in note for note in calibrate(serial(), rows, folds=0).notes)
+    position = rows.position.copy()
+    position[7, 2] += 5e-3
+    notes = calibrate(serial(), replace(rows, position=position), folds=0).notes
+    (told,) = (note for note in notes if "wrong reading" in note)
+    assert told.startswith(rows.place(7))
+
+
+def test_a_zero_that_no_robot_has_is_told() -> None:
+    rows = measured(machine(serial(), {"q2": np.radians(20.0)}), within(serial(), 40, 1))
+    (told,) = (note for note in calibrate(serial(), rows, ["q2", "q3"]).notes if "no robot has" in note)
+    assert told.startswith("q2 by 20 deg is an error")

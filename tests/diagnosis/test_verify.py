@@ -285,3 +285,13 @@ def test_effects_that_hardly_change_rows_are_not_what_is_wrong_with_them() -> No
     )
     assert little.startswith("Position error 1.0 mm with the file's effects, 50.5 times the noise")
     assert more.startswith("The file's effects make these rows worse")
+
+
+def test_a_row_that_is_far_off_all_others_is_named() -> None:
+    robot = played()
+    rows = fresh(robot)
+    displacement = rows.displacement.copy()
+    displacement[3, 0] += 1e-2
+    (told,) = verify(robot, replace(rows, displacement=displacement)).notes
+    assert told.startswith(f"{rows.place(3)} (10 mm) is off")
+    assert verify(robot, rows).notes == ()

@@ -10,21 +10,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, open_stiffness, orthonormal
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import listed
 from beamstiff.measure.arrays import Integers
+from beamstiff.measure.far_rows import APART, farthest, most_far, stands_apart
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
 
-APART = 3.0  # times the error of the farthest other row; causes of 150 simulated tables left at most 2.3
-FEW, SHARE = 2, 0.02  # rows, and share of them, that may be gross errors whatever they look like
 MANY = 0.15  # share of the rows that may be gross errors that show what went wrong: more hide one another
-CHANCE = 1e-3  # of so large an error of any row, by what the middle of them scatters
 ROUNDS, CAUCHY = 20, 2.4  # of a robust fit; its width in middle errors, usual for one that loses 5 % by it
 TRIED = 3  # gaps between the errors of such a fit
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
@@ -82,7 +79,7 @@ class _Errors:
         self.of_value, self.component = np.nonzero(model.used)
         self.every = np.unique(self.of_value)
         self.by_set_ups = bool(rows.targets) or rows.camera  # no row has a place of its own
-        self.most_few = max(FEW, int(SHARE * len(self.every)))
+        self.most_few = most_far(len(self.every))
 
     def few(self) -> Integers:
         """Return the few rows that stand apart, whatever they look like."""
@@ -94,11 +91,7 @@ class _Errors:
     def _farthest(self, without: Integers) -> Integers:
         """Return the farthest rows, behind which all others follow at a distance."""
         rows, error = self._of_others(without)
-        order = np.argsort(-error)
-        for count in range(1, min(self.most_few, len(rows) - 1) + 1):
-            if self._stands_apart(error[order[count - 1]], error[order[count]], error):
-                return rows[order[:count]]
-        return rows[:0]
+        return rows[farthest(error, self.most_few, len(self.every))]
 
     def many(self, without: Integers) -> Integers:
         """Return rows beside some others that stand apart once all of them are left out."""
@@ -111,7 +104,7 @@ class _Errors:
             rows, others = self._of_others(np.concatenate([without, found]))
             change = self.change(np.concatenate([without, found]))
             nearest = min(float(np.linalg.norm(self._predicted(row, change))) for row in found.tolist())
-            if len(rows) > 1 and self._stands_apart(nearest, float(others.max()), others):
+            if len(rows) > 1 and stands_apart(nearest, float(others.max()), others, len(self.every)):
                 return found
         return self.every[:0]
 
@@ -134,12 +127,6 @@ class _Errors:
             middle = max(float(np.median(error)), 1.0)
             weight = 1.0 / (1.0 + (error / (CAUCHY * middle)) ** 2)
         return error
-
-    def _stands_apart(self, last: float, other: float, error: Array) -> bool:
-        """Return whether an error is far behind the largest other, by the middle of all others too."""
-        scale = max(float(np.median(error)) / np.sqrt(chi2.median(3)), 1.0)
-        by_chance = float(chi2.sf((last / scale) ** 2, 3))
-        return bool(last > APART * other and by_chance < CHANCE / len(self.every))
 
     def _of_others(self, without: Integers) -> tuple[Integers, Array]:
         """Return the rows but some, and how far each is from what all others say of it, in noise."""

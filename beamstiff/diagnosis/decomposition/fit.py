@@ -317,9 +317,7 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     if impossible(choice, at, theta, np.sqrt(variance * max(squares / max(choice.count, 1), 1.0))):
         value = np.inf
     each_free = tuple(each)
-    return Step(
-        chosen, each_free, drives, choice, at, triangle, unbounded, theta, squares, determined, value
-    )
+    return Step(chosen, each_free, drives, choice, at, triangle, unbounded, theta, squares, determined, value)
 
 
 def impossible(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:
