@@ -324,8 +324,8 @@ def _far_off(parameters: Sequence[Found]) -> Iterator[str]:
         are = "are errors" if len(far) > 1 else "is an error"
         yield (
             f"{listed(told, 4)} {are} that no robot has: another zero or sense of the joint in the robot "
-            "file, or readings that do not determine it; compare the zeros, or free less (parameters offsets, "
-            "or a prior)"
+            "file, or readings that do not determine it; compare the zeros, or free less (parameters "
+            "offsets, or a prior)"
         )
 
 

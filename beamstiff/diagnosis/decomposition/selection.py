@@ -135,7 +135,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
 def _beside(
     choice: Choice, products: Array, triangle: Array, theta: Array, at: Integers
 ) -> tuple[Array, Array]:
-    """Return columns (c, C) inside those of a fit, for those at some places, and the pull (C,) that is left."""
+    """Return what of columns at some places is inside those of a fit, (c, C), and the pull (C,) it leaves."""
     inside = np.zeros((len(theta), len(choice.precision)))
     if not len(theta):
         return inside, choice.pull
@@ -153,7 +153,7 @@ def _added(choice: Choice, beside: tuple[Array, Array], at: Integers, gram: Arra
 
 
 def _wrong(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:
-    """Return whether forms (g,) surely ask for a sign that a parameter cannot have, or a size of no machine."""
+    """Return whether forms (g,) surely ask for a sign that cannot be, or a size that no machine has."""
     sign = ((theta < -SURELY * std) & choice.positive[at]).any(axis=1)
     return np.asarray(sign | impossible(choice, at, theta, std))
 
