@@ -238,10 +238,8 @@ def _settled(statement: Statement, method: str) -> tuple[Problem, Estimate]:
 def _deformed(statement: Statement, problem: Problem, theta: Array) -> Problem:
     """Return the problem with the elastic displacement of the robot with parameters (t,)."""
     robot = calibrated(statement.robot, problem, theta)
-    elastic = build_elastic(robot, problem.rows, problem.elastic.names)
-    if problem.elastic.names:  # sizes are scales of the search: they stay
-        elastic = replace(elastic, size=problem.elastic.size)
-    return replace(problem, elastic=elastic)
+    before = problem.elastic  # sizes are scales of the search: they stay
+    return replace(problem, elastic=build_elastic(robot, problem.rows, before.names, before.size))
 
 
 def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:

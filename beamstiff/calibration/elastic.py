@@ -5,22 +5,25 @@ of the loaded machine (K_C) and a changed geometry make of it is put right from 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamstiff.calibration.parameters import COMPLIANCE, Parameter
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import displaced_points
 from beamstiff.model.ports import PortModel, reduce_to_ports
+from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
-from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.kinematics import compile_kinematics, sampled_postures
 from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
 from beamstiff.se3 import Array
 
 REALISTIC = 1e-3  # m, rad: displacement by which the size of a compliance is told
 UNFELT = 1e-9  # of the most compliant one's slope, or of one that all weights load with the robot's size
+ELSEWHERE = 50  # postures in which weights act on a drive as they do anywhere, to a quarter or so
 LEAST = 1e-9  # of that size: as good as rigid
 
 
@@ -31,7 +34,7 @@ class Elastic:
     names: tuple[str, ...]
     model: PortModel | None  # none where no compliance is sought
     held: Array  # (N, 6), m and rad: what the linear model leaves out; all of it where none is sought
-    size: Array  # (m,): compliance that would move a point by about 1 mm or 1 mrad
+    size: Array  # (m,): compliance that moves a point by about 1 mm or 1 mrad, where it moves it most
 
     def displacement(self, compliance: Array) -> Array:
         """Return ``[d, r]`` of the rows' points, (N, 6), base frame, for compliances (m,)."""
@@ -67,10 +70,12 @@ def is_compliant(robot: Robot) -> bool:
     return bool(robot.beams) or any(0.0 < value < RIGID for value in stiffness_parameters(robot).values())
 
 
-def build_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Elastic:
+def build_elastic(
+    robot: Robot, rows: Measurements, names: Sequence[str], size: Array | None = None
+) -> Elastic:
     """Return the elastic displacement, with the compliances called `names` open.
 
-    Something has to load each of them (`felt_names`).
+    Something has to load each of them (`felt_names`). `size` (m,): where it is known, of another geometry.
     """
     if not names:
         return Elastic((), None, elastic_displacement(robot, rows), np.zeros(0))
@@ -78,18 +83,44 @@ def build_elastic(robot: Robot, rows: Measurements, names: Sequence[str]) -> Ela
     present = np.array([robot.parameter(name) for name in names])
     finite = np.isfinite(present) & (present > 0)
     stiffness = np.where(finite, present, model.start)
-    slopes = np.abs(model.derivatives(stiffness, by="compliance")[1]).max(axis=(0, 1))
-    size = REALISTIC / slopes
+    if size is None:
+        size = realistic_compliances(robot, rows, model, stiffness, gravity=True)
     stiffness = np.where(finite, present, 1.0 / (LEAST * size))
     stated = robot.with_parameters(dict(zip(names, stiffness.tolist(), strict=True)))
     held = elastic_displacement(stated, rows) - model.predict(stiffness)
     return Elastic(tuple(names), model, held, size)
 
 
+def _slopes(model: PortModel, stiffness: Array) -> Array:
+    """Return how much each compliance moves a point at most, (m,), per unit."""
+    columns = model.derivatives(stiffness, by="compliance")[1]
+    return np.asarray(np.abs(columns).max(axis=(0, 1)))
+
+
+def realistic_compliances(
+    robot: Robot, rows: Measurements, model: PortModel, stiffness: Array, gravity: bool
+) -> Array:
+    """Return compliances (m,) that move a point by about 1 mm or 1 mrad, where they move it most.
+
+    In the postures of the rows or in others, under the same loads: a drive that the rows hardly load carries
+    a link all the same, and one that is so soft that it shows in them would let the link fall elsewhere.
+
+    `model`: of the rows. `stiffness` (m,): about which it is linear. `gravity`: whether weights act.
+    """
+    slopes, q = _slopes(model, stiffness), sampled_postures(robot, ELSEWHERE, 0)
+    q = q[close_loops(compile_kinematics(robot), q, strict=False).closed]
+    if len(q):
+        others = replace(subset(rows, np.arange(len(q)) % len(rows)), q=q)
+        there = reduce_to_ports(robot, others, model.parameters, gravity=gravity)
+        slopes = np.maximum(slopes, _slopes(there, stiffness))
+    with np.errstate(divide="ignore"):  # what nothing moves may be anything
+        return np.asarray(REALISTIC / slopes)
+
+
 def felt_names(robot: Robot, rows: Measurements, names: Sequence[str]) -> list[str]:
     """Return the stiffness values that gravity or a row's load acts on."""
     model = reduce_to_ports(robot, rows, names, gravity=True)
-    slopes = np.abs(model.derivatives(model.start, by="compliance")[1]).max(axis=(0, 1))
+    slopes = _slopes(model, model.start)
     size = compile_kinematics(robot).size
     weight = float(np.linalg.norm(robot.gravity)) * sum(mass.mass for mass in robot.masses)
     force, moment = (np.linalg.norm(rows.wrench[:, at], axis=1).max() for at in (slice(3), slice(3, 6)))

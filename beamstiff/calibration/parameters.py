@@ -37,7 +37,7 @@ USUAL = ("alpha", "d", "r")  # with the variable they place any axis that is not
 SETUP, OFFSET, NEEDED, SPARE, COMPLIANCE, LAST = range(6)
 GEOMETRY: tuple[Group, ...] = ("offset", "frame")  # of which the robot file says something
 STANDS: tuple[Group, ...] = ("base", "target", "instrument")  # of what was set up
-SOFTER = 10.0  # times as compliant as described drives may well be
+SOFTER = 10.0  # times the compliance that moves a point by 1 mm where it moves it most, as drives may well be
 GROUPS = ("base", "target", "offsets", "frames")
 
 

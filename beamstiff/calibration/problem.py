@@ -135,7 +135,7 @@ class Problem:
         poses, pose = np.unique(rows.q, axis=0, return_inverse=True)
         there = replace(self.geometry, rows=rows, poses=poses, pose=pose.reshape(-1))
         geometry, compliance = self.split(self.expected)
-        elastic = build_elastic(robot, rows, self.elastic.names)
+        elastic = build_elastic(robot, rows, self.elastic.names, self.elastic.size)
         placed, columns = there.jacobian(geometry, elastic.displacement(compliance))
         if compliance.size:
             turned = _turned(elastic.columns(compliance), there.turn(geometry))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -52,11 +52,11 @@ LEAST_UNKNOWN = 0.02  # probability that a cause outside the library stands in f
 
 def beside_calibration(
     robot: Robot, rows: Measurements, prior: Prior, seed: int, stations: bool = False
-) -> Diagnosis | None:
-    """Return the diagnosis of absolute readings with all that a calibration fits left open; None if needless.
+) -> tuple[Callable[[], Diagnosis], bool]:
+    """Return what makes the diagnosis of absolute readings with all that a calibration fits left open.
 
-    Needless is a calibration where causes, a few errors of the geometry among them, leave hardly more without
-    one: then the geometry is what the robot's description says.
+    And whether it is needless: whether causes, a few errors of the geometry among them, leave hardly more
+    without a calibration. Then the geometry is what the robot's description says.
 
     Raises BeamstiffError where there are too few readings to calibrate by, or the robot has effects;
     UnusableError where the loads are other than the table states.
@@ -64,19 +64,24 @@ def beside_calibration(
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     if (doubt := misread_loads(found.model)) and not unlike(found):
         raise UnusableError(doubt)
-    # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
     told = tuple(chosen_for(robot))
     rows = without_rows(rows, found.apart.left_out)
-    if stations or robot.calibrated or found.behind:
-        return diagnosis_of(found, told)
-    if rows.targets or rows.camera:
-        return diagnosis_of(_simplest(found, robot, rows, prior, seed), told)
-    if _in_own_frame(found, rows):
-        return diagnosis_of(found, told)
+    # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
+    needless = False
+    if not (stations or robot.calibrated or found.behind):
+        if rows.targets or rows.camera:
+            found = _simplest(found, robot, rows, prior, seed)
+        elif not _in_own_frame(found, rows):
+            needless = _as_described(found, robot, rows, prior, seed)
+    return (lambda: diagnosis_of(found, told)), needless
+
+
+def _as_described(found: Decomposition, robot: Robot, rows: Measurements, prior: Prior, seed: int) -> bool:
+    """Return whether causes leave hardly more with the geometry as described than beside a calibration."""
     try:
         closed = open_stiffness(fit_baseline(robot, rows))
     except BeamstiffError:  # stiffness that makes up for the geometry may let the machine buckle
-        return diagnosis_of(found, told)
+        return False
     found_here = {form.effect for cause in (*found.every, *found.unmodelled) for form in cause.forms}
     forms = forms_of(closed, prior, {*OF_GEOMETRY, *found_here})
     choice = build_choice(closed, [*forms, *(unmodelled_forms(closed) if found.unmodelled else ())])
@@ -85,8 +90,7 @@ def beside_calibration(
     freedom = max(choice.freedom - step.determined, 1.0)
     left = float(np.sqrt(step.squares / freedom))
     errors = sum(choice.forms[number].effect in OF_GEOMETRY for number in step.chosen)
-    needless = _leaves_no_more(left, step.determined, found) and errors <= SINGLE_ERRORS
-    return None if needless else diagnosis_of(found, told)
+    return _leaves_no_more(left, step.determined, found) and errors <= SINGLE_ERRORS
 
 
 def _in_own_frame(found: Decomposition, rows: Measurements) -> bool:

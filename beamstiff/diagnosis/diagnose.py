@@ -16,7 +16,7 @@ from beamstiff.diagnosis.decomposition.apart import Apart, places_apart
 from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.folds import FOLDS
-from beamstiff.diagnosis.decomposition.forms import Shapes
+from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, Shapes
 from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
 from beamstiff.diagnosis.held_out.explained import explanations
 from beamstiff.diagnosis.held_out.score import (
@@ -120,17 +120,18 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
 def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations: bool) -> Diagnosis:
     rows = replace(rows, wrench=np.where(np.abs(rows.wrench) > LEAST_LOAD, rows.wrench, 0.0))
     absolute = rows.kind == "absolute"
-    beside, why = None, None
+    as_calibrated, why = None, None
     try:
-        beside = beside_calibration(robot, rows, prior, seed, stations) if absolute else None
+        if absolute:
+            as_calibrated, needless = beside_calibration(robot, rows, prior, seed, stations)
+            if not needless:
+                return as_calibrated()
     except UnusableError:
         raise
     except BeamstiffError as error:
         if stations or rows.targets or rows.camera:  # whose readings say nothing without a calibration
             raise
         why = error
-    if beside is not None:
-        return beside
     try:  # the geometry as described
         baseline, library, screened = _screened(robot, rows, prior)
         found = _weighed_one_by_one(library, screened, prior, seed)
@@ -138,6 +139,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         raise why or error from None
     if why is not None and found.rms > LARGE_DISPLACEMENT:  # nor is the geometry near what is described
         raise why
+    if as_calibrated is not None and _no_error_of_geometry(found):
+        return as_calibrated()
     usual = _usual_name(found)
     left = found.features["misfit"] > NOISE
     if absolute or not (left or usual) or np.unique(rows.pose).size < FOLDS:
@@ -161,6 +164,12 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         said = notes(screened, whiten(screened.baseline, screened.used))
         return diagnosis_of(replace(several, apart=apart), tuple(said))
     return found
+
+
+def _no_error_of_geometry(found: Diagnosis) -> bool:
+    """Return whether the verdict is one error of the geometry that is larger than those of any machine."""
+    verdict = found.verdict
+    return verdict.effect in OF_GEOMETRY and not all(one.plausible for one in verdict.estimates)
 
 
 def _usual_name(found: Diagnosis) -> str:

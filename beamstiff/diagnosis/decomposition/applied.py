@@ -200,6 +200,7 @@ def _as_described(model: OpenModel) -> Array:
             residual=model.residual - model.tangent @ result,
             tangent=model.tangent[:, free],
             present=model.present[drives],
+            realistic=model.realistic[drives],
         )
         result[free] = solved(rest, ())[0]
         left = model.residual - model.tangent @ result

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
+from beamstiff.calibration.parameters import SOFTER
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.passive import Matrix, matrix_of, passive
@@ -243,7 +244,7 @@ def build_choice(model: OpenModel, forms: Sequence[Form]) -> Choice:
     every = every / size
     every = every - basis @ (basis.T @ every)
     known = np.concatenate([np.zeros(0), *(form.prior_std for form in forms)]) * size[drives:]
-    spread = np.concatenate([np.full(drives, UNSEEN), known])
+    spread = np.concatenate([SOFTER * model.realistic * size[:drives], known])
     parameters = [item for form in forms for item in form.shape.parameters]
     alike = same_mechanics(model.given)
     other = other_mechanics(alike)

@@ -40,7 +40,7 @@ def known_beforehand(
     spread : float
         Of lengths and angles about those described, in realistic deviations.
     drives : bool
-        Whether compliances are within `SOFTER` times those described, too.
+        Whether compliances are within `SOFTER` times realistic ones of those described, too.
     """
     widths = dict.fromkeys(GEOMETRY, spread) | ({"compliance": SOFTER} if drives else {})
     places = [at for at, item in enumerate(problem.parameters) if item.group in widths]

@@ -55,6 +55,8 @@ class OpenModel:
     present : (d,) array
         Compliances of the drives that are open, the last d of the open parameters: their sum with what they
         change by cannot be negative.
+    realistic : (d,) array
+        Compliances of these drives that move a point by about 1 mm where they move it most.
     problem : Problem or None
         The calibration, where the geometry is open.
     held : frozenset of str
@@ -78,6 +80,7 @@ class OpenModel:
     pose: Integers
     weigh: Whitening
     present: Array
+    realistic: Array
     problem: Problem | None = None
     held: frozenset[str] = frozenset()
     carried: Array | None = None
@@ -270,6 +273,7 @@ def open_geometry(
         there.pose[np.nonzero(problem.used)[0]],
         whitening(problem.sigma, problem.used, baseline.sharing),
         problem.split(problem.expected)[1],
+        problem.elastic.size,
         problem,
         frozenset(one.name for one in found.parameters if not one.identified),
         parameters=None if parameters is None else tuple(parameters),
@@ -316,7 +320,7 @@ def open_stiffness(baseline: Baseline) -> OpenModel:
     pose = baseline.rows.pose[np.nonzero(baseline.used)[0]]
     residual, tangent = weigh @ baseline.gap[baseline.used], weigh @ baseline.tangent[baseline.used]
     present = np.array([1.0 / baseline.robot.parameter(name) for name in baseline.fitted])
-    return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh, present)
+    return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh, present, baseline.realistic)
 
 
 def orthonormal(columns: Array, beside: Array | None = None, least: float = INDEPENDENT) -> Array:

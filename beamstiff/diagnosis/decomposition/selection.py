@@ -120,9 +120,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         determined = at.shape[1] - (variance * choice.precision[at]).sum(axis=1)
         spread = np.maximum(squares / max(choice.count, 1), 1.0)[:, None]
         wrong = _wrong(choice, at, theta, np.sqrt(variance * spread))
-        if (
-            wrong.any() and not free.all()
-        ):  # beside parameters that are held at 0 others are surer than they are
+        if wrong.any() and not free.all():  # beside what is held at 0 others seem surer than they are
             also, of_all = _added(choice, beside_all, at[wrong], gram[wrong])
             wrong[wrong] = _wrong(choice, at[wrong], also, np.sqrt(of_all * spread[wrong]))
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)

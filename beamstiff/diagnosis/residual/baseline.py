@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from beamstiff.calibration.elastic import realistic_compliances
 from beamstiff.diagnosis.residual.internal_wrench import Places, find_places
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.objective import Objective
@@ -53,6 +54,7 @@ class Baseline:
     `predicted`: (N, 6) array.
     `tangent`: (N, 6, t) array; derivatives by the compliances.
     `response`: (N, 6, 6) array; displacement of the row's point per unit wrench at its load point, linear.
+    `realistic`: (t,) array; compliances that move a point by about 1 mm where they move it most.
     `fit_rows`: the baseline that was fitted, where this one is its prediction for other rows.
     `given`: as its file describes it, where `nominal` is calibrated already.
     `stated`: normalisation of an effect that the robot has, in place of those of the rows that were fitted.
@@ -71,6 +73,7 @@ class Baseline:
     tangent: Array
     response: Array
     places: Places
+    realistic: Array
     fit_rows: Baseline | None = None
     given: Robot | None = None
     stated: Mapping[str, float | tuple[float, ...]] | None = None
@@ -160,8 +163,9 @@ def fit_baseline(
             if np.abs(np.log(stiffness / before)).max() < 1e-3:
                 break
         tangent = _by_compliance(model, stiffness)
+        realistic = realistic_compliances(robot, rows, model, stiffness, rows.kind == "absolute")
     else:
-        tangent = np.zeros((len(rows), 6, 0))
+        tangent, realistic = np.zeros((len(rows), 6, 0)), np.zeros(0)
     return Baseline(
         robot=fitted,
         nominal=robot,
@@ -176,6 +180,7 @@ def fit_baseline(
         tangent=tangent,
         response=tool_response(fitted, rows),
         places=find_places(fitted, rows),
+        realistic=realistic,
     )
 
 

@@ -47,6 +47,7 @@ def choice_of(
         open_basis=geometry,
         drives=drives,
         present=np.array(present),
+        realistic=np.full(len(present), np.inf),
         residual=residual,
         count=count,
         independent=float(count),
