@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamstiff.calibration.parameters import SOFTER
 from beamstiff.diagnosis.absorbed import calibrated_without
 from beamstiff.diagnosis.apply import FittedStiffness, extended, readable, written_stiffness
 from beamstiff.diagnosis.candidate import Candidate
@@ -229,6 +230,14 @@ class Diagnosis(Shown):
             columns, scatter = np.concatenate([columns, *forms], axis=1), max(found.scatter, 1.0)
         std = scatter * np.linalg.norm(inverse_of(columns), axis=1)
         return {name: float(std[column]) for name, column in at.items()}
+
+    @cached_property
+    def softest(self) -> dict[str, float]:
+        """The softest that each fitted stiffness may well be, SI: softer, weights would let the tool fall."""
+        names, realistic = self.baseline.fitted, self.baseline.realistic
+        if (found := self.decomposition) is not None and found.model.problem is not None:
+            names, realistic = found.model.problem.elastic.names, found.model.realistic
+        return {name: 1.0 / (SOFTER * one) for name, one in zip(names, realistic.tolist(), strict=True)}
 
     def stiffness_std(self, name: str, value: float) -> float | None:
         """Return the standard deviation of a fitted stiffness, SI; None where it is not determined."""

@@ -63,7 +63,7 @@ def verify(
             )
     if refit_frame and rows.kind != "absolute":
         doubts.append("displacements have no measuring frame to fit: --refit-frame changes nothing")
-    return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q)))
+    return replace(found, notes=(*doubts, *extrapolation_notes(machine, rows.q), *found.notes))
 
 
 def _nominal_error(robot: Robot, data: DataLike, refit_frame: bool) -> float:

@@ -192,6 +192,12 @@ def far_stiffness(result: Diagnosis) -> dict[str, float]:
     return far_off(values, result.baseline.given or result.baseline.nominal)
 
 
+def _over(result: Diagnosis, name: str, value: float, std: float) -> str:
+    """Return, in words, how stiff a drive is at least by the rows; empty where any machine's is so stiff."""
+    least = 1.0 / (1.0 / value + 2.0 * std)
+    return f", over {least:.2g}" if least > result.softest.get(name, 0.0) else ""
+
+
 def drives_table(result: Diagnosis, title: str) -> Table:
     """Return the fitted stiffness, what the rows determine first, the softest first."""
     made = table(title, "parameter", "robot file", "stiffness", "std", "unit")
@@ -206,11 +212,11 @@ def drives_table(result: Diagnosis, title: str) -> Table:
         if name in result.untouched:
             known, said = False, "kept: no load touches it"
         elif name in result.kept:
-            known, said = False, f"kept: not determined, over {1.0 / (1.0 / value + 2.0 * std):.2g}"
+            known, said = False, f"kept: not determined{_over(result, name, value, std)}"
         elif known:
             said = f"{100.0 * std * value:.2g} %"
         else:
-            said = f"not determined: over {1.0 / (1.0 / value + 2.0 * std):.2g}"
+            said = f"not determined{_over(result, name, value, std)}"
         digits = worth(value, std * value**2)[0] if known else f"{value:.2g}"
         mark = " (!)" if name in far else ""
         cells = name + of + mark, stiffness_in_words(given), digits, said, unit
