@@ -110,7 +110,7 @@ def test_fitted_drives_are_told_softest_first_with_what_the_rows_say_of_them() -
     vague = replace(result)
     vague.__dict__["compliance_std"] = dict.fromkeys(result.fitted_stiffness, 1.0)
     assert {row[3] for row in drives_table(vague, "").rows} == {
-        "not determined: over 0.5",  # two standard deviations of the compliance, rad/(N m)
+        "not determined, over 0.5",  # two standard deviations of the compliance, rad/(N m)
         "kept: no load touches it",
     }
     assert next(iter(result.fitted_stiffness)) in verdict(vague).action

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
@@ -183,7 +184,8 @@ def _as_described(model: OpenModel) -> Array:
     """Return how the open parameters (t,) change, drives that the readings do not determine as described.
 
     Of those whose compliance is known to no better than half of it one after another, where all others make
-    up for that: by less than two standard deviations. A weight that hardly turns a drive leaves any value.
+    up for that: all together by no more than two standard deviations would by chance. A weight that hardly
+    turns a drive leaves any value.
     """
     assert model.problem is not None
     names, first = model.problem.elastic.names, model.tangent.shape[1] - model.present.size
@@ -209,16 +211,17 @@ def _as_described(model: OpenModel) -> Array:
 
     held: list[int] = []
     change, squares, std = fitted(held)
+    least, scatter2 = squares, max(squares / max(model.count - len(change), 1), 1.0)
     while True:
-        scatter2 = max(squares / max(model.count - len(change), 1), 1.0)
+        more = float(chi2.isf(chi2.sf(SURELY**2, 1), len(held) + 1))
         vague = np.flatnonzero(np.sqrt(scatter2) * std > VAGUE * (model.present + change[first:]))
         tried = [(fitted([*held, one]), one) for one in vague.tolist() if one not in held]
         if not tried:
             return change
         best, one = min(tried, key=lambda item: item[0][1])
-        if best[1] > squares + SURELY**2 * scatter2:
+        if best[1] > least + more * scatter2:
             return change
-        (change, squares, std), held = best, [*held, one]
+        (change, _, std), held = best, [*held, one]
 
 
 def _moved(found: Decomposition, causes: Sequence[Cause]) -> Array:
