@@ -24,6 +24,7 @@ from beamstiff.se3 import Array
 TITLE = "Position error, RMS; each line adds to those above it"
 INTERVAL = "90 % interval"
 HIDDEN = 3  # places that are named
+LISTED = 5  # look-alikes of one cause that a table lists
 REVEALED = "Smallest effects that data like these would reveal"
 DRIFT, PARTS = "thermal-drift", 5
 
@@ -82,7 +83,10 @@ def steps_table(result: Diagnosis) -> Table:
     for step in some:
         cells = [step.model, f"{1e3 * step.error:.3f} mm"]
         if (cause := step.cause) is not None:
-            cells[0] = "\n    or ".join([step.model, *(in_words([one]) for one in cause.indistinguishable)])
+            alike = [in_words([one]) for one in cause.indistinguishable]
+            if len(alike) > LISTED + 1:
+                alike[LISTED:] = [f"one of {len(alike) - LISTED} more, in --json"]
+            cells[0] = "\n    or ".join([step.model, *alike])
             cells += [words.percent(cause.closes), words.percents(cause.closes_interval)]
             cells.append(words.chance(cause.probability))
         made.add_row(*cells)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+
+import networkx as nx
 
 from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.diagnosis.prior import key_of
@@ -32,7 +34,9 @@ def same_mechanics(robot: Robot) -> Mapping[str, tuple[str, ...]]:
     standing = [joint for joint in robot.joints if ground.keys() & joint.nodes]
     alone = len(standing) == 1 and not robot.struts
     bearings = [key_of("bearing-tilt", component_of(robot, joint)) for joint in standing if alone]
-    groups.append((key_of("base-compliance", None), *bearings, *_links(robot, ground)))
+    carrying = {*feet, robot.tcp, *(node for joint in robot.joints for node in joint.nodes)}
+    carrying |= {node for strut in robot.struts for node in strut.nodes}
+    groups.append((key_of("base-compliance", None), *bearings, *_links(robot, ground, carrying)))
     return {key: group for group in groups for key in group}
 
 
@@ -51,9 +55,16 @@ def other_mechanics(groups: Mapping[str, tuple[str, ...]]) -> Mapping[str, bool]
     }
 
 
-def _links(robot: Robot, reached: Mapping[str, int]) -> list[str]:
-    """Return the bending of the links between nodes that are reached, the nearest first."""
+def _links(robot: Robot, reached: Mapping[str, int], carrying: Collection[str] = ()) -> list[str]:
+    """Return the bending of the links between nodes that are reached, the nearest first.
+
+    `carrying`: nodes that a link has to lead to, from both of its ends, to move the tool; default any.
+    """
     parts = [(part.nodes, part.name) for part in robot.rigids]
     parts += [(part.nodes, part.name) for part in robot.beams]
-    links = [(min(reached[node] for node in ends), name) for ends, name in parts if reached.keys() >= {*ends}]
+    parts = [(ends, name) for ends, name in parts if reached.keys() >= {*ends}]
+    graph: nx.Graph[str] = nx.Graph(ends for ends, _ in parts)
+    while carrying and (dead := [node for node in {*graph} - {*carrying} if graph.degree(node) < 2]):
+        graph.remove_nodes_from(dead)
+    links = [(min(reached[node] for node in ends), name) for ends, name in parts if graph.has_edge(*ends)]
     return [key_of("link-bending", name) for _, name in sorted(links, key=lambda link: link[0])]

@@ -124,3 +124,17 @@ def test_a_tool_that_tilts_about_a_flange_far_behind_it_is_told_by_its_usual_nam
     found = diagnose(robot, table(moved + 6e-6 * rng.standard_normal((72, 3))))
     assert found.verdict.key == "tool-compliance:null"
     assert "bearing-tilt:j6" in found.indistinguishable
+
+
+def test_a_link_that_leads_nowhere_is_no_look_alike() -> None:
+    """An antenna on the pedestal bends by itself: the tool stays."""
+    fixed = (
+        '<link name="{0}"/><joint name="to_{0}" type="fixed"><parent link="{1}"/><child link="{0}"/>'
+        '<origin xyz="0.2 0 0.1"/></joint>'
+    )
+    branch = fixed.format("mast", "base") + fixed.format("antenna", "mast")
+    robots = [parse_urdf(text) for text in (URDF, URDF.replace("</robot>", f"{branch}</robot>"))]
+    bare, branched = (same_mechanics(robot)["base-compliance:null"] for robot in robots)
+    assert "antenna" in str(robots[1].rigids)
+    assert len(branched) == len(bare)
+    assert not any("mast" in key for key in branched)
