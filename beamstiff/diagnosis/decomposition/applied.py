@@ -211,7 +211,7 @@ def _as_described(model: OpenModel) -> Array:
 
     held: list[int] = []
     change, squares, std = fitted(held)
-    least, scatter2 = squares, max(squares / max(model.count - len(change), 1), 1.0)
+    least, scatter2 = squares, max(squares / max(model.count - model.determined, 1.0), 1.0)
     while True:
         more = float(chi2.isf(chi2.sf(SURELY**2, 1), len(held) + 1))
         vague = np.flatnonzero(np.sqrt(scatter2) * std > VAGUE * (model.present + change[first:]))
