@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.applied import _as_described
@@ -14,11 +15,16 @@ START = 1e6  # N m/rad
 DRIVES = tuple(f"J{number}.torsional" for number in range(2, 6))
 
 
-def test_a_drive_is_as_described_where_chance_alone_says_otherwise() -> None:
-    """Though what its value moves by itself shows: an error of the geometry makes up for a part."""
+@pytest.mark.parametrize("undetermined", [0, 1000])
+def test_a_drive_is_as_described_where_chance_alone_says_otherwise(undetermined: int) -> None:
+    """Though what its value moves by itself shows: an error of the geometry makes up for a part.
+
+    Parameters that the readings do not determine, such as of an arm that was not moved, say nothing of it.
+    """
     robot, rng = load_robot(UR10).with_parameters(dict.fromkeys(DRIVES, START)), np.random.default_rng(1)
     robot = robot.model_copy(update={"identify": DRIVES})
     model = open_geometry(robot, read(robot, rng.uniform(-2.5, 2.5, (POSES, 6)), (), rng), settled=True)
+    model = replace(model, tangent=np.pad(model.tangent, ((0, 0), (undetermined, 0))))
     geometry, own = orthonormal(np.delete(model.tangent, -1, axis=1)), model.tangent[:, -1]  # J5's
     seen = own - geometry @ (geometry.T @ own)
     for deviations, described in ((1.75, True), (6.0, False)):
