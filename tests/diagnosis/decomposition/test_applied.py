@@ -27,9 +27,11 @@ def test_a_drive_is_as_described_where_chance_alone_says_otherwise(undetermined:
     model = replace(model, tangent=np.pad(model.tangent, ((0, 0), (undetermined, 0))))
     geometry, own = orthonormal(np.delete(model.tangent, -1, axis=1)), model.tangent[:, -1]  # J5's
     seen = own - geometry @ (geometry.T @ own)
+    noise, every = rng.standard_normal(len(seen)), orthonormal(model.tangent)
+    noise = 0.99 * (noise - every @ (every.T @ noise))
     for deviations, described in ((1.75, True), (6.0, False)):
         change = np.append(np.zeros(model.tangent.shape[1] - 1), 1 / START - model.present[-1])
-        about = model.tangent @ change + deviations * seen / np.linalg.norm(seen)
+        about = noise + model.tangent @ change + deviations * seen / np.linalg.norm(seen)
         shifted = replace(model, residual=about)
         free = solved(shifted, ())[0][-1] - change[-1]
         assert np.linalg.norm(own) * free > 2.0
