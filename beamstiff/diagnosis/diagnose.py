@@ -139,7 +139,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         raise why or error from None
     if why is not None and found.rms > LARGE_DISPLACEMENT:  # nor is the geometry near what is described
         raise why
-    if as_calibrated is not None and _no_error_of_geometry(found):
+    if as_calibrated is not None and _beyond_any_machine(found):
         return as_calibrated()
     usual = _usual_name(found)
     left = found.features["misfit"] > NOISE
@@ -166,7 +166,7 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
     return found
 
 
-def _no_error_of_geometry(found: Diagnosis) -> bool:
+def _beyond_any_machine(found: Diagnosis) -> bool:
     """Return whether the verdict is one error of the geometry that is larger than those of any machine."""
     verdict = found.verdict
     return verdict.effect in OF_GEOMETRY and not all(one.plausible for one in verdict.estimates)

@@ -47,8 +47,8 @@ def calibrated_away(result: Diagnosis) -> str:
     if changed is None or level_of(changed.before / result.noise) == "agrees":
         return ""
     if level_of(changed.placed / result.noise) == "agrees":
-        off = max(_off_by_node(changed).values(), default=changed.before)
-        return f"The reflector's place in the robot file is off by {rounded(1e3 * off)} mm"
+        far = max(_off_by_node(changed).values(), default=changed.before)
+        return f"The reflector's place in the robot file is off by {rounded(1e3 * far)} mm"
     if result.start_values:  # how far these are off says nothing of the robot
         if changed.rigid_placed is None:
             return "The robot file has start values of stiffness"

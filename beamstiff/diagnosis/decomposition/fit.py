@@ -1,9 +1,9 @@
 """The fit with some causes, weighed by the Bayesian information criterion.
 
 Residual r and forms X are projected off the open geometry once, and off the causes chosen, ``P``. The drives
-are in every fit, as compliances that cannot be negative. The parameters of causes are known beforehand to lie
-about zero within ``D^-1/2`` (a few times their realistic sizes). A form takes ``b^T (G + D)^-1 b`` from the
-sum of squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by ``BIC = n log(S / n) + k log n -
+are in every fit, as compliances that cannot be negative. All parameters are known beforehand to lie about
+zero within ``D^-1/2`` (a few times their realistic sizes). A form takes ``b^T (G + D)^-1 b`` from the sum of
+squares, with ``b = X^T P r`` and ``G = X^T P X``, and is weighed by ``BIC = n log(S / n) + k log n -
 2 log prior`` (Schwarz, Ann. Statist. 6 (1978) 461), k the parameters that the data determine,
 ``tr G (G + D)^-1``. The noise variance is estimated from what is left: the scatter of the machine about any
 smooth law, not what the tracker reads to.
@@ -165,8 +165,8 @@ class Step:
         Columns that are used.
     triangle : (c, c) array
         Of Cholesky, upper: of ``G + D``.
-    unbounded : (array (a,), array (a, a), array (a,))
-        Columns, triangle and parameters of the fit in which all are used.
+    unbounded : (array (a, a), array (a,))
+        Triangle and parameters of the fit in which all are used.
     theta : (c,) array
         Parameters, per unit column.
     squares : float
@@ -182,7 +182,7 @@ class Step:
     choice: Choice
     at: Integers
     triangle: Array
-    unbounded: tuple[Integers, Array, Array]
+    unbounded: tuple[Array, Array]
     theta: Array
     squares: float
     determined: float
@@ -299,7 +299,7 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     gram = np.concatenate([choice.products_of(k)[:, at] for k in (DRIVES, *chosen)])
     gram += np.diag(choice.precision[at])
     triangle, pull = _factor(gram, choice.pull[at])
-    unbounded = (at, triangle, np.asarray(solve_triangular(triangle, pull, check_finite=False)))
+    unbounded = (triangle, np.asarray(solve_triangular(triangle, pull, check_finite=False)))
     root = solve_triangular(triangle, np.eye(at.size), check_finite=False)
     # a sign that was left out is a choice too: it costs as much
     determined = float(at.size - choice.precision[at] @ (root**2).sum(axis=1))
@@ -317,8 +317,8 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     value = float(bic(squares, choice.open_count + determined, choice.independent, prior))
     if impossible(choice, at, theta, np.sqrt(variance * max(squares / max(choice.count, 1), 1.0))):
         value = np.inf
-    each_free = tuple(each)
-    return Step(chosen, each_free, drives, choice, at, triangle, unbounded, theta, squares, determined, value)
+    used = (tuple(each), drives, choice, at, triangle, unbounded)
+    return Step(chosen, *used, theta, squares, determined, value)
 
 
 def impossible(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:

@@ -109,8 +109,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
     free = np.concatenate([step.drives, *step.free]).astype(bool)
     places = np.concatenate([at[own].ravel() for own, (_, at, _) in zip(some, choice.groups, strict=True)])
     beside = _beside(choice, products[free], step.triangle, step.theta, places)
-    _, triangle, unbounded = step.unbounded
-    beside_all = beside if free.all() else _beside(choice, products, triangle, unbounded, places)
+    beside_all = beside if free.all() else _beside(choice, products, *step.unbounded, places)
     for own, (numbers, at, gram) in zip(some, choice.groups, strict=True):
         if not own.size:
             continue
