@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.answer import told, unsteady, without_riv
 from beamstiff.diagnosis.decomposition.apart import Apart, rows_apart
 from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
-from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, NOISE, QUARTER, Cause, Decomposition
+from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, NAMED, NOISE, QUARTER, Cause, Decomposition
 from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes
@@ -180,13 +180,13 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
 def _explaining(
     settings: Settings, found: Decomposition, doubted: Sequence[tuple[Settings, Decomposition]]
 ) -> tuple[Settings, Decomposition]:
-    """Return what is found without doubtful causes, or with them if that alone explains all but noise.
+    """Return what is found without doubtful causes, or with them if that alone explains what there is.
 
-    Another was likelier in the place of an error of a load under the loads as stated alone, linear about
-    these: it does not do as much.
+    All but noise, or half of what is left without them. Another was likelier in the place of an error of a
+    load under the loads as stated alone, linear about these: it does not do as much.
     """
     before, best = min(doubted, key=lambda one: one[1].bic, default=(settings, found))
-    if not best.scatter <= NOISE < found.scatter:
+    if not (best.scatter <= NOISE < found.scatter or best.scatter**2 < HALF * found.scatter**2):
         return settings, found
     return before, without_rivals(best, {one.key for one in best.every if _doubtful(best, one)})
 
