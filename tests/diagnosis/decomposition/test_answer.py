@@ -45,6 +45,16 @@ def test_doubtful_causes_stay_where_without_them_a_gap_is_left(left: float, kept
     assert (settings, told.scatter) == (("before", 1.0) if kept else ("after", left))
 
 
+@pytest.mark.parametrize(("without", "kept"), [(13.0, False), (15.0, True)])
+def test_a_doubtful_cause_stays_where_without_it_twice_the_squares_are_left(
+    without: float, kept: bool
+) -> None:
+    sound = found("approach", "gear")[0].decomposition
+    doubted, rest = replace(sound, scatter=10.0), replace(sound, scatter=without)
+    settings, told = _explaining("after", rest, [("before", doubted)])
+    assert (settings, told.scatter) == (("before", 10.0) if kept else ("after", without))
+
+
 def test_a_doubtful_cause_that_stays_has_no_rivals_and_joins_those_that_are_named() -> None:
     sound = found("approach", "gear")[0].decomposition
     first, *others = sound.causes
