@@ -301,7 +301,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         notes=(
             *statement.notes,
             *_notes(problem, found, factor, widened),
-            *_far_off(parameters),
+            *_unrealistic(parameters),
             *_far_rows(problem, gap),
             *worse,
             *left_out,
@@ -311,7 +311,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
     )
 
 
-def _far_off(parameters: Sequence[Found]) -> Iterator[str]:
+def _unrealistic(parameters: Sequence[Found]) -> Iterator[str]:
     """Yield which zeros, lengths and angles changed by more than any robot is off from its description."""
     own = [one for one in parameters if one.parameter.group in GEOMETRY and one.identified]
     far = [one for one in own if abs(one.change) > UNREALISTIC * DEVIATION[one.parameter.unit]]
@@ -331,8 +331,7 @@ def _far_rows(problem: Problem, gap: Array) -> Iterator[str]:
     """Yield which rows are far off all others."""
     if not (problem.rows.targets or problem.rows.camera):
         sigma, used = problem.sigma[:, :3] * problem.claimed, problem.used[:, :3]
-        if told := far_rows(problem.rows, gap[:, :3], sigma, used):
-            yield told
+        yield from far_rows(problem.rows, gap[:, :3], sigma, used)
 
 
 def _worse(statement: Statement, held: Array | None, folds: int) -> Iterator[str]:

@@ -72,11 +72,11 @@ def beside_calibration(
         if rows.targets or rows.camera:
             found = _simplest(found, robot, rows, prior, seed)
         elif not _in_own_frame(found, rows):
-            needless = _as_described(found, robot, rows, prior, seed)
+            needless = _needless(found, robot, rows, prior, seed)
     return (lambda: diagnosis_of(found, told)), needless
 
 
-def _as_described(found: Decomposition, robot: Robot, rows: Measurements, prior: Prior, seed: int) -> bool:
+def _needless(found: Decomposition, robot: Robot, rows: Measurements, prior: Prior, seed: int) -> bool:
     """Return whether causes leave hardly more with the geometry as described than beside a calibration."""
     try:
         closed = open_stiffness(fit_baseline(robot, rows))

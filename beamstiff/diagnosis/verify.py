@@ -165,8 +165,7 @@ def verify(robot: Robot, measurements: Measurements, *, refit_frame: bool = Fals
     if mounted and other_frame is None and errors[-1] > noise:
         placed, moved_points = _placed_anew(robot, measurements, *gaps[-1])
     if other_frame is None and not moved_points:
-        far = far_rows(measurements, gaps[-1][0], sigma, used)
-        notes += (far,) if far else ()
+        notes += tuple(far_rows(measurements, gaps[-1][0], sigma, used))
     stated = [effect.closes for effect in robot.effects if effect.closes is not None]
     return Verification(
         before=errors[0],

@@ -4,6 +4,8 @@ What a model leaves has tails, but no gap: nothing that a machine does moves one
 than the farthest of all others.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
@@ -49,8 +51,8 @@ def stands_apart(last: float, other: float, error: Array, count: int) -> bool:
     return bool(last > APART * other and by_chance < CHANCE / count)
 
 
-def far_rows(rows: Measurements, gap: Array, sigma: Array, used: NDArray[np.bool_]) -> str:
-    """Return, in words, which rows are far off all others; empty where none is.
+def far_rows(rows: Measurements, gap: Array, sigma: Array, used: NDArray[np.bool_]) -> Iterator[str]:
+    """Yield, in words, which rows are far off all others, if any are.
 
     `gap` (N, 3): measured less predicted, m. `sigma`, `used` (N, 3): noise as stated, 0 or NaN for none, and
     what was measured.
@@ -59,15 +61,13 @@ def far_rows(rows: Measurements, gap: Array, sigma: Array, used: NDArray[np.bool
     off = np.linalg.norm(np.where(used, gap, 0.0), axis=1)[some]
     noise = np.nan_to_num(sigma[used])
     scale = np.sqrt(np.square(noise).mean()) if noise.any() else np.median(off) / np.sqrt(chi2.median(3))
-    if not scale > 0.0:
-        return ""
-    far = farthest(off / scale, most_far(len(some)), len(some))
+    far = farthest(off / scale, most_far(len(some)), len(some)) if scale > 0.0 else some[:0]
     if not far.size:
-        return ""
+        return
     others = 1e3 * float(np.delete(off, far).max())
     places = listed([f"{rows.place(int(some[at]))} ({1e3 * off[at]:.2g} mm)" for at in far.tolist()])
     are, them = ("are", "them") if len(far) > 1 else ("is", "it")
-    return (
+    yield (
         f"{places} {are} off far more than all other rows, of which none is by more than {others:.2g} mm: a "
         f"wrong reading or a slip; check {them}, or leave {them} out"
     )

@@ -317,8 +317,9 @@ def _fitted(choice: Choice, chosen: tuple[int, ...]) -> Step:
     value = float(bic(squares, choice.open_count + determined, choice.independent, prior))
     if impossible(choice, at, theta, np.sqrt(variance * max(squares / max(choice.count, 1), 1.0))):
         value = np.inf
-    used = (tuple(each), drives, choice, at, triangle, unbounded)
-    return Step(chosen, *used, theta, squares, determined, value)
+    return Step(
+        chosen, tuple(each), drives, choice, at, triangle, unbounded, theta, squares, determined, value
+    )
 
 
 def impossible(choice: Choice, at: Integers, theta: Array, std: Array) -> NDArray[np.bool_]:

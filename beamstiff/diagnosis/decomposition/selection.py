@@ -72,8 +72,8 @@ def with_each(choice: Choice, step: Step, wanted: Integers | None = None) -> tup
     """Return the BIC (f,) of a fit with each form added to it, and which would have a wrong sign (f,).
 
     The BIC is inf where a form does not show, is of a cause that has all its `FORMS`, stands there already,
-    or surely asks for a sign that a parameter cannot have: such a form is not what is there. So it is where a
-    form is not wanted.
+    or surely asks for a sign that a parameter cannot have, also if none of the fit's were held at 0: such a
+    form is not what is there. So it is where a form is not wanted.
     """
     if wanted is not None:
         return _with_some(choice, step, wanted)
@@ -109,7 +109,6 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
     free = np.concatenate([step.drives, *step.free]).astype(bool)
     places = np.concatenate([at[own].ravel() for own, (_, at, _) in zip(some, choice.groups, strict=True)])
     beside = _beside(choice, products[free], step.triangle, step.theta, places)
-    beside_all = beside if free.all() else _beside(choice, products, *step.unbounded, places)
     for own, (numbers, at, gram) in zip(some, choice.groups, strict=True):
         if not own.size:
             continue
@@ -120,6 +119,7 @@ def _with_some(choice: Choice, step: Step, wanted: Integers) -> tuple[Array, NDA
         spread = np.maximum(squares / max(choice.count, 1), 1.0)[:, None]
         wrong = _wrong(choice, at, theta, np.sqrt(variance * spread))
         if wrong.any() and not free.all():  # beside what is held at 0 others seem surer than they are
+            beside_all = _beside(choice, products, *step.unbounded, at[wrong].ravel())
             also, of_all = _added(choice, beside_all, at[wrong], gram[wrong])
             wrong[wrong] = _wrong(choice, at[wrong], also, np.sqrt(of_all * spread[wrong]))
         bounded[numbers] = ((theta < 0) & choice.positive[at]).any(axis=1)
