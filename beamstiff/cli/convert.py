@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from beamstiff.cli.options import argument, flag, option
 from beamstiff.cli.output import Outputs, write
 from beamstiff.cli.parse import named, parse_variables, robot_file
-from beamstiff.errors import BeamstiffError, listed
+from beamstiff.errors import BeamstiffError, counted, listed
+from beamstiff.units import in_unit
+
+if TYPE_CHECKING:
+    from beamstiff.measure.logs import LogTable
+    from beamstiff.robot.description import Robot
 
 WRITTEN = {
     ".yaml": "robot file",
@@ -69,6 +74,11 @@ def convert(
     joints_profile: str | None = option(
         "FILE", "Columns of --joints: a YAML file; of the robot's log also ur-rtde or kuka-rsi."
     ),
+    gravity: str | None = option(
+        "X,Y,Z",
+        "Gravity along the axes of the base in m/s^2, of a robot on a wall or a ceiling (9.81,0,0 or "
+        "0,0,9.81); default: as in IN, mostly 0,0,-9.81.",
+    ),
     hold: list[str] | None = option(
         "NAME=VALUE", "For a URDF: hold this joint at a value (30deg, 0.2m); repeatable."
     ),
@@ -99,6 +109,7 @@ def convert(
     \b
     Examples:
       beamstiff convert arm.urdf --tcp tool0 --joint-stiffness "1e6 N*m/rad" --out arm.yaml
+      beamstiff convert arm.urdf --gravity 9.81,0,0 --out arm_on_wall.urdf
       beamstiff convert fitted.yaml --out fitted.urdf
       beamstiff convert kr240-2 --out kr240-2.xml
       beamstiff convert kr240-2 --series --out kr240-2.sdf
@@ -111,10 +122,8 @@ def convert(
     """
     others = (path for path in (like, profile, joints, joints_profile) if path is not None)
     outputs = Outputs([robot_file(source), *others], out=out, figure=figure)
-    from beamstiff.errors import counted
     from beamstiff.measure.bags import is_bag
     from beamstiff.measure.profiles import named_profile
-    from beamstiff.units import in_unit
 
     if joints_profile is not None and joints is None:
         raise BeamstiffError("--joints-profile: goes with --joints")
@@ -131,7 +140,6 @@ def convert(
     if is_bag(source) or (columns is not None and columns.samples):
         from beamstiff.functions.convert import convert_log
         from beamstiff.functions.robots import load_robot
-        from beamstiff.report.logs import log_figure
 
         table = convert_log(
             source,
@@ -144,10 +152,7 @@ def convert(
             robot=None if like is None else load_robot(like),
             shortest=in_unit(shortest, "s"),
         )
-        write(out, table.text)
-        said = f"{Path(source).name}: {counted(table.count, 'row')}."
-        outputs.result(table.notes, [said], table.to_dict() | {"written": out})
-        outputs.draw("figure", lambda: log_figure(table))
+        _write_log(outputs, source, out, table)
         return
     if point or skip or lag or figure:
         log = "a log (a bag, or a profile of samples)"
@@ -168,14 +173,14 @@ def convert(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
     from beamstiff.functions.convert import missing_notes, read_any, robot_text
-    from beamstiff.report.verdict import rigid_drives
     from beamstiff.robot.joint_stiffness import with_joint_stiffness
     from beamstiff.robot.kinematics import actuated_values
-    from beamstiff.robot.stiffness import stiffness_parameters
 
     file = robot_file(source)
     of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input
     machine, left_out = read_any(file, tcp=tcp, convention=of_input, hold=hold or ())
+    if gravity is not None:
+        machine = machine.model_copy(update={"gravity": _acceleration(gravity)})
     robot = with_joint_stiffness(machine, joint_stiffness or [])
     text, lost = robot_text(
         robot,
@@ -190,23 +195,53 @@ def convert(
     if joint_stiffness and robot == machine:
         nothing = "--joint-stiffness changes nothing: no joint is rigid (NAME='...' replaces a value)"
         left_out = [*left_out, nothing]
-    lacks = () if ending == ".csv" else missing_notes(robot)
-    notes = [*left_out, *lacks, *lost]
+    notes = [*left_out, *(() if ending == ".csv" else missing_notes(robot)), *lost]
     write(out, text, WRITTEN[ending], as_it_is=ending in (".urdf", ".xml"))
+    moving = [variable.name for variable in robot.variables]
+    facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
+    outputs.result(notes, [], facts)
+    said = _in_words(robot, machine if joint_stiffness else robot)
+    outputs.console.print(said, soft_wrap=True)
+
+
+def _acceleration(text: str) -> tuple[float, float, float]:
+    """Return an acceleration such as ``9.81,0,0``, m/s^2."""
+    parts = [part.strip() for part in text.replace(",", " ").split()]
+    try:
+        x, y, z = (in_unit(part, "m/s^2") for part in parts)
+    except (BeamstiffError, ValueError):
+        raise BeamstiffError(
+            f"--gravity: found {text!r}, expected three numbers in m/s^2 such as 9.81,0,0"
+        ) from None
+    return x, y, z
+
+
+def _write_log(outputs: Outputs, source: str, out: str, table: LogTable) -> None:
+    from beamstiff.report.logs import log_figure
+
+    write(out, table.text)
+    said = f"{Path(source).name}: {counted(table.count, 'row')}."
+    outputs.result(table.notes, [said], table.to_dict() | {"written": out})
+    outputs.draw("figure", lambda: log_figure(table))
+
+
+def _in_words(robot: Robot, before: Robot) -> str:
+    """Return what a robot consists of, and which stiffness it was given; `before`: without that."""
     moving = [variable.name for variable in robot.variables]
     said = (
         f"{robot.name}: {len(robot.frames)} frames, {len(robot.joints)} joints, TCP {robot.tcp}, variables "
         f"{listed(moving, 12) or 'none'}."
     )
-    if joint_stiffness and robot != machine:
-        values = stiffness_parameters(robot)
-        given, before = set(stiffness_parameters(machine).items()), dict.fromkeys(machine.identify)
-        new = [name for name, value in values.items() if (name, value) not in given]
-        said += f" Start values: {listed(new, 12)}."
-        if rigid := rigid_drives(robot):
-            said += f" Rigid: {listed(rigid, 12)}."
-        if kept := [name for name in before if name not in new]:
-            said += f" Kept from the file: {listed(kept, 12)}."
-    facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
-    outputs.result(notes, [], facts)
-    outputs.console.print(said, soft_wrap=True)
+    if robot == before:
+        return said
+    from beamstiff.report.verdict import rigid_drives
+    from beamstiff.robot.stiffness import stiffness_parameters
+
+    given, known = set(stiffness_parameters(before).items()), dict.fromkeys(before.identify)
+    new = [name for name, value in stiffness_parameters(robot).items() if (name, value) not in given]
+    said += f" Start values: {listed(new, 12)}."
+    if rigid := rigid_drives(robot):
+        said += f" Rigid: {listed(rigid, 12)}."
+    if kept := [name for name in known if name not in new]:
+        said += f" Kept from the file: {listed(kept, 12)}."
+    return said

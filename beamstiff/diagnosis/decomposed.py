@@ -59,11 +59,13 @@ def beside_calibration(
     without a calibration. Then the geometry is what the robot's description says.
 
     Raises BeamstiffError where there are too few readings to calibrate by, or the robot has effects;
-    UnusableError where the loads are other than the table states.
+    UnusableError where the loads are other than the table states, or gravity than the robot file does.
     """
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     if (doubt := misread_loads(found.model)) and not unlike(found):
         raise UnusableError(doubt)
+    if (mounting := found.mounting) is not None and mounting.left < found.scatter:
+        raise UnusableError(f"{robot.name}: {mounting.text}")  # no cause beside it, and yet it leaves less
     told = tuple(chosen_for(robot))
     rows = without_rows(rows, found.apart.left_out)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot
@@ -154,6 +156,7 @@ def diagnosis_of(found: Decomposition, notes: tuple[str, ...] = ()) -> Diagnosis
         notes=(
             *notes,
             *unloaded(baseline),
+            *((found.mounting.text,) if found.mounting else ()),
             *_overclaimed(found),
             *_left_out(found),
             *(one.text for one in found.behind),

@@ -29,7 +29,7 @@ from beamstiff.robot.sdf import read_sdf, unread
 from beamstiff.robot.sdf_writer import robot_to_sdf
 from beamstiff.robot.stiffness import missing_stiffness
 from beamstiff.robot.urdf.reader import extension_of, read_tree, read_urdf
-from beamstiff.robot.urdf.writer import robot_to_urdf
+from beamstiff.robot.urdf.writer import robot_to_urdf, urdf_with_held
 from beamstiff.robot.xml_text import parse_xml
 from beamstiff.robot.yaml_edit import robot_yaml
 from beamstiff.robot.yaml_text import parse_yaml
@@ -96,7 +96,8 @@ def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, li
     """Return the robot of a URDF pruned to the chain of its TCP, and notes; None where nothing is pruned."""
     if tcp is None:
         return None
-    root = parse_xml(read_text(file), str(file))
+    text = read_text(file)
+    root = parse_xml(text, str(file))
     _, more = extension_of(root)
     if hold and (dropped := [key for key in more if key != "tcp"]):
         raise OptionError(
@@ -107,18 +108,21 @@ def _pruned(file: Path, tcp: str | None, hold: Sequence[str]) -> tuple[Robot, li
     tree = read_tree(root)
     kinds = {joint.name: joint.kind for joint in tree.joints}
     values = {}
-    for text in hold:
-        name, equals, value = (word.strip() for word in text.partition("="))
+    for stated in hold:
+        name, equals, value = (word.strip() for word in stated.partition("="))
         if not equals:
-            raise OptionError("hold", f"found {shown(text)}, expected NAME=VALUE such as q7=30deg")
+            raise OptionError("hold", f"found {shown(stated)}, expected NAME=VALUE such as q7=30deg")
         try:
             values[name] = quantity(value, "length" if kinds.get(name) == "prismatic" else "angle")
         except BeamstiffError as error:
             raise OptionError("hold", str(error)) from None
     if not values and tcp not in {link.name for link in tree.links}:
         return None  # the reader says what is wrong
-    chain, notes = pruned(tree, tcp, values)
-    return (tree_robot(chain, tcp), notes) if notes or values else None
+    chain, held, notes = pruned(tree, tcp, values)
+    if not held:
+        return None
+    robot = tree_robot(chain, tcp)
+    return robot.model_copy(update={"urdf": urdf_with_held(text, held)}), notes
 
 
 def missing_notes(robot: Robot) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import networkx as nx
 
@@ -28,6 +28,20 @@ def structure_graph(robot: Robot) -> Structure:
             one, other = item.nodes
             graph.add_edge(one, other, key=item.name, name=item.name, kind=kind)
     return graph
+
+
+def carrying_parts(robot: Robot) -> set[str]:
+    """Return the elements that lie on a way from the support to the TCP, loops included."""
+    graph = structure_graph(robot)
+    simple: nx.Graph[str] = nx.Graph(graph)
+    simple.add_edges_from((GROUND, node) for node in robot.fixed)
+    simple.add_edge(GROUND, robot.tcp)  # whatever lies on a way is on a loop with this edge
+    components: Any = nx.biconnected_components(simple)  # sets, which the stubs take for lists
+    for component in components:
+        if {GROUND, robot.tcp} <= component:
+            inside = graph.subgraph(component)
+            return {str(name) for _, _, name in inside.edges(keys=True)}
+    return set()
 
 
 def joined(robot: Robot, node: str) -> dict[str, int]:

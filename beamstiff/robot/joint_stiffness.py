@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
+from beamstiff.robot.graph import carrying_parts
 from beamstiff.robot.stiffness import stiffness_parameters
 from beamstiff.units import quantity
 
@@ -14,6 +15,7 @@ def with_joint_stiffness(robot: Robot, texts: Sequence[str]) -> Robot:
 
     They are start values: among what is fitted (`identify`), and marked as guesses (`unmeasured`). `texts`:
     each for all joints, such as ``"1e6 N*m/rad"``, or for one, whose value it replaces: ``"J2=2e6 N*m/rad"``.
+    All but those that follow another joint and do not carry the TCP, such as a finger's or a balancer's.
     """
     if not texts:
         return robot
@@ -43,7 +45,8 @@ def with_joint_stiffness(robot: Robot, texts: Sequence[str]) -> Robot:
             expected = f"expected a stiffness with its unit, such as '1e6 N*m/rad' or '1e8 N/m'{why}"
             raise OptionError("joint_stiffness", f"found {shown(text)}, {expected}")
         ((direction, size),) = found.items()
-        fitting = [name] if named else [joint for joint, kind in own.items() if kind == direction]
+        every = [joint for joint, kind in own.items() if kind == direction and joint not in _idle(robot)]
+        fitting = [name] if named else every
         if not fitting or own[fitting[0]] != direction:
             why = f"which is {direction}; no joint {'of this name ' if named else ''}moves so"
             raise OptionError("joint_stiffness", f"found {shown(text)}, {why}")
@@ -53,3 +56,10 @@ def with_joint_stiffness(robot: Robot, texts: Sequence[str]) -> Robot:
     ordered = [name for name in stiffness_parameters(robot) if name in wanted]
     started = robot.with_parameters(given).model_copy(update={"identify": tuple(ordered)})
     return started.with_unmeasured((), given)
+
+
+def _idle(robot: Robot) -> set[str]:
+    """Return the joints that follow another one and do not lie between the support and the TCP."""
+    followers = {variable.name for variable in robot.variables if variable.equals is not None}
+    carrying = carrying_parts(robot)
+    return {joint.name for joint in robot.joints if joint.variable in followers} - carrying

@@ -10,11 +10,13 @@ from beamstiff.robot.link_tree import LinkTree, TreeJoint, TreeLink
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
 
-def pruned(tree: LinkTree, tcp: str, held: Mapping[str, float] | None = None) -> tuple[LinkTree, list[str]]:
-    """Return the links from the root to a TCP and what is fixed to them, and notes.
+def pruned(
+    tree: LinkTree, tcp: str, held: Mapping[str, float] | None = None
+) -> tuple[LinkTree, dict[str, TreeJoint], list[str]]:
+    """Return the links from the root to a TCP and what moves with them, the joints that are held, and notes.
 
     Joints off the chain are held at 0 (or the nearer limit); their links become masses of the link that
-    carries them. Joints that follow another one are held with it.
+    carries them. Joints that follow another one move with it, or are held with it.
 
     `held`: values of joints that are held, rad or m, on the chain too.
     """
@@ -36,7 +38,12 @@ def pruned(tree: LinkTree, tcp: str, held: Mapping[str, float] | None = None) ->
     while link in carrier and carrier[link].parent not in chain:
         link = carrier[link].parent
         chain.add(link)
-    off = [name for name in moving if joints[name].child not in chain and name not in values]
+    leads = {name: _leader(joints, name) for name in moving}
+    off = [
+        name
+        for name in moving
+        if joints[name].child not in chain and name not in values and joints[leads[name]].child not in chain
+    ]
     for name in off:
         low, high = joints[name].limits or (-np.inf, np.inf)
         values[name] = float(np.clip(0.0, low, high))
@@ -81,7 +88,17 @@ def pruned(tree: LinkTree, tcp: str, held: Mapping[str, float] | None = None) ->
             f"pruned to the chain of {tcp}: held {where}{carried} (--hold NAME=VALUE holds one elsewhere)"
         )
     remaining = tuple(one for name, one in links.items() if name not in branches)
-    return replace(tree, links=remaining, joints=tuple(kept)), notes
+    return replace(tree, links=remaining, joints=tuple(kept)), fixed, notes
+
+
+def _leader(joints: Mapping[str, TreeJoint], name: str) -> str:
+    """Return the joint that another one follows in the end; itself, if it follows none."""
+    for _ in joints:
+        mimic = joints[name].mimic
+        if mimic is None or mimic.joint not in joints:
+            break
+        name = mimic.joint
+    return name
 
 
 def _held(joint: TreeJoint, value: float) -> TreeJoint:

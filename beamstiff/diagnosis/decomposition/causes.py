@@ -10,6 +10,7 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, UNMODELLED, Form
+from beamstiff.diagnosis.decomposition.mounting import Mounting
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.decomposition.unmodelled import lifted_side
@@ -192,6 +193,8 @@ class Decomposition:
         Rows that stand apart from all others.
     first : tuple of str
         Rows that were left out as nobody knows from which side joints came that stop short, ``file:line``.
+    mounting : Mounting or None
+        Gravity that fits better than that of the robot file, where the causes leave more than noise.
     """
 
     model: OpenModel
@@ -210,6 +213,7 @@ class Decomposition:
     behind: tuple[Behind, ...] = ()
     apart: Apart = field(default_factory=Apart)
     first: tuple[str, ...] = ()
+    mounting: Mounting | None = None
 
     @property
     def every(self) -> tuple[Cause, ...]:

@@ -18,6 +18,7 @@ from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fi
 from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
 from beamstiff.diagnosis.decomposition.forms import Form, Shapes
 from beamstiff.diagnosis.decomposition.loads import follows_drives, has_loads
+from beamstiff.diagnosis.decomposition.mounting import other_mounting
 from beamstiff.diagnosis.decomposition.nested import nested, promised
 from beamstiff.diagnosis.decomposition.open_model import (
     OpenModel,
@@ -33,6 +34,7 @@ from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.doubts import LARGE_DISPLACEMENT
+from beamstiff.measure.misread_columns import SHOWS
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
@@ -139,7 +141,8 @@ def _beside_geometry(
     settings = Settings(robot, parameters, stations, informed(prior, behind) if behind else prior, seed)
     forms = all_forms(model, settings.prior) if behind else forms
     found = _searched(settings, model, forms)
-    return replace(found, behind=tuple(behind), apart=apart), settings
+    mounting = other_mounting(model) if found.scatter > SHOWS else None
+    return replace(found, behind=tuple(behind), apart=apart, mounting=mounting), settings
 
 
 def _short(found: Decomposition) -> set[str | None]:

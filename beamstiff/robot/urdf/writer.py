@@ -55,6 +55,21 @@ def robot_to_urdf(robot: Robot, like: str | None = None) -> str:
     return text
 
 
+def urdf_with_held(text: str, held: Mapping[str, TreeJoint]) -> str:
+    """Return a URDF text in which joints are fixed, each where it is held (`pruning.pruned`)."""
+    root = parse_xml(text, "<urdf>")
+    edits = _Edits(text.encode("utf-8"), root)
+    placed = {joint.name: joint.placed for joint in read_tree(root).joints}
+    for item in root.all("joint"):
+        name = item.attributes["name"]
+        if name in held:
+            edits.attribute(item, "type", "fixed")
+            for mimic in item.all("mimic"):
+                edits.remove(mimic)
+            _write_origin(edits, item, placed[name], held[name].placed)
+    return edits.made()
+
+
 def differences(one: Robot, other: Robot) -> list[str]:
     """Return the keys in which two robots differ, numbers by more than 1e-12; not their URDF texts."""
     a, b = one.model_dump(exclude={"urdf"}), other.model_dump(exclude={"urdf"})
@@ -208,13 +223,18 @@ def _write_places(edits: _Edits, robot: Robot, tree: LinkTree, elements: Mapping
             else:
                 axis = vector_from_rotation(motion[:3, :3])
                 rest = _onto_axis(edits, element, joint, rest, motion, tree)
-        size = max(1.0, float(np.abs(joint.placed[:3, 3]).max()))
-        if np.abs(rest[:3, 3] - joint.placed[:3, 3]).max() > SAME * size:
-            edits.child_attribute(element, "origin", "xyz", numbers_text(rest[:3, 3]))
-        if np.abs(rest[:3, :3] - joint.placed[:3, :3]).max() > SAME:
-            edits.child_attribute(element, "origin", "rpy", numbers_text(roll_pitch_yaw(rest[:3, :3])))
+        _write_origin(edits, element, joint.placed, rest)
         if np.abs(axis - joint.axis).max() > 10 * SAME:
             edits.child_attribute(element, "axis", "xyz", numbers_text(axis))
+
+
+def _write_origin(edits: _Edits, element: Element, before: Array, placed: Array) -> None:
+    """Write where a joint is at 0, (4, 4), where that changed."""
+    size = max(1.0, float(np.abs(before[:3, 3]).max()))
+    if np.abs(placed[:3, 3] - before[:3, 3]).max() > SAME * size:
+        edits.child_attribute(element, "origin", "xyz", numbers_text(placed[:3, 3]))
+    if np.abs(placed[:3, :3] - before[:3, :3]).max() > SAME:
+        edits.child_attribute(element, "origin", "rpy", numbers_text(roll_pitch_yaw(placed[:3, :3])))
 
 
 def _onto_axis(
