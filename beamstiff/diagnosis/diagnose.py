@@ -1,6 +1,6 @@
 """The diagnosis: where the gap is, which effect causes it, how far it shrinks, how sure that is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
 from beamstiff.diagnosis.decomposition.apart import Apart, places_apart
-from beamstiff.diagnosis.decomposition.causes import NOISE, QUARTER
+from beamstiff.diagnosis.decomposition.causes import HALF, NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, Shapes
@@ -98,8 +98,8 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         raise why or error from None
     if why is not None and found.rms > LARGE_DISPLACEMENT:  # nor is the geometry near what is described
         raise why
-    if as_calibrated is not None and _beyond_any_machine(found):
-        return as_calibrated()
+    if as_calibrated is not None and (calibrated := _rather(as_calibrated, found)) is not None:
+        return calibrated
     usual = _usual_name(found)
     left = found.features["misfit"] > NOISE
     if absolute or not (left or usual) or np.unique(rows.pose).size < FOLDS:
@@ -123,6 +123,19 @@ def _of_rows(robot: Robot, rows: Measurements, prior: Prior, seed: int, stations
         said = notes(screened, whiten(screened.baseline, screened.used))
         return diagnosis_of(replace(several, apart=apart), tuple(said))
     return found
+
+
+def _rather(as_calibrated: Callable[[], Diagnosis], found: Diagnosis) -> Diagnosis | None:
+    """Return the diagnosis beside a calibration where that with the geometry as described is none.
+
+    Where it is not sure, or asks for a geometry that no machine has, and the other one is.
+    """
+    if _beyond_any_machine(found):
+        return as_calibrated()
+    if found.verdict.key == NONE or (found.verdict.key != UNKNOWN and found.verdict.probability >= HALF):
+        return None
+    calibrated = as_calibrated()
+    return None if calibrated.verdict.key in (NONE, UNKNOWN) else calibrated
 
 
 def _beyond_any_machine(found: Diagnosis) -> bool:
