@@ -14,8 +14,8 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.closure import close_loops
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture_at
+from beamstiff.robot.plausibility import robot_doubts
 from benchmarks.loop_machines import KINDS, Machine
 
 NEAR = 1e-6  # m: the same place

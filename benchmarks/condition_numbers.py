@@ -15,8 +15,8 @@ from rich.table import Table
 from beamstiff import Robot, compile_structure, load_robot, posture, robot_names
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, unknown_sizes
-from beamstiff.fem.geometry import place
 from beamstiff.fem.mechanism import scaled_condition
+from beamstiff.fem.placed_structure import place
 from beamstiff.se3 import Array
 
 

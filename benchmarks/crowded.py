@@ -20,7 +20,7 @@ import numpy as np
 
 import beamstiff
 from beamstiff import load_robot
-from beamstiff.diagnosis.plain_stepwise import plain_stepwise
+from beamstiff.diagnosis.control_stepwise import plain_stepwise
 from beamstiff.errors import BeamstiffError
 from beamstiff.exam.blind import Diagnosis
 from beamstiff.exam.crowded.blind import true_closing

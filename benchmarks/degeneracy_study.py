@@ -17,7 +17,7 @@ from beamstiff.identification.identify import identify
 from beamstiff.identification.minimise import Effort
 from beamstiff.identification.problem import Components, build_problem
 from beamstiff.identification.result import Identification
-from beamstiff.identification.separate import expected_spread
+from beamstiff.identification.separating_rows import expected_spread
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.planning.candidates import candidate_poses

@@ -109,7 +109,7 @@ def _tried(nominal: Robot, rows: Measurements, fresh: Measurements, compliances:
     seconds = time.perf_counter() - start
     errors = errors_on(found, fresh)
     return Tried(
-        identified=len(found.observability.identified),
+        identified=len(found.identifiability.identified),
         nominal=found.before.position_mean or 0.0,
         mean=errors.position_mean or 0.0,
         largest=errors.position_max or 0.0,

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from beamstiff import calibrate
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
-from beamstiff.calibration.observability import Observability, observability
+from beamstiff.calibration.identifiability import Identifiability, identifiability
 from beamstiff.calibration.parameters import choose_parameters, known_parameters
 from beamstiff.calibration.recursion import recursion
 from beamstiff.calibration.sensitivity import sensitivity_indices
@@ -70,11 +70,11 @@ def geometry(tilt: float | None = None) -> Geometry:
     return build_geometry(ir663(), rows, chosen)
 
 
-def rank_at_the_noise(found: Geometry) -> Observability:
+def rank_at_the_noise(found: Geometry) -> Identifiability:
     """Return what the poses tell at the camera's noise."""
     _, jacobian = found.jacobian(np.zeros(len(found.parameters)))
     weighed = jacobian / np.repeat([POSITION, ORIENTATION], 3)[:, None]
-    return observability(weighed.reshape(-1, len(found.parameters)), found.parameters)
+    return identifiability(weighed.reshape(-1, len(found.parameters)), found.parameters)
 
 
 def beside_the_others(found: Geometry) -> tuple[dict[str, dict[str, float]], dict[str, float], int]:

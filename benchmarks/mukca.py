@@ -81,7 +81,7 @@ def main(folder: str) -> None:
             shown = [figures(robot, at) for robot in (nominal, theirs, found.robot)]
             label = place if place != "front" else "front (fitted)"
             print(f"{name:9}{label:18}" + "".join(f"{1e3 * a:9.3f}{1e3 * b:7.3f}" for a, b in shown))
-        seen = found.observability
+        seen = found.identifiability
         print(f"  {len(seen.identified)} parameters identified; noise {found.noise:.2f} of {1e3 * SEAT} mm")
 
 

@@ -23,7 +23,7 @@ from beamstiff.compensation.online import OnlineCompensation
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.path_correction import correct_path
 from beamstiff.compensation.process.load import FromPath
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 from benchmarks.compensation_study import START, krl_program, real_kr240
 

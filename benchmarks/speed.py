@@ -28,7 +28,7 @@ from beamstiff.expression_graph.expression import Op
 from beamstiff.expression_graph.graph import ExpressionGraph
 from beamstiff.fem.condensation import CHUNK, condense_by_matrices, tcp_compliance
 from beamstiff.fem.condensation_program import condensation_program
-from beamstiff.fem.geometry import place
+from beamstiff.fem.placed_structure import place
 from beamstiff.fem.structure import Structure
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.ports import reduce_to_ports

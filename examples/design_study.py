@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from beamstiff import Beam, Material, Robot, Section, compile_structure, load_robot, posture, tcp_compliance
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import total_mass
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.placed_structure import place
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.report.figures import BLUE, GREEN, GREY, ORANGE, new_figure, plain, save_figure
 from beamstiff.report.tables import Table, table
 

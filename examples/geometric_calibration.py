@@ -222,7 +222,7 @@ def cells(one: Stage, train: Array, known: float | None) -> list[str]:
     nominal = 1e3 * (one.found.before.position_mean or 0.0)
     fitted, tested = one.errors[train].mean(), one.errors[~train].mean()
     shown = "-" if known is None else f"{known:.3g}"
-    count = str(len(one.found.observability.identified))
+    count = str(len(one.found.identifiability.identified))
     return [
         f"{nominal:.3f}",
         f"{fitted:.3f}",

@@ -33,8 +33,8 @@ from beamstiff.identification.minimise import Effort, minimise
 from beamstiff.identification.objective import Objective
 from beamstiff.identification.parameters import build_parameters
 from beamstiff.identification.problem import build_problem
-from beamstiff.identification.reduce import reduce_model
-from beamstiff.identification.separate import with_separations
+from beamstiff.identification.reduced_model import reduce_model
+from beamstiff.identification.separating_rows import with_separations
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
@@ -44,7 +44,7 @@ from beamstiff.report.tables import table
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.inverse import inverse_geometry
 from beamstiff.robot.kinematics import compile_kinematics
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 HERE = Path(__file__).resolve().parent

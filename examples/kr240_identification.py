@@ -22,7 +22,7 @@ from rich.console import Console
 
 from beamstiff import Robot, compile_structure, identify, load_robot, posture, tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.static_response import nodal_loads
 from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements

@@ -215,7 +215,7 @@ def main() -> None:
             for item in found.compliances
             if item.std and item.value > 2 * item.std
         )
-        count = len(found.observability.identified)
+        count = len(found.identifiability.identified)
         told.append(f"{name}: {count} parameters, {found.noise:.2f} times the noise left; {stiffness}.")
     for name, robot in robots.items():
         cells = []

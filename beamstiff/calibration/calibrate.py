@@ -8,17 +8,17 @@ from scipy import stats
 
 from beamstiff.calibration.corrected import corrected, nominal_value
 from beamstiff.calibration.elastic import build_elastic, is_compliant, is_rigid
-from beamstiff.calibration.estimate import Estimate, covariance_of, estimate
+from beamstiff.calibration.identifiability import NOTICED, Identifiability, identifiability
 from beamstiff.calibration.instruments import settled, start_of
-from beamstiff.calibration.observability import NOTICED, Observability, observability
+from beamstiff.calibration.least_squares import Estimate, covariance_of, estimate
 from beamstiff.calibration.parameters import ANGLE, GEOMETRY, LENGTH, SOFTER, STANDS
 from beamstiff.calibration.problem import Problem
 from beamstiff.calibration.result import Calibration, Found, calibrated_parameters, errors_of
-from beamstiff.calibration.spread import spread_over_noise
 from beamstiff.calibration.statement import Statement, build_calibration, registered, rigid_gap
 from beamstiff.calibration.validation import held_out
+from beamstiff.calibration.variance_components import spread_over_noise
 from beamstiff.errors import listed, optional
-from beamstiff.measure.far_rows import far_rows
+from beamstiff.measure.outlier_gap import far_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, transform, vector_from_rotation
@@ -79,7 +79,7 @@ def calibrate(
         statement = replace(statement, problem=_within(statement.problem, spread))
     problem, found = _settled(statement, method)
     while len((seen := _seen(statement, problem, found, noticed)).identified) > len(statement.identified):
-        statement = replace(statement, begin=found.theta, observability=seen)
+        statement = replace(statement, begin=found.theta, identifiability=seen)
         problem, found = _settled(statement, method)
     if balance and _beyond_noise(problem, found, statement):
         statement, problem, found = _balanced(statement, problem, found, method)
@@ -179,7 +179,7 @@ def _shrunk(
     return *_settled(replace(statement, problem=problem, begin=found.theta), method), spread
 
 
-def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Observability:
+def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: float) -> Identifiability:
     """Return what can be identified about an estimate.
 
     That may be more than before it: a reflector that was guessed on an axis hid its zero, or the robot is
@@ -198,7 +198,7 @@ def _seen(statement: Statement, problem: Problem, found: Estimate, noticed: floa
         moved = ((found.theta - problem.expected) ** 2 - variance)[own] / problem.size[own] ** 2
         noticed *= noise / np.sqrt(max(moved.mean(), 1.0))
     _, jacobian = problem.linearised(found.theta, deformed=False)
-    return observability(jacobian, problem.parameters, noticed)
+    return identifiability(jacobian, problem.parameters, noticed)
 
 
 def _noise_factor(residual: Array, statement: Statement) -> float:
@@ -255,7 +255,7 @@ def calibrated(robot: Robot, problem: Problem, theta: Array) -> Robot:
 
 
 def _told(statement: Statement, problem: Problem, found: Estimate, method: str, folds: int) -> Calibration:
-    theta, seen = found.theta, statement.observability
+    theta, seen = found.theta, statement.identifiability
     placed = problem.placed(theta)
     gap = problem.gap_from(placed, theta)
     residual = problem.residuals(theta)
@@ -285,7 +285,7 @@ def _told(statement: Statement, problem: Problem, found: Estimate, method: str, 
         target=problem.geometry.target(problem.split(theta)[0]),
         parameters=tuple(parameters),
         covariance=covariance,
-        observability=seen,
+        identifiability=seen,
         after=errors_of(gap, problem.used),
         held_out=None if held is None else errors_of(held, problem.used),
         predicted=np.concatenate([placed.position, vector_from_rotation(placed.rotation)], axis=1),

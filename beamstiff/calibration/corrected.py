@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from beamstiff.calibration.parameters import AXES, Parameter
-from beamstiff.fem.geometry import COINCIDENT
+from beamstiff.fem.placed_structure import COINCIDENT
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression

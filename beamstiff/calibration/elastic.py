@@ -18,7 +18,7 @@ from beamstiff.robot.closure import close_loops
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, sampled_postures
-from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
+from beamstiff.robot.stiffness_parameters import parameter_unit, stiffness_parameters
 from beamstiff.se3 import Array
 
 REALISTIC = 1e-3  # m, rad: displacement by which the size of a compliance is told

@@ -24,7 +24,7 @@ from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.robot.coupling import frame_expressions, variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import FRAME_PARAMETERS
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 
 Group = Literal["base", "target", "instrument", "offset", "frame", "compliance"]
 AXES = ("x", "y", "z")

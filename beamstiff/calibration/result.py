@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.calibration.observability import Observability
+from beamstiff.calibration.identifiability import Identifiability
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.statement import Statement, rigid_gap
 from beamstiff.errors import BeamstiffError, suggest
@@ -130,7 +130,7 @@ class Calibration(Shown):
     target: Array  # (3, 3): how the measured target is turned against the frame of the TCP
     parameters: tuple[Found, ...]  # (t)
     covariance: Array  # (t, t): SI units; 0 for parameters that were held
-    observability: Observability  # at the start
+    identifiability: Identifiability  # at the start
     after: Errors  # as calibrated
     held_out: Errors | None  # on poses while they were left out
     predicted: Array  # (N, 6): positions and rotation vectors in the measuring frame
@@ -225,11 +225,11 @@ class Calibration(Shown):
                 }
                 for item in self.parameters
             },
-            "identified": list(self.observability.identified),
+            "identified": list(self.identifiability.identified),
             "covariance": self.covariance[np.ix_(sought, sought)].tolist(),
-            "dependent": {name: dict(like) for name, like in self.observability.dependent.items()},
-            "silent": list(self.observability.silent),
-            "condition": self.observability.condition,
+            "dependent": {name: dict(like) for name, like in self.identifiability.dependent.items()},
+            "silent": list(self.identifiability.silent),
+            "condition": self.identifiability.condition,
             "base": self.base.tolist(),
             "bases": self.bases.tolist(),
             "target": self.target.tolist(),

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff.calibration.elastic import build_elastic, compliance_parameters, compliances_of, felt_names
 from beamstiff.calibration.error_jacobian import Geometry, build_geometry
-from beamstiff.calibration.estimate import estimate
+from beamstiff.calibration.identifiability import NOTICED, Identifiability, identifiability
 from beamstiff.calibration.instruments import begun, camera_parameters, instrument_parameters, knows_a_frame
-from beamstiff.calibration.observability import NOTICED, Observability, observability
+from beamstiff.calibration.least_squares import estimate
 from beamstiff.calibration.parameters import (
     AXES,
     STANDS,
@@ -31,7 +31,7 @@ from beamstiff.robot.fields import FREE
 from beamstiff.robot.frames import widened
 from beamstiff.robot.loops import loop_equations, loop_system
 from beamstiff.robot.newton import least_squares
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROWS = 100  # that say where base and reflectors are, to begin with
@@ -46,13 +46,13 @@ class Statement:
     robot: Robot
     problem: Problem
     begin: Array  # (t,)
-    observability: Observability
+    identifiability: Identifiability
     notes: tuple[str, ...] = ()
 
     @property
     def identified(self) -> tuple[str, ...]:
         """What is sought: the minimal set that the readings, and what is known beforehand, hold."""
-        return self.observability.identified
+        return self.identifiability.identified
 
 
 class Stated(TypedDict, total=False):
@@ -85,7 +85,7 @@ def build_calibration(
     problem = with_set_ups(problem, start)
     held = consistent(problem, start) if rows.targets else start
     _, jacobian = problem.linearised(held, deformed=False)
-    seen = observability(jacobian, every, noticed)
+    seen = identifiability(jacobian, every, noticed)
     known = np.isin(seen.names, seen.identified)
     start = np.where(known, held, start)
     if near is not None:  # what can be seen is judged of the robot as described all the same
@@ -277,7 +277,7 @@ def registered(problem: Problem, theta: Array) -> Array:
         try:
             check_spread(placed.position[seen], rows.source)
         except BeamstiffError:
-            continue  # too few points: the base stays, and observability will say so
+            continue  # too few points: the base stays, and identifiability will say so
         own_places = places if station == 0 and not rows.camera else []
         some = seen[np.unique(np.linspace(0, len(seen) - 1, ROWS).astype(np.intp))]
         columns = jacobian[some, :3][:, :, own_places]
@@ -309,5 +309,5 @@ def rigid_gap(problem: Problem) -> Array:
         return problem.gap(start)
     free = replace(problem, prior=np.full(len(start), np.inf))
     _, jacobian = free.linearised(start, deformed=False)
-    seen = observability(jacobian, problem.parameters)
+    seen = identifiability(jacobian, problem.parameters)
     return problem.gap(estimate(free, start, [name for name in placing if name in seen.identified]).theta)

@@ -7,8 +7,8 @@ import numpy as np
 
 from beamstiff.calibration.elastic import build_elastic
 from beamstiff.calibration.error_jacobian import build_geometry
-from beamstiff.calibration.estimate import estimate
 from beamstiff.calibration.instruments import begun, turned_rows
+from beamstiff.calibration.least_squares import estimate
 from beamstiff.calibration.problem import Problem, build_problem
 from beamstiff.calibration.result import Calibration, Errors, errors_of
 from beamstiff.errors import BeamstiffError

@@ -122,7 +122,7 @@ def calibrate(
     assert found.statement is not None
     outputs.result(found.notes, calibration_told(found, [robot, *data]), found.to_dict())
     if out is not None:
-        count = len(found.observability.identified)
+        count = len(found.identifiability.identified)
         head = f"# Geometry calibrated by beamstiff: {count} parameters from {file_names(data)}.\n"
         write_robot(out, found.robot, file, found.written_std(machine), head)
     if readings is not None:

@@ -173,8 +173,8 @@ def convert(
             f"--out {out}: found the ending {ending or 'none'!r}, expected {listed(WRITTEN)}"
         )
     from beamstiff.functions.convert import missing_notes, read_any, robot_text
-    from beamstiff.robot.joint_stiffness import with_joint_stiffness
     from beamstiff.robot.kinematics import actuated_values
+    from beamstiff.robot.start_stiffness import with_joint_stiffness
 
     file = robot_file(source)
     of_input = convention if ending != ".csv" else None  # of a table to be written, it is none of the input
@@ -235,7 +235,7 @@ def _in_words(robot: Robot, before: Robot) -> str:
     if robot == before:
         return said
     from beamstiff.report.verdict import rigid_drives
-    from beamstiff.robot.stiffness import stiffness_parameters
+    from beamstiff.robot.stiffness_parameters import stiffness_parameters
 
     given, known = set(stiffness_parameters(before).items()), dict.fromkeys(before.identify)
     new = [name for name, value in stiffness_parameters(robot).items() if (name, value) not in given]

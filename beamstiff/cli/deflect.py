@@ -70,7 +70,7 @@ def deflect(
     from beamstiff.measure.coerce import as_tables
     from beamstiff.measure.writer import measurements_to_csv
     from beamstiff.report.deflection import deflection_told
-    from beamstiff.robot.stiffness import check_stiffness
+    from beamstiff.robot.stiffness_parameters import check_stiffness
 
     machine = as_robot(robot, assembly=assembly)
     if not machine.effects:

@@ -25,7 +25,7 @@ from beamstiff.errors import BeamstiffError
 if TYPE_CHECKING:
     from beamstiff.identification.objective import Loss
     from beamstiff.identification.problem import Components
-    from beamstiff.identification.reduce import Reduced
+    from beamstiff.identification.reduced_model import Reduced
     from beamstiff.identification.result import Identification
 
 EVALUATED = "{task.completed} evaluations, cost {task.fields[cost]:.4g}"

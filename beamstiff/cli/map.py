@@ -87,7 +87,7 @@ def map(
     from beamstiff.maps.summary import summary
     from beamstiff.report.html.provenance import provenance
     from beamstiff.report.workspace import map_figure, map_tables
-    from beamstiff.robot.doubts import robot_doubts
+    from beamstiff.robot.plausibility import robot_doubts
 
     description = as_robot(robot, assembly=assembly)
     options: dict[str, Any] = {

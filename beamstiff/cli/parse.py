@@ -317,7 +317,7 @@ def _stiffness(robot: Robot, option: str, name: str, text: str) -> float | None:
 
 
 def _units(robot: Robot) -> Mapping[str, str]:
-    from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
+    from beamstiff.robot.stiffness_parameters import parameter_unit, stiffness_parameters
 
     return {name: parameter_unit(robot, name) for name in stiffness_parameters(robot)}
 

@@ -73,7 +73,7 @@ def stiffness(
 def _hint_at_q(robot: Robot, values: Mapping[str, float]) -> Iterator[None]:
     """Say of a posture that is refused where it comes from, if nobody chose it."""
     from beamstiff.functions.checks import shown_value
-    from beamstiff.robot.stiffness import missing_stiffness
+    from beamstiff.robot.stiffness_parameters import missing_stiffness
 
     try:
         yield

@@ -5,7 +5,7 @@ polynomial of second order in the pose of the command and the load, from one eva
 states and checked in others; where the check fails the neighbourhood is made smaller, or given up. A call
 then solves ``command + D(command, load) = target`` within a known neighbourhood, else makes a new one,
 slowly. Backlash and other effects that follow a joint's torque have kinks: their slips are further variables
-of the polynomial, and come from a table by the torque (`slips`).
+of the polynomial, and come from a table by the torque (`joint_torque_laws`).
 """
 
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from beamstiff.compensation.follow import follow, follow_path, six_freedoms, solve
+from beamstiff.compensation.joint_torque_laws import SlipLaw, joint_motions, slip_laws, tabulated
 from beamstiff.compensation.machine import Machine
 from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.path_correction import correct_path, shown_error
 from beamstiff.compensation.process.load import Constant
-from beamstiff.compensation.slips import SlipLaw, joint_motions, slip_laws, tabulated
 from beamstiff.compensation.uncertainty import correction_std, doubtful, parameter_columns
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.kinematics import pose_of, posture, twist_jacobian

@@ -12,7 +12,7 @@ from beamstiff.compensation.taught_base import TaughtBase
 from beamstiff.errors import BeamstiffError, listed, suggest
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 STEP = 1e-3  # of a stiffness: the compliance follows its inverse

@@ -18,7 +18,7 @@ from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.residual.baseline import KNOWN_FACTOR, nominal_pose
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector
 
 DIGITS = 4  # of a change, which is itself known to some per cent

@@ -29,7 +29,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import stiffness_text
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import AddedEffect, AddedShape
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 from beamstiff.units import in_unit
 

@@ -18,7 +18,7 @@ from beamstiff.diagnosis.decomposition.fit import build_choice
 from beamstiff.diagnosis.decomposition.folds import folds_of
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, forms_of
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
-from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.decomposition.plain_data import parameters_of
 from beamstiff.diagnosis.decomposition.selection import select
 from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
@@ -33,7 +33,7 @@ from beamstiff.diagnosis.notes import OF_ALL_AXES, SURE, chosen_for, in_words, u
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import fit_baseline
-from beamstiff.diagnosis.residual.screening import SILENCE
+from beamstiff.diagnosis.residual.outlier_screening import SILENCE
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, UnusableError, listed, optional
 from beamstiff.measure.registration import fit_rigid_motion

@@ -7,11 +7,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from beamstiff.diagnosis.decomposed import beside_calibration, diagnosis_of, with_next
-from beamstiff.diagnosis.decomposition.apart import Apart, places_apart
 from beamstiff.diagnosis.decomposition.causes import HALF, NOISE, QUARTER
 from beamstiff.diagnosis.decomposition.decompose import decompose
 from beamstiff.diagnosis.decomposition.folds import FOLDS
 from beamstiff.diagnosis.decomposition.forms import OF_GEOMETRY, Shapes
+from beamstiff.diagnosis.decomposition.outlier_influence import Apart, places_apart
 from beamstiff.diagnosis.decomposition.same_mechanics import same_mechanics
 from beamstiff.diagnosis.inference.library import Library, build_library, by_candidate
 from beamstiff.diagnosis.inference.search import NONE, UNKNOWN
@@ -21,13 +21,13 @@ from beamstiff.diagnosis.notes import notes, order_taken
 from beamstiff.diagnosis.one_by_one import weigh_one_by_one
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
-from beamstiff.diagnosis.residual.screening import Screened, screen
+from beamstiff.diagnosis.residual.outlier_screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.shared_reading import shared_reading
 from beamstiff.errors import BeamstiffError, UnusableError
 from beamstiff.identification.problem import LEAST_LOAD
-from beamstiff.measure.doubts import LARGE_DISPLACEMENT, counted_once, require_usable
+from beamstiff.measure.plausibility import LARGE_DISPLACEMENT, counted_once, require_usable
 from beamstiff.measure.rows import in_runs, without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

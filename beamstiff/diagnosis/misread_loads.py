@@ -1,11 +1,11 @@
 """Whether the loads of absolute readings can be those that acted, by what is left with the geometry fitted.
 
-Loads of one posture are held against one another before (`measure.load_doubts`). Where every posture has one
-load, only the machine's own weight is left to hold them against: a drive turns by its compliance times
-``W + F``, the torque of the weight and that of the load. A load read with the wrong sign, or in kg for N,
-asks for other compliances than the weight does, and leaves what no drive can make up for. The right reading
-leaves a thirtieth of that on a simulated robot; of right ones, on 22 machines with several effects, no other
-reading left less than 0.97.
+Loads of one posture are held against one another before (`measure.load_plausibility`). Where every posture
+has one load, only the machine's own weight is left to hold them against: a drive turns by its compliance
+times ``W + F``, the torque of the weight and that of the load. A load read with the wrong sign, or in kg
+for N, asks for other compliances than the weight does, and leaves what no drive can make up for. The right
+reading leaves a thirtieth of that on a simulated robot; of right ones, on 22 machines with several effects,
+no other reading left less than 0.97.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.measure.misread_columns import FORCES, KILO, NEARER, SAME, turns
-from beamstiff.measure.position_doubts import axes_in_words
+from beamstiff.measure.position_plausibility import axes_in_words
 from beamstiff.model.ports import reduce_to_ports
 from beamstiff.se3 import Array
 

@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from beamstiff.diagnosis.effects.torque_laws import turning_drives
 from beamstiff.diagnosis.inference.library import ALL_DRIVES, ALL_REVERSED
 from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
+from beamstiff.diagnosis.residual.outlier_screening import Screened
 from beamstiff.diagnosis.residual.repeats import DIGITS, repeats
-from beamstiff.diagnosis.residual.screening import Screened
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.errors import listed
 from beamstiff.measure.table import MEASURED, Measurements

@@ -32,7 +32,7 @@ from beamstiff.diagnosis.next_measurement.test_plan import as_plain, propose_tes
 from beamstiff.diagnosis.notes import in_words, notes, notes_of_verdict
 from beamstiff.diagnosis.prior import Prior
 from beamstiff.diagnosis.residual.baseline import Baseline
-from beamstiff.diagnosis.residual.screening import Screened, unlikely
+from beamstiff.diagnosis.residual.outlier_screening import Screened, unlikely
 from beamstiff.diagnosis.residual.whitened import Whitened, whiten
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, optional

@@ -22,7 +22,7 @@ from beamstiff.diagnosis.decomposition.applied import (
 )
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
-from beamstiff.diagnosis.decomposition.plain import causes_dict
+from beamstiff.diagnosis.decomposition.plain_data import causes_dict
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.places import places_with_look_alikes

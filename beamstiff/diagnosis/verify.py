@@ -11,7 +11,7 @@ from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.residual.baseline import deviation, nominal_pose, predict
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.measure.far_rows import far_rows
+from beamstiff.measure.outlier_gap import far_rows
 from beamstiff.measure.registration import RigidMotion, check_spread, fit_rigid_motion
 from beamstiff.measure.rows import row_digests
 from beamstiff.measure.table import Measurements

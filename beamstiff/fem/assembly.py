@@ -4,7 +4,7 @@ import numpy as np
 from scipy import sparse
 
 from beamstiff.fem.beam_element import beam_stiffness
-from beamstiff.fem.geometry import Geometry, strut_directions, strut_stiffness
+from beamstiff.fem.placed_structure import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
@@ -26,6 +26,10 @@ def _beam_blocks(structure: Structure, geometry: Geometry) -> Array:
 
 
 def _joint_blocks(structure: Structure, geometry: Geometry) -> Array:
+    """Return the blocks of joints that close a loop: ``D = R diag(k) R^T``, R from their axes to the base's.
+
+    A joint of a tree has its displacements as unknowns, with k on the diagonal.
+    """
     turn = rotate_screw(geometry.joint_rotation[:, structure.chords])
     return _between_ends(turn * structure.chord_values[:, None, :] @ turn.swapaxes(-1, -2))
 
@@ -100,7 +104,7 @@ def _add_up(structure: Structure, products: Array) -> Array:
 
 
 def sparse_stiffness(structure: Structure, geometry: Geometry) -> sparse.csc_array:
-    """Return the reduced global stiffness K_C of the first pose, sparse (seed 003, eqs 21 to 23)."""
+    """Return the reduced global stiffness of the first pose, sparse (seed 003, eqs 21 to 23: its K_C)."""
     count, pattern = structure.unknowns.count, structure.pattern
     pointers = np.searchsorted(pattern.columns, np.arange(count + 1))
     products = _products(structure, geometry, element_blocks(structure, geometry))

@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
-from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import BUCKLES, PoseError
-from beamstiff.fem.response import Response
+from beamstiff.fem.placed_structure import Geometry
+from beamstiff.fem.static_response import Response
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array
 

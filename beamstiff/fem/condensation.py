@@ -32,11 +32,11 @@ from beamstiff.fem.constraints import (
     strut_row,
     unknown_sizes,
 )
-from beamstiff.fem.geometry import Geometry, place, rod_flexibility
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import gravity_wrenches
 from beamstiff.fem.mechanism import solve_firm, solve_stable
-from beamstiff.fem.strain_factor import Factored, factored_at
+from beamstiff.fem.orthogonal_factor import Factored, factored_at
+from beamstiff.fem.placed_structure import Geometry, place, rod_flexibility
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns
 from beamstiff.robot.frames import same_geometry
@@ -223,6 +223,11 @@ def without_ports(structure: Structure, ports: Sequence[Port]) -> Structure:
 def _condense_chunk(
     structure: Structure, geometry: Geometry, observed: Sequence[str], ports: Sequence[Port]
 ) -> Condensed:
+    """Return poses condensed to ports p, the rest r eliminated: ``S = K_pp - K_pr K_rr^-1 K_rp``.
+
+    With W the motion of the observed nodes by unknowns: ``B^T = W_p - W_r K_rr^-1 K_rp`` and
+    ``C_clamped = W_r K_rr^-1 W_r^T``.
+    """
     if has_constraints(structure):
         rank = ranks(constraint_rows(structure, geometry), unknown_sizes(structure))
         if (

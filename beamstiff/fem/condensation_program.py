@@ -28,9 +28,9 @@ from beamstiff.expression_graph.expression import Expression, Recorder
 from beamstiff.expression_graph.graph import ExpressionGraph, compile_graph
 from beamstiff.fem.assembly import assemble
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.geometry import place
-from beamstiff.fem.recorded import RecordedStiffness, Symmetric, Unfit
+from beamstiff.fem.placed_structure import place
 from beamstiff.fem.structure import Structure
+from beamstiff.fem.symbolic_stiffness import RecordedStiffness, Symmetric, Unfit
 from beamstiff.robot.closure import declared_start
 from beamstiff.robot.frames import all_values
 from beamstiff.robot.kinematics import posture_at

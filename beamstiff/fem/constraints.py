@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.assembly import node_map
-from beamstiff.fem.geometry import Geometry, strut_directions
+from beamstiff.fem.placed_structure import Geometry, strut_directions
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID

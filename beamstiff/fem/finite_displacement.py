@@ -16,9 +16,9 @@ from beamstiff.fem.assembly import assemble, element_blocks, element_deformation
 from beamstiff.fem.beam_column import beam_bending
 from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_inverse, unknown_sizes
-from beamstiff.fem.geometry import Geometry, node_terms, strut_directions
 from beamstiff.fem.initial_stress import beam_initial_stress, joint_initial_stress, strut_initial_stress
-from beamstiff.fem.response import solve_constrained
+from beamstiff.fem.placed_structure import Geometry, node_terms, strut_directions
+from beamstiff.fem.static_response import solve_constrained
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID

@@ -26,7 +26,6 @@ from beamstiff.fem.beam_column import beam_bending, check_beams, pulled_weight, 
 from beamstiff.fem.condensation import CHUNK
 from beamstiff.fem.constraints import constraint_rows, has_constraints, scaled_inverse, unknown_sizes
 from beamstiff.fem.finite_displacement import displaced, finite_displacement, second_order
-from beamstiff.fem.geometry import Geometry, place, strut_directions
 from beamstiff.fem.initial_stress import (
     arm_initial_stress,
     beam_initial_stress,
@@ -36,7 +35,8 @@ from beamstiff.fem.initial_stress import (
 )
 from beamstiff.fem.loads import gravity_wrenches, line_load
 from beamstiff.fem.mechanism import solve_stable
-from beamstiff.fem.response import beam_forces, check_moments, solve_constrained, solve_elements
+from beamstiff.fem.placed_structure import Geometry, place, strut_directions
+from beamstiff.fem.static_response import beam_forces, check_moments, solve_constrained, solve_elements
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.robot.fields import RIGID

@@ -4,7 +4,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_element import uniform_load
-from beamstiff.fem.geometry import Geometry
+from beamstiff.fem.placed_structure import Geometry
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.se3 import Array

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.assembly import element_blocks, gather
-from beamstiff.fem.geometry import Geometry
+from beamstiff.fem.placed_structure import Geometry
 from beamstiff.fem.structure import Structure
 from beamstiff.robot.parts import JOINT_DIRECTIONS
 from beamstiff.se3 import Array

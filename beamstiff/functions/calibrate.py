@@ -9,7 +9,7 @@ import numpy as np
 
 from beamstiff.calibration.calibrate import calibrate as fit
 from beamstiff.calibration.elastic import felt_names
-from beamstiff.calibration.observability import NOTICED
+from beamstiff.calibration.identifiability import NOTICED
 from beamstiff.calibration.parameters import Parameter
 from beamstiff.calibration.result import Calibration
 from beamstiff.calibration.statement import build_calibration
@@ -20,7 +20,7 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, optional, show
 from beamstiff.functions.checks import effects_text, names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of, refuse_fitted
-from beamstiff.measure.position_doubts import stands_doubts
+from beamstiff.measure.position_plausibility import stands_doubts
 from beamstiff.measure.rows import concatenate, ranges_of, require_tracker, row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

@@ -10,9 +10,9 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.planning.candidates import force_loads
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.robot.stiffness import missing_stiffness
+from beamstiff.robot.plausibility import robot_doubts
+from beamstiff.robot.stiffness_parameters import missing_stiffness
 from beamstiff.se3 import Array
 
 

@@ -8,7 +8,7 @@ from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import names_of, whole, without_model
 from beamstiff.functions.robots import as_robot
-from beamstiff.identification.assembly_doubts import displacement_doubts
+from beamstiff.identification.assembly_plausibility import displacement_doubts
 from beamstiff.identification.models.side_by_side import FITS, Models, Options, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamstiff.calibration.estimate import estimate
+from beamstiff.calibration.least_squares import estimate
 from beamstiff.calibration.statement import build_calibration
 from beamstiff.diagnosis.changes import (
     CampaignFit,
@@ -22,15 +22,15 @@ from beamstiff.functions.identify import identify
 from beamstiff.functions.robots import as_robot
 from beamstiff.identification.input_errors import InputErrors, build_response
 from beamstiff.identification.problem import build_problem
-from beamstiff.identification.relations import INVERSE_UNITS
 from beamstiff.identification.result import Identification
+from beamstiff.identification.series_parallel import INVERSE_UNITS
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.measure.coerce import TableLike, as_tables, doubts_of
 from beamstiff.measure.rows import require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness_parameters import parameter_unit
 from beamstiff.se3 import Array
 
 OF_SIZE = "of the size in the robot"  # unit of a cause's size

@@ -18,9 +18,9 @@ from beamstiff.diagnosis.inference.library import REVERSED
 from beamstiff.diagnosis.recalibration import ALIKE
 from beamstiff.errors import listed
 from beamstiff.functions.checks import effects_text, shown_value
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.stiffness import missing_stiffness
+from beamstiff.robot.plausibility import robot_doubts
+from beamstiff.robot.stiffness_parameters import missing_stiffness
 from beamstiff.units import in_unit
 
 

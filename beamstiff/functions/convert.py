@@ -27,7 +27,7 @@ from beamstiff.robot.link_tree import robot_of, tree_robot
 from beamstiff.robot.pruning import pruned
 from beamstiff.robot.sdf import read_sdf, unread
 from beamstiff.robot.sdf_writer import robot_to_sdf
-from beamstiff.robot.stiffness import missing_stiffness
+from beamstiff.robot.stiffness_parameters import missing_stiffness
 from beamstiff.robot.urdf.reader import extension_of, read_tree, read_urdf
 from beamstiff.robot.urdf.writer import robot_to_urdf, urdf_with_held
 from beamstiff.robot.xml_text import parse_xml

@@ -16,9 +16,9 @@ from beamstiff.diagnosis.without_effects import without_effects
 from beamstiff.errors import OptionError, shown
 from beamstiff.functions.checks import axes_of, names_of, whole
 from beamstiff.functions.robots import as_robot
-from beamstiff.identification.assembly_doubts import displacement_doubts
+from beamstiff.identification.assembly_plausibility import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
-from beamstiff.measure.position_doubts import stands_doubts
+from beamstiff.measure.position_plausibility import stands_doubts
 from beamstiff.measure.rows import concatenate, row_digests
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes

@@ -23,7 +23,7 @@ from beamstiff.functions.checks import left_out, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
-from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import RobotLike
 from beamstiff.shown import Shown
 
@@ -208,6 +208,6 @@ def _diagnose() -> Diagnose:
 def _controls(crowded: bool) -> dict[str, Control]:
     """Return the plain methods that the diagnosis is compared with."""
     if crowded:
-        stepwise = import_module("beamstiff.diagnosis.plain_stepwise").plain_stepwise
+        stepwise = import_module("beamstiff.diagnosis.control_stepwise").plain_stepwise
         return {"plain stepwise regression": stepwise}
-    return {"plain regression, best BIC": import_module("beamstiff.diagnosis.plain_regression").plain_bic}
+    return {"plain regression, best BIC": import_module("beamstiff.diagnosis.control_regression").plain_bic}

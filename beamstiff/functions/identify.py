@@ -14,7 +14,7 @@ from beamstiff.errors import OptionError, optional
 from beamstiff.functions.checks import names_of, one_of, whole, without_model
 from beamstiff.functions.fitted import fitted_robot, model_kind
 from beamstiff.functions.robots import as_robot
-from beamstiff.identification.assembly_doubts import displacement_doubts
+from beamstiff.identification.assembly_plausibility import displacement_doubts
 from beamstiff.identification.bootstrap import Bootstrap
 from beamstiff.identification.bootstrap import bootstrap as draw
 from beamstiff.identification.degeneracy import find_degeneracy
@@ -25,19 +25,19 @@ from beamstiff.identification.models.side_by_side import Options
 from beamstiff.identification.objective import LOSSES, Loss
 from beamstiff.identification.pareto import pareto_front
 from beamstiff.identification.problem import Components, build_problem
-from beamstiff.identification.reduce import Reduced, reduce_model
+from beamstiff.identification.reduced_model import Reduced, reduce_model
 from beamstiff.identification.result import Identification
-from beamstiff.identification.separate import with_separations
+from beamstiff.identification.separating_rows import with_separations
 from beamstiff.identification.statement import Statement, build_identification
 from beamstiff.identification.wind_up import without_encoders
 from beamstiff.measure.coerce import DataLike, TableLike, as_tables, doubted, doubts_of
-from beamstiff.measure.doubts import counted_once
+from beamstiff.measure.plausibility import counted_once
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.measure.table import Measurements
 from beamstiff.parallel import check_places
 from beamstiff.robot.description import Robot
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import check_stiffness
+from beamstiff.robot.stiffness_parameters import check_stiffness
 
 USES: tuple[Components, ...] = ("both", "position", "rotation")
 

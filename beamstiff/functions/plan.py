@@ -28,10 +28,10 @@ from beamstiff.planning.designs import (
 )
 from beamstiff.planning.moving import driven, sooner_driven
 from beamstiff.robot.description import Robot
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics
+from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import check_stiffness, parameter_unit
+from beamstiff.robot.stiffness_parameters import check_stiffness, parameter_unit
 from beamstiff.se3 import Array
 from beamstiff.shown import Shown
 from beamstiff.units import quantity

@@ -8,7 +8,7 @@ import numpy as np
 from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.residual.baseline import predict as predict_rows
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.functions.checks import start_values
 from beamstiff.functions.robots import as_robot
@@ -20,7 +20,7 @@ from beamstiff.model.linear import predict_displacements, preload_notes
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import posture
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import check_stiffness
+from beamstiff.robot.stiffness_parameters import check_stiffness
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 from beamstiff.shown import Shown
 

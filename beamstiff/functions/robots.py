@@ -12,8 +12,8 @@ from beamstiff.diagnosis.apply import EffectError, check_effects
 from beamstiff.errors import BeamstiffError, OptionError, shown
 from beamstiff.robot import reader
 from beamstiff.robot.description import Robot
-from beamstiff.robot.joint_stiffness import with_joint_stiffness
 from beamstiff.robot.reader import RobotLike
+from beamstiff.robot.start_stiffness import with_joint_stiffness
 
 
 def as_robot(robot: RobotLike, what: str = "robot", assembly: str | None = None) -> Robot:

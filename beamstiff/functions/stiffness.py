@@ -12,18 +12,18 @@ from beamstiff.errors import BeamstiffError, OptionError
 from beamstiff.fem import condensation
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.functions.checks import effects_text, left_out, six_numbers, start_values
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.correction import compliance_correction
 from beamstiff.robot.description import Robot
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import Posture, compile_kinematics, pose_of, posture, reference_posture
 from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import RobotLike
-from beamstiff.robot.stiffness import check_stiffness
+from beamstiff.robot.stiffness_parameters import check_stiffness
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 

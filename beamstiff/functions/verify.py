@@ -10,7 +10,7 @@ from beamstiff.diagnosis.verify import Verification
 from beamstiff.diagnosis.verify import verify as run
 from beamstiff.errors import BeamstiffError, OptionError, listed
 from beamstiff.functions.robots import as_robot
-from beamstiff.identification.assembly_doubts import displacement_doubts
+from beamstiff.identification.assembly_plausibility import displacement_doubts
 from beamstiff.measure.coerce import DataLike, as_tables, doubted, doubts_of
 from beamstiff.measure.rows import concatenate, require_tracker
 from beamstiff.model.correction import extrapolation_notes

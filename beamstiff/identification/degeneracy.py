@@ -22,10 +22,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from beamstiff.identification.problem import Problem, balanced_stiffness
-from beamstiff.identification.relations import INVERSE_UNITS, Joined, Kind, Spring, join
 from beamstiff.identification.result import Combination
+from beamstiff.identification.series_parallel import INVERSE_UNITS, Joined, Kind, Spring, join
 from beamstiff.robot.description import Robot
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness_parameters import parameter_unit
 from beamstiff.se3 import Array
 
 POINTS = 3  # stiffness values at which a dependence has to hold

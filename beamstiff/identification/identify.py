@@ -12,15 +12,15 @@ from beamstiff.identification.information import Uncertainty, spread_over, uncer
 from beamstiff.identification.minimise import Effort, Minimum, Progress, minimise
 from beamstiff.identification.parameters import SPAN, Parameters, build_parameters
 from beamstiff.identification.problem import Problem
-from beamstiff.identification.relations import INVERSE_UNITS, Joined
 from beamstiff.identification.result import Combination, Identification, Parameter
+from beamstiff.identification.series_parallel import INVERSE_UNITS, Joined
 from beamstiff.identification.statement import Options, Plan, Statement, build_identification
 from beamstiff.identification.validation import held_out, position_rms
-from beamstiff.measure.doubts import require_usable
+from beamstiff.measure.plausibility import require_usable
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness_parameters import parameter_unit
 from beamstiff.se3 import Array
 
 ROUNDS = 2  # of fitting again with the errors of the inputs as they are at the values found

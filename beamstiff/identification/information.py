@@ -62,7 +62,10 @@ class Uncertainty:
 
 
 def uncertainty(objective: Objective, theta: Array) -> Uncertainty:
-    """Return the uncertainty of theta (t,) at the optimum of an objective.
+    """Return the uncertainty of theta (t,) at the optimum of an objective: covariance ``(J^T W J)^-1``.
+
+    J are the slopes of the residuals by theta, the logarithms of compliances, with a row a prior; W the
+    weights of the readings, over what they scatter.
 
     The noise is as stated; where the residual exceeds it, or none is stated, the residual tells it. Where it
     exceeds it by more than chance would, the stated noise is not believed and the quantile is Student's.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from beamstiff.identification.bootstrap import Bootstrap
     from beamstiff.identification.pareto import Front
-    from beamstiff.identification.reduce import Reduced
+    from beamstiff.identification.reduced_model import Reduced
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from beamstiff.identification.input_errors import InputErrors, Response, build_r
 from beamstiff.identification.objective import LOSSES, Loss, Objective
 from beamstiff.identification.parameters import Parameters, build_parameters
 from beamstiff.identification.problem import Components, Problem, build_problem, start_values
-from beamstiff.identification.relations import Joined
+from beamstiff.identification.series_parallel import Joined
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

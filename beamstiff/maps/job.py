@@ -19,7 +19,7 @@ from beamstiff.maps.grid import Box, Grid, boxes, make_grid
 from beamstiff.maps.quantities import QUANTITIES, check_quantities
 from beamstiff.maps.reach import Reach, postures_of_configuration
 from beamstiff.robot.description import Robot
-from beamstiff.robot.stiffness import check_stiffness
+from beamstiff.robot.stiffness_parameters import check_stiffness
 from beamstiff.se3 import Array
 
 MANY = 16384  # poses a chunk: some tenths of a second, which is what a kill costs

@@ -1,6 +1,6 @@
 """What was seen: measurement tables, and what is computed from raw readings before they become one."""
 
-from beamstiff.measure.doubts import doubts
+from beamstiff.measure.plausibility import doubts
 from beamstiff.measure.points import (
     PointDisplacement,
     displacement_from_points,

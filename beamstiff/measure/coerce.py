@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, OptionError, UnusableError, shown
-from beamstiff.measure.doubts import copies_between, doubts
-from beamstiff.measure.load_doubts import require_loads
-from beamstiff.measure.position_doubts import require_joints, require_scale
-from beamstiff.measure.range_doubts import require_displacements, require_limits
+from beamstiff.measure.load_plausibility import require_loads
+from beamstiff.measure.plausibility import copies_between, doubts
+from beamstiff.measure.position_plausibility import require_joints, require_scale
+from beamstiff.measure.range_plausibility import require_displacements, require_limits
 from beamstiff.measure.reader import read_measurements
-from beamstiff.measure.rotation_doubts import require_rotations
+from beamstiff.measure.rotation_plausibility import require_rotations
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
-from beamstiff.robot.doubts import robot_doubts
+from beamstiff.robot.plausibility import robot_doubts
 
 TableLike = Measurements | str | os.PathLike[str]
 DataLike = TableLike | Sequence[TableLike]

@@ -11,13 +11,13 @@ from scipy.optimize import nnls
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import equal_rows
-from beamstiff.measure.position_doubts import POSTURES, Index, comparable, laid_over, read_rows
+from beamstiff.measure.position_plausibility import POSTURES, Index, comparable, laid_over, read_rows
 from beamstiff.measure.rows import evenly
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture, twist_jacobian
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 MOST = 100  # rows that are fitted: more say no more

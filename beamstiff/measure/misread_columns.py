@@ -4,7 +4,7 @@ What loads move is fitted by springs (`measure.drive_springs`). Columns that are
 another unit leave several times what the right ones do, whatever else is amiss: in 85 simulated campaigns
 with bearings, levers, play or drift that the springs lack, no wrong reading left less than 0.92 of what right
 columns leave (0.88 where the robot has loops), and of 192 samples of 8 postures none is doubted. Joint values
-of absolute positions are held against these instead (`measure.position_doubts`).
+of absolute positions are held against these instead (`measure.position_plausibility`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError, UnusableError, listed
 from beamstiff.measure.drive_springs import DriveSprings, springs_of
-from beamstiff.measure.position_doubts import REVERSIBLE, Index, axes_in_words
+from beamstiff.measure.position_plausibility import REVERSIBLE, Index, axes_in_words
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.position_doubts import comparable, laid_over
+from beamstiff.measure.position_plausibility import comparable, laid_over
 from beamstiff.measure.rows import evenly, subset
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import gravity_wrenches
+from beamstiff.fem.placed_structure import place
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

@@ -9,7 +9,7 @@ from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric_stiffness import loaded_displacement
 from beamstiff.fem.mechanism import PoseError
-from beamstiff.fem.response import respond
+from beamstiff.fem.static_response import respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.measure.arrays import Integers

@@ -1,8 +1,8 @@
 """Displacements of many rows and their derivatives by the stiffness at the ports, rows along the last axis.
 
-The derivative by k_j is ``-B_d^T M^-1 Phi_j M^-1 f``. One elimination a row, without pivots: ``M = S +
-sum k_j Phi_j`` is positive definite. With the rows last every step of it runs over a stretch of numbers that
-stays in the processor's cache.
+With ``M = S + sum k_j Phi_j`` and ``f = B_w w + g`` of `model.ports`, the derivative by k_j is
+``-B_d^T M^-1 Phi_j M^-1 f``. One elimination a row, without pivots: M is positive definite. With the rows
+last every step of it runs over a stretch of numbers that stays in the processor's cache.
 """
 
 import numpy as np

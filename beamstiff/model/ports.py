@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from beamstiff.errors import BeamstiffError, OptionError, listed, suggest
 from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Port, condense, without_ports
-from beamstiff.fem.geometry import place
+from beamstiff.fem.dependent_ports import independent_ports
 from beamstiff.fem.mechanism import solve_stable
-from beamstiff.fem.port_shares import independent_ports
+from beamstiff.fem.placed_structure import place
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import refuse_idle_moments
@@ -35,7 +35,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.parts import JOINT_DIRECTIONS
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]

@@ -16,7 +16,7 @@ from beamstiff.planning.poses import closed_posture, random_poses
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Kinematics, actuated_values, posture
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 AXES = ("x", "y", "z")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.static_response import nodal_loads
 from beamstiff.fem.structure import Structure
 from beamstiff.planning.dexterity import inverse_condition, normalised_jacobian
 from beamstiff.planning.poses import Grid, closed_posture, joint_grid, spread

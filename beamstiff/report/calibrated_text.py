@@ -13,7 +13,7 @@ from beamstiff.report.diagnosis_words import stiffness_in_words
 from beamstiff.report.identification import far_off
 from beamstiff.report.tables import Table, table, worth
 from beamstiff.report.verdict import level_of, rounded
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness_parameters import parameter_unit
 
 NAMED = 3  # changes of each kind that are told
 KINDS = {"rad": ("angle", "mrad"), "m": ("length", "mm")}

@@ -12,7 +12,7 @@ from beamstiff.planning.candidates import Noise
 from beamstiff.planning.designs import AtRandom
 from beamstiff.report.tables import Column, Table, number, table
 from beamstiff.report.verdict import Verdict
-from beamstiff.robot.stiffness import parameter_unit
+from beamstiff.robot.stiffness_parameters import parameter_unit
 
 CRITERIA = {
     "D": "volume of the confidence ellipsoid",

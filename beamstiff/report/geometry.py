@@ -75,7 +75,7 @@ def errors_table(found: Calibration) -> Table:
 
 def dependent_table(found: Calibration) -> Table | None:
     """Return a table of the parameters indistinguishable from others, and what each looks like."""
-    seen = found.observability
+    seen = found.identifiability
     if not seen.dependent:
         return None
     result = table(HELD, "parameter", "looks like", left=2)
@@ -104,7 +104,7 @@ def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[
     """Return the error before and after against the noise, and what to do next with the `files` given."""
     before, after = found.before.position_rms, (found.held_out or found.after).position_rms
     if before is None or after is None:
-        said = f"{counted(len(found.observability.identified), 'parameter')} calibrated"
+        said = f"{counted(len(found.identifiability.identified), 'parameter')} calibrated"
     else:
         where = " on held-out poses" if found.held_out is not None else ""
         said = f"Position error from {rounded(1e3 * before)} to {rounded(1e3 * after)} mm{where}"
@@ -120,7 +120,7 @@ def calibration_verdict(found: Calibration, rows: Measurements, files: Sequence[
 
 def calibration_text(found: Calibration) -> list[str]:
     """Return sentences: how many parameters, what the noise says, where the base stands."""
-    seen, stated = found.observability, "stated noise" if found.claimed else "usual noise (none is stated)"
+    seen, stated = found.identifiability, "stated noise" if found.claimed else "usual noise (none is stated)"
     lines = [
         f"{len(seen.identified)} of {counted(len(seen.names), 'parameter')} estimated, "
         f"{len(seen.dependent)} indistinguishable from others, {len(seen.silent)} without influence on "

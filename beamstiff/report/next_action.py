@@ -13,10 +13,10 @@ from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
-from beamstiff.diagnosis.residual.screening import SILENCE
+from beamstiff.diagnosis.residual.outlier_screening import SILENCE
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import counted, listed
-from beamstiff.measure.doubts import LARGE_DISPLACEMENT
+from beamstiff.measure.plausibility import LARGE_DISPLACEMENT
 from beamstiff.report.calibrated_text import calibrated_away, calibrated_worse, moved_load
 from beamstiff.report.diagnosis_words import (
     law_in_words,

@@ -8,9 +8,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space
-from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.loads import total_mass
 from beamstiff.fem.mechanism import scaled_condition
+from beamstiff.fem.placed_structure import Geometry, place
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.closure import close_loops, every_assembly
 from beamstiff.robot.coupling import variable_kinds

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamstiff.errors import BeamstiffError, shown
-from beamstiff.fem.response import Response, nodal_loads, respond
+from beamstiff.fem.static_response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.files import write_whole
 from beamstiff.robot.description import Robot

@@ -17,7 +17,7 @@ from beamstiff.robot.fields import FREE, RIGID, DescriptionError, Problem
 from beamstiff.robot.graph import parts_without_support, structure_graph
 from beamstiff.robot.parts import FRAME_PARAMETERS, STIFFNESS_KINDS, Node
 from beamstiff.robot.sections import section_properties
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 
 ELEMENTS = ("beams", "rigids", "joints", "struts")
 # columns of a table of measurements, which no variable may be called; `measure.columns` has the same ones

@@ -37,7 +37,7 @@ from beamstiff.robot.parts import (
     Variable,
 )
 from beamstiff.robot.sections import Section
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.shown import Shown
 
 

@@ -34,7 +34,7 @@ class LoopSystem:
     scale: Array  # (A + Q,): one rad, or one machine size, for each free variable
     actuated: int  # number of actuated variables A; the passive ones stand behind them
     moving: NDArray[np.bool_]  # (A,): which actuated variables move the loops at all
-    program: ExpressionGraph | None = None  # the equations written down, for many poses; see `recorded`
+    program: ExpressionGraph | None = None  # the equations, for many poses: see `symbolic_stiffness`
 
 
 @lru_cache(maxsize=32)

@@ -44,7 +44,7 @@ def test_poses_are_as_good_and_the_target_may_be_turned() -> None:
         REAL, within(serial(), 30, 1), noise=0.0, base=BASE, target=TARGET, turned=True, stated=False
     )
     found = calibrate(serial(), rows, folds=0)
-    assert len(found.observability.identified) == 30
+    assert len(found.identifiability.identified) == 30
     fresh = measured(REAL, within(serial(), 50, 2), noise=0.0, base=BASE, target=TARGET, turned=True)
     errors = errors_on(found, fresh)
     assert errors.position_max == pytest.approx(0, abs=1e-8)
@@ -69,7 +69,7 @@ def test_a_point_tracker_with_50_poses_predicts_fresh_ones_to_0_057_mm_and_quick
         real = machine(serial(), machined(serial(), 10 + seed))
         rows = measured(real, within(serial(), 50, seed), seed=seed)
         found = calibrate(serial(), rows, folds=0)
-        assert len(found.observability.identified) == 27
+        assert len(found.identifiability.identified) == 27
         fresh = measured(real, within(serial(), 200, 50 + seed), seed=50 + seed)
         held.append(errors_on(found, fresh).position_mean)
     assert np.mean(held) < 5.7e-5
@@ -180,7 +180,7 @@ def test_several_reflectors_share_one_geometry() -> None:
     q = within(serial(), 20, 8)
     rows = concatenate([measured(REAL, q, point=point, base=BASE) for point in ("ball", "other")])
     found = calibrate(serial(), rows)
-    assert {"ball.x", "other.x"} <= set(found.observability.identified)
+    assert {"ball.x", "other.x"} <= set(found.identifiability.identified)
     assert found.noise == pytest.approx(1.0, abs=0.25)
     for point in ("ball", "other"):
         fresh = measured(REAL, within(serial(), 100, 9), point=point, base=BASE)
@@ -193,12 +193,12 @@ def test_a_reflector_guessed_on_the_last_axis_hides_nothing_in_the_end() -> None
     there = {"ball.x": -0.05, "ball.y": -0.02}
     guessed = corrected(real, there, within(real, 1, 0))
     rows = measured(real, within(real, 60, 1))
-    off = calibrate(real, rows, folds=0).observability.identified
+    off = calibrate(real, rows, folds=0).identifiability.identified
     found = calibrate(guessed, rows, folds=0)
-    assert set(found.observability.identified) == set(off)
+    assert set(found.identifiability.identified) == set(off)
     moved = {one.name: one.change for one in found.parameters}
     assert [moved["ball.x"], moved["ball.y"]] == pytest.approx([0.05, 0.02], abs=2e-3)
-    whole = calibrate(guessed, rows, parameters=["base", "ball"], folds=0).observability.names
+    whole = calibrate(guessed, rows, parameters=["base", "ball"], folds=0).identifiability.names
     assert {"ball.x", "ball.y", "ball.z"} <= set(whole)
 
 
@@ -226,7 +226,7 @@ def test_priors_hold_back_what_the_poses_hardly_show() -> None:
     every = [item.name for item in calibrate(serial(), rows, folds=0).parameters]
     priors = {name: 1e-3 for name in every if not name.startswith(("base", "ball", "target"))}
     free, held = calibrate(serial(), rows, folds=0), calibrate(serial(), rows, priors=priors, folds=0)
-    assert len(held.observability.identified) > len(free.observability.identified)
+    assert len(held.identifiability.identified) > len(free.identifiability.identified)
     one, other = errors_on(free, fresh).position_rms, errors_on(held, fresh).position_rms
     assert other < one
     nailed = calibrate(serial(), rows, ["q2", "q3"], priors={"q2": 1e-9}, folds=0)

@@ -56,5 +56,5 @@ def test_hand_eye_scale_and_zeros_are_found(robot: Robot, where: str) -> None:
 def test_a_robot_of_free_lengths_holds_the_scale(robot: Robot) -> None:
     rows = parse_measurements(seen(robot, noise=0.05), robot)
     found = calibrate(robot, rows, folds=0)
-    assert "camera.scale" not in found.observability.identified
+    assert "camera.scale" not in found.identifiability.identified
     assert found.noise == pytest.approx(1.0, abs=0.15)

@@ -115,8 +115,8 @@ def test_a_bar_at_the_tip_of_one_link_sees_its_length_alone() -> None:
         sigma_position=1e-5,
     )
     found = calibrate(link, rows, ["tip", "q1"], folds=0)
-    assert found.observability.identified == ("tip.x",)
-    assert "q1" in found.observability.silent
+    assert found.identifiability.identified == ("tip.x",)
+    assert "q1" in found.identifiability.silent
     assert found["tip.x"].change == pytest.approx(2e-3, abs=1e-9)
     _, jacobian = found.statement.problem.linearised(np.zeros(4))
     np.testing.assert_allclose(jacobian[:, 0], 1e5)  # radial; across and about it nothing shows
@@ -181,7 +181,7 @@ def test_three_gauges_at_a_point_are_a_tracker_in_the_base_frame() -> None:
         sigma_position=rows.sigma_position,
     )
     one, other = (calibrate(serial(), some, fixed=["base"], folds=0) for some in (rows, split))
-    assert one.observability.identified == other.observability.identified
+    assert one.identifiability.identified == other.identifiability.identified
     for a, b in zip(one.parameters, other.parameters, strict=True):
         assert b.value == pytest.approx(a.value, abs=1e-9)
         assert b.std == (None if a.std is None else pytest.approx(a.std, rel=1e-6))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff.calibration.error_jacobian import build_geometry
-from beamstiff.calibration.estimate import estimate
+from beamstiff.calibration.least_squares import estimate
 from beamstiff.calibration.parameters import known_parameters
 from beamstiff.calibration.recursion import recursion
 from beamstiff.calibration.sensitivity import sensitivity_indices

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError, load_robot, read_measurements
-from beamstiff.robot.joint_stiffness import with_joint_stiffness
+from beamstiff.robot.start_stiffness import with_joint_stiffness
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.cli.conftest import Refused, Run
 from tests.robot.urdf_texts import EVERYTHING

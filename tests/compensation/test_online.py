@@ -9,7 +9,7 @@ from beamstiff import compensate, compensate_online, load_robot
 from beamstiff.compensation.stream import OnlineTargets
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.parts import AddedEffect
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 
 TEXT = "PTP {X 2500,Y 100,Z 1600,A 0,B 90,C 10,S 2}\nLIN {X 2500,Y 140,Z 1600,A 0,B 90,C 10}\n"
 LOAD = np.array([300.0, -200, -900, 20, 30, -10])

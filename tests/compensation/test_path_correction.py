@@ -29,7 +29,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect, Mass
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, transform
 
 START = np.array([0.2, -1.2, 1.5, 0.3, 0.8, 0.1])

@@ -13,7 +13,7 @@ from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.parts import AddedEffect, Frame, Mass
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, transform, vector_from_rotation
 from tests.compensation.test_path_correction import BACKLASH
 

@@ -10,7 +10,7 @@ from beamstiff.diagnosis import diagnose as module
 from beamstiff.diagnosis.inference.library import Library
 from beamstiff.diagnosis.notes import MASSLESS, notes, notes_of_verdict, unloaded, unstated_loads
 from beamstiff.diagnosis.residual.baseline import fit_baseline, predict
-from beamstiff.diagnosis.residual.screening import Screened, screen
+from beamstiff.diagnosis.residual.outlier_screening import Screened, screen
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.shared_reading import shared_reading

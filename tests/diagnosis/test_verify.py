@@ -22,7 +22,7 @@ from beamstiff.measure.writer import write_measurements
 from beamstiff.report.tables import Table
 from beamstiff.report.verification import verification_told, verification_verdict
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector
 from benchmarks.applied_effects import SIGMA, case_of, read, robot_of, rows_of
 from tests.added import added

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff import Beam, Joint, Mass, Material, Node, Rigid, Robot, Section, Strut
 from beamstiff.fem.large.frame import Frame
-from beamstiff.fem.response import Response, nodal_loads, respond
+from beamstiff.fem.static_response import Response, nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.kinematics import Posture, posture
 from benchmarks import lattice

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from beamstiff import compile_structure, robot_names
 from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
-from beamstiff.fem.geometry import place
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.placed_structure import place
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.model.ports import find_ports
 from beamstiff.robot.kinematics import Posture, posture
 from beamstiff.robot.reader import load_robot

@@ -14,7 +14,7 @@ import pytest
 from beamstiff import BeamstiffError, Material, Robot, Section
 from beamstiff.fem.beam_column import coarse_beams
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.static_response import nodal_loads
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.se3 import Array
 from tests.fem.builders import FREE, RIGID, at_rest, frame, solve, some_rotation, turned

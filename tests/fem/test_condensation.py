@@ -14,9 +14,9 @@ from beamstiff.fem.assembly import dense_stiffness
 from beamstiff.fem.beam_element import beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance, tcp_stiffness
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import gravity_wrenches
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.placed_structure import place
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from tests.fem.builders import FREE, RIGID, at_rest, compliance, frame, relative_error
 from tests.fem.random_frames import RandomFrame, beam_frame, machine_frame

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError, Material, Robot, compile_structure
 from beamstiff.fem.condensation import tcp_compliance, tcp_stiffness
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from tests.fem.builders import (
     FREE,
     RIGID,

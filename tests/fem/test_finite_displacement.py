@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_displacement
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.static_response import nodal_loads
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements

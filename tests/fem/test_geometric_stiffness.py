@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from beamstiff import BeamstiffError, Robot, Section, Variable, compile_structure
 from beamstiff.fem.condensation import tcp_compliance
 from beamstiff.fem.geometric_stiffness import loaded_compliance, loaded_stiffness
-from beamstiff.fem.response import nodal_loads
+from beamstiff.fem.static_response import nodal_loads
 from beamstiff.robot.kinematics import posture, twist_jacobian
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array

@@ -16,9 +16,9 @@ from beamstiff.fem.assembly import (
     scatter,
     sparse_stiffness,
 )
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import gravity_wrenches, total_mass
-from beamstiff.fem.response import Response, nodal_loads, respond
+from beamstiff.fem.placed_structure import place
+from beamstiff.fem.static_response import Response, nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.description import Robot
 from tests.fem.builders import at_rest, frame, relative_error, screw, solve, some_rotation, turned

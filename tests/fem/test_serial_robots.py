@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError, Frame, Joint, Node, Rigid, Robot, Variable
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.robot.kinematics import posture, twist_jacobian
 from tests.fem.builders import FREE, stiffness

@@ -8,7 +8,7 @@ import pytest
 from beamstiff import BeamstiffError, compile_structure
 from beamstiff.fem.condensation import condense
 from beamstiff.fem.geometric_stiffness import loaded_compliance
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.model.ports import find_ports
 from tests.fem.builders import SECTION, STEEL, at_rest, frame
 from tests.fem.exact_frame import exact_compliance

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from beamstiff import Material, Robot, Section
-from beamstiff.fem.response import Response
+from beamstiff.fem.static_response import Response
 from tests.fem.builders import FREE, RIGID, STEEL, displacement, frame, solve
 
 

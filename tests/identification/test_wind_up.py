@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff import identify, load_robot
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.identification.result import Identification
 from beamstiff.measure.rows import subset
@@ -118,7 +118,7 @@ def test_errors_of_the_loads_count_for_the_wind_up_too() -> None:
 
 
 def test_a_closed_loop_is_told_alike() -> None:
-    """Truth: what the whole structure does (`fem.response`), not reduced to ports."""
+    """Truth: what the whole structure does (`fem.static_response`), not reduced to ports."""
     robot = load_robot("palletizer")
     true = robot.with_parameters({"J2.torsional": 4e6, "J3.torsional": 8e6})
     rng = np.random.default_rng(0)

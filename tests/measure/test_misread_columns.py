@@ -17,7 +17,7 @@ from beamstiff.measure.misread_columns import misread_columns
 from beamstiff.measure.rows import subset
 from beamstiff.se3 import Array
 from tests.diagnosis.machines import kr240
-from tests.measure.test_load_doubts import pushed
+from tests.measure.test_load_plausibility import pushed
 
 
 def read_as(wrong: Callable[[Array], Array]) -> Measurements:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff.measure.doubts import doubts
+from beamstiff.measure.plausibility import doubts
 from beamstiff.measure.reader import parse_measurements, read_measurements
 from beamstiff.measure.rows import history_order
 from beamstiff.measure.writer import measurements_to_csv

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from beamstiff.errors import BeamstiffError
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.ports import PortModel, reduce_to_ports

@@ -10,9 +10,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.planning import poses
 from beamstiff.planning.poses import closed_posture, joint_grid, joint_ranges, random_poses, spread
 from beamstiff.robot.closure import close_loops, near_fold
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.kinematics import compile_kinematics
 from beamstiff.robot.parts import Variable
+from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import load_robot
 
 KR240, IR663 = load_robot("kr240-2"), load_robot("ir663")

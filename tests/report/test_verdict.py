@@ -9,8 +9,8 @@ import pytest
 
 from beamstiff import calibrate, identify, load_robot, read_measurements
 from beamstiff.diagnosis.candidate import Candidate
-from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.open_model import open_stiffness
+from beamstiff.diagnosis.decomposition.outlier_influence import Apart
 from beamstiff.measure.table import make_measurements
 from beamstiff.report.calibrated_text import moved_load
 from beamstiff.report.diagnosis_text import _or_alike, summary, verdict

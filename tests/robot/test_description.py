@@ -23,7 +23,7 @@ from beamstiff.robot.parts import (
 )
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.sections import Section
-from beamstiff.robot.stiffness import parameter_unit, stiffness_parameters
+from beamstiff.robot.stiffness_parameters import parameter_unit, stiffness_parameters
 
 
 def test_python_and_yaml_make_the_same_robot() -> None:

@@ -11,7 +11,7 @@ from beamstiff import load_robot, robot_names, save_robot
 from beamstiff.errors import BeamstiffError
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 
 BUNDLED = {name: load_robot(name) for name in robot_names()}
 

@@ -12,7 +12,7 @@ from beamstiff import load_robot, robot_names
 from beamstiff.robot.library import robot_path
 from beamstiff.robot.parts import AddedEffect
 from beamstiff.robot.reader import parse_robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.robot.yaml_edit import edited_yaml, robot_yaml
 from beamstiff.units import unit_size
 

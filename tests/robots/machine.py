@@ -11,7 +11,7 @@ from beamstiff.fem.structure import Structure
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Posture
 from beamstiff.robot.parts import Rigid
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from beamstiff import Robot, load_robot, robot_names
 from beamstiff.fem.condensation import tcp_stiffness
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import total_mass
+from beamstiff.fem.placed_structure import place
 from beamstiff.robot.kinematics import twist_jacobian
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.writer import robot_to_yaml

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from beamstiff import load_robot
-from beamstiff.fem.geometry import place
 from beamstiff.fem.loads import total_mass
+from beamstiff.fem.placed_structure import place
 from beamstiff.se3 import Array
 from tests.robots.machine import at, compliance, corners, inside, nothing_gives_but, point
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from beamstiff import load_robot
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.se3 import Array
 from beamstiff.units import quantity

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff.functions.convert import read_any, robot_text
-from beamstiff.robot.joint_stiffness import with_joint_stiffness
+from beamstiff.robot.start_stiffness import with_joint_stiffness
 from beamstiff.se3 import Array
 
 mujoco = pytest.importorskip("mujoco")

@@ -1,7 +1,8 @@
-"""Tempering of evidence: log odds between effects are divided by ``1 + E / TEMPERING``.
+"""Tempering of evidence: log odds between effects are divided by ``1 + E / (60 min(1, nu / 300))``.
 
-E are the log odds of the best effect against the unknown, model discrepancy. Why, and how the constants were
-found, stands in `decision.verdict`.
+E are the log odds of the best effect against the unknown, model discrepancy; nu the values less the fitted
+ones. A form of an effect is never exact, and its error grows with the evidence: docs/diagnosis_method.md says
+how the constants were found.
 """
 
 from collections.abc import Mapping

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.apart import Apart
 from beamstiff.diagnosis.decomposition.behind_gears import Behind
 from beamstiff.diagnosis.decomposition.forms import SLIP, UNMODELLED, Form
 from beamstiff.diagnosis.decomposition.mounting import Mounting
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
+from beamstiff.diagnosis.decomposition.outlier_influence import Apart
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.decomposition.unmodelled import lifted_side
 from beamstiff.diagnosis.effects import EFFECTS

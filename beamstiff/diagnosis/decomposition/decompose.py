@@ -10,7 +10,6 @@ from scipy import stats
 
 from beamstiff.calibration.elastic import felt_names
 from beamstiff.diagnosis.decomposition.answer import told, unsteady, without_rivals
-from beamstiff.diagnosis.decomposition.apart import Apart, rows_apart
 from beamstiff.diagnosis.decomposition.applied import unlike_written
 from beamstiff.diagnosis.decomposition.behind_gears import behind_gears, informed
 from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, NAMED, NOISE, QUARTER, Cause, Decomposition
@@ -26,6 +25,7 @@ from beamstiff.diagnosis.decomposition.open_model import (
     open_geometry,
     open_stiffness,
 )
+from beamstiff.diagnosis.decomposition.outlier_influence import Apart, rows_apart
 from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
@@ -33,8 +33,8 @@ from beamstiff.diagnosis.inference.library import REVERSED, check_names
 from beamstiff.diagnosis.prior import DEFAULT, Prior
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline, fitted_names
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.doubts import LARGE_DISPLACEMENT
 from beamstiff.measure.misread_columns import SHOWS
+from beamstiff.measure.plausibility import LARGE_DISPLACEMENT
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot

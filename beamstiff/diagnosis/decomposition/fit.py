@@ -389,7 +389,10 @@ def forms_in(choice: Choice, step: Step) -> dict[int, Form]:
 
 
 def bic(squares: Array | float, parameters: Array | float, values: float, log_prior: Array | float) -> Array:
-    """Return the criterion of fits.
+    """Return the criterion of fits, ``n log(squares / n) + k log(n) - 2 log p`` (Schwarz 1978).
+
+    `squares`: of residuals over the noise. `parameters` k. `values` n: as how many the readings count,
+    `residual.repeats.independent`. `log_prior` log p.
 
     Examples
     --------

@@ -13,7 +13,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
 from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of, turning_drives
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior, key_of
-from beamstiff.fem.geometry import SHORTEST
+from beamstiff.fem.placed_structure import SHORTEST
 from beamstiff.measure.arrays import Integers
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from beamstiff.se3 import Array

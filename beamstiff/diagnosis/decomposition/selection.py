@@ -1,4 +1,4 @@
-"""Forward selection of causes with removal and exchange, by the criterion and held-out postures."""
+"""Forward selection of causes with removal and exchange, by the BIC (`fit.bic`) and held-out postures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""`backlash`: a dead zone in the drive, crossed where the torque changes sign; gravity may hide it."""
+"""`backlash`: a dead zone in the drive, crossed where the torque changes sign; gravity may hide it.
+
+Of half width h and torque t, crossed within a share w of the largest torque T, it turns the joint by
+``h tanh(t / (w T))``, or straight, as a soft stage that is wound up to its stop, by
+``h clip(t / (w T), -1, 1)``; a drive that rests off the middle has another h on either side.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace

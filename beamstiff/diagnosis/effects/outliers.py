@@ -1,4 +1,4 @@
-"""`outliers`: a few rows are wrong, no physical effect. `residual/screening.py` finds them."""
+"""`outliers`: a few rows are wrong, no physical effect. `residual/outlier_screening.py` finds them."""
 
 from beamstiff.diagnosis.effects.effect import Effect
 

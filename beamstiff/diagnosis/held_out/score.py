@@ -14,7 +14,7 @@ from beamstiff.diagnosis.inference.library import Hypothesis
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.identification.whitening import whitening
 from beamstiff.measure.arrays import places_of_each
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 RESAMPLED = 400
@@ -283,6 +283,7 @@ def _variance(
 
 
 def _shrink(sums: Array) -> float:
+    """Return ``1 - (after^2 - noise^2) / (before^2 - noise^2)``, RMS, of sums of squares; within 0 and 1."""
     before, after, noise = sums[:3]
     if before <= noise:
         return 0.0

@@ -18,7 +18,7 @@ from beamstiff.diagnosis.inference.search import NONE, Search
 from beamstiff.diagnosis.residual.baseline import Baseline, around
 from beamstiff.diagnosis.residual.whitened import Whitened
 from beamstiff.robot.description import Robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 TURNS = 2  # new points at most

@@ -29,7 +29,7 @@ from beamstiff.model.ports import PortModel, reduce_to_ports
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 ROUNDS = 3  # of fitting and correcting for the loaded machine

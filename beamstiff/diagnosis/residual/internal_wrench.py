@@ -28,8 +28,8 @@ from beamstiff.diagnosis.residual.self_stress import Reach, everywhere, reach_of
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.fem.beam_element import beam_axes, beam_stiffness
 from beamstiff.fem.condensation import Condensed, Port, condense, without_ports
-from beamstiff.fem.geometry import SHORTEST, Geometry, place
 from beamstiff.fem.loads import gravity_wrenches, mass_wrenches
+from beamstiff.fem.placed_structure import SHORTEST, Geometry, place
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.fem.unknowns import joint_values
 from beamstiff.measure.table import Measurements

@@ -25,13 +25,13 @@ from beamstiff.fem.constraints import (
     has_constraints,
     unknown_sizes,
 )
-from beamstiff.fem.geometry import Geometry, place
+from beamstiff.fem.placed_structure import Geometry, place
 from beamstiff.fem.structure import Structure, compile_structure
 from beamstiff.model.ports import find_ports, opened
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_element import beam_axes, beam_stiffness
-from beamstiff.fem.geometry import SHORTEST
+from beamstiff.fem.placed_structure import SHORTEST
 from beamstiff.se3 import Array
 
 Index = NDArray[np.int64]

@@ -8,10 +8,10 @@ from scipy import sparse
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.assembly import element_forces, gather, scatter, sparse_stiffness
-from beamstiff.fem.geometry import Geometry
 from beamstiff.fem.large.memory import refuse_unless_fits
 from beamstiff.fem.large.multifrontal import Plan, Softness, factorise, make_plan, refined
 from beamstiff.fem.mechanism import SOFTEST, mechanism_error
+from beamstiff.fem.placed_structure import Geometry
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.se3 import Array
 

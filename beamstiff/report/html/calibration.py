@@ -75,8 +75,10 @@ def _facts(found: Calibration) -> Iterator[Fact]:
             value = None if errors is None else getattr(errors, f"{part}_rms")
             if value is not None and (part == "position" or found.after.position_rms is None):
                 yield Fact(name, f"{factor * value:.3g} {unit}", meaning)
-    sought = len(found.observability.identified)
-    yield Fact("Parameters", f"{sought} of {len(found.observability.names)}", "identifiable from these poses")
+    sought = len(found.identifiability.identified)
+    yield Fact(
+        "Parameters", f"{sought} of {len(found.identifiability.names)}", "identifiable from these poses"
+    )
 
 
 def _size(gap: Array) -> Array:
@@ -165,7 +167,7 @@ def _parameters(found: Calibration) -> Section:
 
 
 def _untold(found: Calibration) -> Section:
-    seen = found.observability
+    seen = found.identifiability
     texts = []
     if seen.dependent:
         texts.append(

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.decomposition.plain_data import parameters_of
 from beamstiff.diagnosis.effects.angle_curve import EFFECT, angle_of, joint_error, longest_wave
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.result import Diagnosis

@@ -10,8 +10,8 @@ from beamstiff.diagnosis.effects.torque_laws import component_of
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.condensation import tcp_compliance
-from beamstiff.fem.geometry import beam_directions
-from beamstiff.fem.response import Response, nodal_loads, respond
+from beamstiff.fem.placed_structure import beam_directions
+from beamstiff.fem.static_response import Response, nodal_loads, respond
 from beamstiff.fem.structure import compile_structure
 from beamstiff.measure.table import Measurements
 from beamstiff.report.html.links import CAMERAS, Lines, across, joint_lines, link_lines
@@ -22,7 +22,7 @@ from beamstiff.report.tables import Table, millimetres, nice, number
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import posture
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 
 DEFLECTION = "where the deflection is seen"  # the camera

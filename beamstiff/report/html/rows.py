@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.measure.doubts import doubts
+from beamstiff.measure.plausibility import doubts
 from beamstiff.measure.table import DISPLACEMENT, Measurements
 from beamstiff.report.html.parts import (
     MARGIN,

@@ -10,7 +10,7 @@ from beamstiff.diagnosis.decomposition import answer
 from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
 from beamstiff.diagnosis.decomposition.fit import fit_step
 from beamstiff.diagnosis.decomposition.forms import SLIP
-from beamstiff.diagnosis.decomposition.plain import parameters_of
+from beamstiff.diagnosis.decomposition.plain_data import parameters_of
 from beamstiff.diagnosis.effects import Quantity
 from beamstiff.se3 import Array
 from tests.diagnosis.decomposition.test_decompose import found

@@ -10,7 +10,7 @@ from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.robot.reader import load_robot
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.se3 import Array
 from tests.arms import on_rail
 

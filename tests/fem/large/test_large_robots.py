@@ -9,7 +9,7 @@ from beamstiff import BeamstiffError, Rigid, Robot, compile_structure, posture
 from beamstiff.fem import condensation, response
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.constraints import has_constraints
-from beamstiff.fem.response import nodal_loads, respond
+from beamstiff.fem.static_response import nodal_loads, respond
 from beamstiff.robot.reader import load_robot
 from benchmarks.lattice import slender, tip
 from tests.fem.builders import FREE, at_rest, frame, relative_error, robot_of

@@ -7,11 +7,11 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, suggest
 from beamstiff.fem.assembly import assemble, element_forces, gather, scatter
 from beamstiff.fem.constraints import constraint_rows, has_constraints, null_space, ranks, unknown_sizes
-from beamstiff.fem.geometry import Geometry, place
 from beamstiff.fem.large.robot import MANY_UNKNOWNS, solve_sparse
 from beamstiff.fem.loads import beam_weight, gravity_wrenches
 from beamstiff.fem.mechanism import solve_firm
-from beamstiff.fem.strain_factor import factored_at, strain_forces
+from beamstiff.fem.orthogonal_factor import factored_at, strain_forces
+from beamstiff.fem.placed_structure import Geometry, place
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import joint_unknowns, turning_nodes
 from beamstiff.robot.kinematics import Posture
@@ -120,7 +120,8 @@ def solve_constrained(
 ) -> tuple[Array, dict[int, Array]]:
     """Return the unknowns (P, n, c) of ``K z = force`` under the constraints of rigid loops.
 
-    And, of the poses at which rounding could show, the strains (m, c) of `strain_factor`, by which these go.
+    And, of the poses at which rounding could show, the strains (m, c) of `orthogonal_factor`, by which these
+    go.
     `by_load` (P, n, n) is what loads add to the stiffness, not symmetric where moments act; `works` says that
     the forces are those of a compliance, of which the works on one another are asked.
     """

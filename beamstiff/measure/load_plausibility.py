@@ -9,7 +9,7 @@ import numpy as np
 from beamstiff.errors import UnusableError
 from beamstiff.measure.drive_springs import moved_by_loads, springs_of
 from beamstiff.measure.misread_columns import NEARER, misread_columns, require_columns
-from beamstiff.measure.position_doubts import BEYOND_NOISE, LOADED
+from beamstiff.measure.position_plausibility import BEYOND_NOISE, LOADED
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.inference.library import Library, build_library
-from beamstiff.diagnosis.residual import screening
+from beamstiff.diagnosis.residual import outlier_screening
 from beamstiff.diagnosis.residual.baseline import Baseline, fit_baseline
 from beamstiff.diagnosis.residual.gross_errors import _chance_of_few, _chance_of_large, mishaps
 from beamstiff.diagnosis.residual.noise_variance import Variance
-from beamstiff.diagnosis.residual.screening import Screened, _left_out, screen
+from beamstiff.diagnosis.residual.outlier_screening import Screened, _left_out, screen
 from beamstiff.diagnosis.residual.whitened import whiten
 from beamstiff.measure.rows import history_order, subset
 from beamstiff.measure.table import Measurements
@@ -181,7 +181,7 @@ def test_rows_left_out_together_are_compared_with_what_the_others_predict() -> N
 def test_what_was_left_out_beside_wrong_rows_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
     rows, library = sound(planted.backlash, 1)
     there = fit_baseline(kr240(), wrong(rows, [5, 22, 47, 70], 2e-3))
-    each = screening._left_out
+    each = outlier_screening._left_out
     turns: list[int] = []
 
     def misled(*args: Any) -> tuple[Array, NDArray[np.intp]]:
@@ -192,7 +192,7 @@ def test_what_was_left_out_beside_wrong_rows_is_taken_back(monkeypatch: pytest.M
         turns.append(len(args))
         return distance, count
 
-    monkeypatch.setattr(screening, "_left_out", misled)
+    monkeypatch.setattr(outlier_screening, "_left_out", misled)
     found = screen(there, library)
     assert turns[-1] == 4
     assert sorted(found.outliers.tolist()) == [5, 22, 47, 70]

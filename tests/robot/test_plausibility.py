@@ -5,8 +5,8 @@ import re
 import pytest
 
 from beamstiff import load_robot, robot_names
-from beamstiff.robot.doubts import robot_doubts
 from beamstiff.robot.parts import Rigid
+from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.urdf.reader import parse_urdf
 from tests.robot.urdf_texts import EVERYTHING

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from beamstiff import BeamstiffError
-from beamstiff.measure.doubts import copies_between, counted_once, doubts, require_usable
 from beamstiff.measure.instruments import target
+from beamstiff.measure.plausibility import copies_between, counted_once, doubts, require_usable
 from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import Measurements

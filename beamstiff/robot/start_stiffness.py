@@ -6,7 +6,7 @@ from beamstiff.errors import BeamstiffError, OptionError, listed, shown, suggest
 from beamstiff.robot.coupling import variable_kinds
 from beamstiff.robot.description import Robot
 from beamstiff.robot.graph import carrying_parts
-from beamstiff.robot.stiffness import stiffness_parameters
+from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.units import quantity
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from beamstiff.expression_graph.expression import Expression, square_root
 from beamstiff.fem.beam_element import beam_axes, beam_stiffness
-from beamstiff.fem.geometry import SHORTEST
+from beamstiff.fem.placed_structure import SHORTEST
 from beamstiff.fem.structure import Structure
 from beamstiff.fem.unknowns import turning_nodes
 from beamstiff.robot.forward import chain_to, place

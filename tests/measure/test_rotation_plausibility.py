@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from beamstiff import BeamstiffError, load_robot
-from beamstiff.measure.doubts import doubts
 from beamstiff.measure.orientation import named_orientation
-from beamstiff.measure.rotation_doubts import require_rotations
+from beamstiff.measure.plausibility import doubts
+from beamstiff.measure.rotation_plausibility import require_rotations
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation

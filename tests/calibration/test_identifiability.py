@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from beamstiff import Frame, Node, Robot, Variable
 from beamstiff.calibration.error_jacobian import build_geometry
-from beamstiff.calibration.observability import Observability, observability
+from beamstiff.calibration.identifiability import Identifiability, identifiability
 from beamstiff.calibration.parameters import Parameter, choose_parameters, known_parameters
 from beamstiff.se3 import Array
 from tests.calibration.machines import SIGMA, measured, serial, within
@@ -15,13 +15,13 @@ from tests.calibration.machines import SIGMA, measured, serial, within
 
 def seen(
     robot: Robot, q: Array, turned: bool, last: tuple[str, ...] = (), noticed: float = 0.0
-) -> tuple[Observability, Array, tuple[Parameter, ...]]:
+) -> tuple[Identifiability, Array, tuple[Parameter, ...]]:
     rows = measured(robot, q, turned=turned)
     known = known_parameters(robot, [robot.tcp], turned)
     parameters = choose_parameters(robot, known, None, (), last)
     _, jacobian = build_geometry(robot, rows, parameters).jacobian(np.zeros(len(parameters)))
     weighed = (jacobian if turned else jacobian[:, :3]).reshape(-1, len(parameters)) / SIGMA
-    return observability(weighed, parameters, noticed), weighed, parameters
+    return identifiability(weighed, parameters, noticed), weighed, parameters
 
 
 @pytest.mark.parametrize(("turned", "count"), [(True, 30), (False, 27)])
@@ -106,11 +106,11 @@ def test_a_column_must_stand_out_of_the_noise_by_what_it_adds() -> None:
     one, two = one / np.linalg.norm(one), two - (two @ one) / (one @ one) * one
     columns = np.stack([one * 5e3, one * 4e3 + two / np.linalg.norm(two) * 800], axis=1)
     parameters = tuple(Parameter(name, "frame", "m", 1e-3, 2) for name in ("a", "b"))
-    found = observability(columns, parameters)  # 1 mm of b shows 0.8 times the noise beside a
+    found = identifiability(columns, parameters)  # 1 mm of b shows 0.8 times the noise beside a
     assert found.identified == ("a",)
     assert found.adds == pytest.approx([5.0, 0.8])
     assert found.dependent == {"b": {"a": pytest.approx(0.8)}}
-    assert observability(columns, parameters, noticed=0.7).identified == ("a", "b")
+    assert identifiability(columns, parameters, noticed=0.7).identified == ("a", "b")
 
 
 def test_a_reflector_that_only_errors_of_angles_would_show_is_held() -> None:
@@ -125,9 +125,9 @@ def test_a_reflector_that_only_errors_of_angles_would_show_is_held() -> None:
             ("base.z", "r1.z", "f2.d", "f3.d"), groups, sizes, ranks, strict=True
         )
     )
-    found = observability(np.stack(columns, -1) / sizes, parameters)
+    found = identifiability(np.stack(columns, -1) / sizes, parameters)
     assert len({"base.z", "r1.z"} & {*found.identified}) == 1
     assert {"f2.d", "f3.d"} < {*found.identified}
     # and with the reflector's place shown by itself, both are
     columns[1] = columns[1] + 3 * own
-    assert len(observability(np.stack(columns, -1) / sizes, parameters).identified) == 4
+    assert len(identifiability(np.stack(columns, -1) / sizes, parameters).identified) == 4

@@ -19,7 +19,7 @@ from beamstiff.fem.constraints import (
     null_space,
     unknown_sizes,
 )
-from beamstiff.fem.geometry import place
+from beamstiff.fem.placed_structure import place
 from beamstiff.fem.structure import Structure
 from beamstiff.robot.kinematics import Posture
 from beamstiff.se3 import Array

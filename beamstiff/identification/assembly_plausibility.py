@@ -12,7 +12,7 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.minimise import minimise
 from beamstiff.identification.statement import build_identification
 from beamstiff.identification.validation import position_rms
-from beamstiff.measure.position_doubts import ANOTHER
+from beamstiff.measure.position_plausibility import ANOTHER
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements

@@ -3,7 +3,8 @@
 Columns are weighed by the noise and scaled by realistic deviations, so that a column's length, and a singular
 value, is a ratio of signal to noise: below one, the readings say less of a direction than the tolerances of
 manufacture do. Parameters are taken one after another by QR with column pivoting, the more telling ranks
-first; what a parameter would add to those already taken decides (Khalil and Dombre 2002, chapter 11).
+first; what a parameter would add to those already taken decides (Khalil and Dombre 2002, chapter 11). The
+observability indices O1 to O5 of a plan stand in `planning.observability`.
 """
 
 from collections.abc import Mapping
@@ -22,7 +23,7 @@ MENTIONED = 1e-3  # of a column, from which another's part in it is named
 
 
 @dataclass(frozen=True, eq=False)
-class Observability:
+class Identifiability:
     """What can be identified; t parameters."""
 
     names: tuple[str, ...]
@@ -38,9 +39,9 @@ class Observability:
     condition: float  # ratio of the largest and the smallest singular value over the identified ones
 
 
-def observability(
+def identifiability(
     jacobian: Array, parameters: tuple[Parameter, ...], noticed: float = NOTICED
-) -> Observability:
+) -> Identifiability:
     """Return which parameters the rows of a Jacobian distinguish.
 
     `jacobian` (n, t): weighed by the noise, per SI unit of the parameters. `parameters` (t): their sizes
@@ -90,7 +91,7 @@ def observability(
                     if abs(factors[row, column]) * length[one] > MENTIONED * length[at]
                 }
     values = np.linalg.svd(scaled[:, taken], compute_uv=False) if taken else np.ones(1)
-    return Observability(
+    return Identifiability(
         names=tuple(names),
         identified=tuple(names[at] for at in sorted(taken)),
         order=tuple(names[at] for at in (*taken, *rest)),

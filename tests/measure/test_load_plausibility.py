@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from beamstiff.errors import UnusableError
 from beamstiff.measure import Measurements
-from beamstiff.measure.doubts import doubts
-from beamstiff.measure.load_doubts import load_doubts, require_loads, work_between
+from beamstiff.measure.load_plausibility import load_doubts, require_loads, work_between
+from beamstiff.measure.plausibility import doubts
 from beamstiff.measure.rows import subset
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.reader import load_robot

@@ -11,9 +11,9 @@ from beamstiff.errors import BeamstiffError
 from beamstiff.identification.degeneracy import Degeneracy, find_degeneracy
 from beamstiff.identification.identify import identify
 from beamstiff.identification.problem import build_problem
-from beamstiff.identification.reduce import reduce_model
-from beamstiff.identification.relations import Joined, Spring
-from beamstiff.identification.separate import find_separations, separation_text, with_separations
+from beamstiff.identification.reduced_model import reduce_model
+from beamstiff.identification.separating_rows import find_separations, separation_text, with_separations
+from beamstiff.identification.series_parallel import Joined, Spring
 from beamstiff.measure.rows import concatenate
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.linear import predict_displacements

@@ -15,7 +15,7 @@ from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of, 
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import listed
 from beamstiff.measure.arrays import Integers
-from beamstiff.measure.far_rows import APART, farthest, most_far, stands_apart
+from beamstiff.measure.outlier_gap import APART, farthest, most_far, stands_apart
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture

@@ -9,8 +9,8 @@ import pytest
 
 from beamstiff import BeamstiffError, diagnose
 from beamstiff.errors import UnusableError
-from beamstiff.measure.doubts import doubts
-from beamstiff.measure.position_doubts import require_joints, require_scale
+from beamstiff.measure.plausibility import doubts
+from beamstiff.measure.position_plausibility import require_joints, require_scale
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.closure import every_assembly
 from beamstiff.robot.description import Robot

@@ -5,7 +5,7 @@ import pytest
 
 from beamstiff import BeamstiffError, Rigid, Robot, compile_structure, posture
 from beamstiff.fem.condensation import Port
-from beamstiff.fem.port_shares import independent_ports
+from beamstiff.fem.dependent_ports import independent_ports
 from beamstiff.robot.reader import load_robot
 from tests.fem.builders import RIGID, frame, stiffness
 

@@ -1,7 +1,11 @@
 """Rows that stand far from all others: a wrong reading or a slip, which no model of the machine explains.
 
 What a model leaves has tails, but no gap: nothing that a machine does moves one row or two so much farther
-than the farthest of all others.
+than the farthest of all others. With e the errors over the noise as stated, the largest first, and s what the
+middle of them scatters, the first k stand apart where ``e_k > 3 e_(k+1)`` and
+``P(chi^2_3 > (e_k / s)^2) < 1e-3 / n``. Rows that bend the fit are found by their influence,
+`diagnosis.decomposition.outlier_influence`; of displacements by leaving each out,
+`diagnosis.residual.outlier_screening`.
 """
 
 from collections.abc import Iterator

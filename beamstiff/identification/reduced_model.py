@@ -8,7 +8,7 @@ import numpy as np
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.identification.degeneracy import Degeneracy
-from beamstiff.identification.relations import Joined, Spring
+from beamstiff.identification.series_parallel import Joined, Spring
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 

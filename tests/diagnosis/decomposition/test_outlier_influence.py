@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, diagnose
-from beamstiff.diagnosis.decomposition.apart import Apart, places_apart, rows_apart
 from beamstiff.diagnosis.decomposition.decompose import OPEN
 from beamstiff.diagnosis.decomposition.open_model import open_as_determined
+from beamstiff.diagnosis.decomposition.outlier_influence import Apart, places_apart, rows_apart
 from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.measure.table import Measurements
 from beamstiff.report.diagnosis_text import verdict

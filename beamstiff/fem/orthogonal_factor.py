@@ -19,8 +19,8 @@ from scipy.linalg import lapack, solve_triangular
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.fem.constraints import beam_rows, joint_rows, strut_row, unknown_sizes
-from beamstiff.fem.geometry import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.mechanism import BUCKLES, MECHANISM, NEARLY, NEARLY_BUCKLES, mechanism_error
+from beamstiff.fem.placed_structure import Geometry, strut_directions, strut_stiffness
 from beamstiff.fem.structure import Structure
 from beamstiff.se3 import Array, rotate_screw
 

@@ -7,7 +7,7 @@ import pytest
 
 from beamstiff import compare, diagnose, identify, load_robot, verify
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.identification.assembly_doubts import displacement_doubts
+from beamstiff.identification.assembly_plausibility import displacement_doubts
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.planning.poses import random_poses

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from beamstiff import Robot, load_robot
-from beamstiff.diagnosis.plain_regression import plain_bic
-from beamstiff.diagnosis.plain_stepwise import PlainStepwise, plain_stepwise
+from beamstiff.diagnosis.control_regression import plain_bic
+from beamstiff.diagnosis.control_stepwise import PlainStepwise, plain_stepwise
 from beamstiff.exam.blind import unmeasured
 from beamstiff.exam.campaign import SimulatedCampaign, Truth
 from beamstiff.exam.crowded.blind import true_closing

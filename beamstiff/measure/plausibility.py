@@ -10,10 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from beamstiff.errors import UnusableError, listed
-from beamstiff.measure.load_doubts import load_doubts
-from beamstiff.measure.position_doubts import BEYOND_NOISE, SEVERAL, position_doubts
-from beamstiff.measure.range_doubts import joint_doubts
-from beamstiff.measure.rotation_doubts import rotation_doubts
+from beamstiff.measure.load_plausibility import load_doubts
+from beamstiff.measure.position_plausibility import BEYOND_NOISE, SEVERAL, position_doubts
+from beamstiff.measure.range_plausibility import joint_doubts
+from beamstiff.measure.rotation_plausibility import rotation_doubts
 from beamstiff.measure.rows import subset
 from beamstiff.measure.swapped_labels import label_doubts
 from beamstiff.measure.table import Measurements
