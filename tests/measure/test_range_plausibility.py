@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.measure.test_load_plausibility import pushed
 
 from beamstiff.errors import UnusableError
 from beamstiff.measure.coerce import doubts_of
 from beamstiff.measure.range_plausibility import require_displacements, require_limits
 from beamstiff.robot.description import Robot
 from tests.diagnosis.machines import at_random, kr240
+from tests.measure.test_load_plausibility import pushed
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects import EFFECTS, Shape
+from beamstiff.diagnosis.effects.frame_misalignment import ONCE
 from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of, turning_drives
 from beamstiff.diagnosis.prior import DEFAULT, TEMPERING, Prior, key_of
 from beamstiff.fem.placed_structure import SHORTEST
@@ -20,7 +21,8 @@ from beamstiff.se3 import Array
 
 MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
-REPEATED = (SERIES, SLIP)  # whose forms may stand beside one another: orders of a curve, moments of a slip
+# whose forms may stand beside one another: orders of a curve, moments of a slip or a move
+REPEATED = (SERIES, SLIP, "frame-misalignment")
 # whose period is chosen by the data, once for all: the weight of the form pays for the one parameter more
 PERIODIC = ("thermal-drift",)
 LEFT_OUT = 1e-9  # of a realistic size, to which a parameter that was left out is known
@@ -29,8 +31,9 @@ COMPLIANCE_UNITS = ("rad/(N*m)", "rad/N", "m/N", "1/N", "1/(N*m^2)")
 UNKNOWN_SCALE = 1e3
 # N m, that drives of heavy robots carry, which wind up by a mrad: what is made for less is softer by as much
 HEAVY_TORQUE = 1e4
-# what a calibration beside it takes up, or finds by itself
+# what a geometry as described may be off by; a calibration takes it up, but for a frame that is bent or moved
 OF_GEOMETRY = ("geometry-error", "frame-misalignment", "tool-offset")
+FITTED = ("geometry-error", "tool-offset")
 UNMODELLED = "unknown"  # effect of laws without a name; their component says which place does what
 
 Shapes = Mapping[str, Sequence[Shape]]  # by ``effect:component``
@@ -175,11 +178,11 @@ def _scales(model: OpenModel) -> tuple[float, float]:
 
 
 def _open_already(model: OpenModel) -> Iterable[str]:
-    """Return the effects that a calibration beside the causes takes up, or finds by itself."""
+    """Return the effects that a calibration beside the causes takes up."""
     if model.problem is None:
         return ()
     whole = any(item.group == "frame" for item in model.problem.parameters)
-    return [effect for effect in OF_GEOMETRY if whole or effect != "geometry-error"]
+    return [effect for effect in FITTED if whole or effect != "geometry-error"]
 
 
 def _no_links(model: OpenModel) -> set[str]:
@@ -197,7 +200,7 @@ def _no_links(model: OpenModel) -> set[str]:
 
 def _fits(effect: str, shape: Shape) -> bool:
     """Return whether a form is one of a few parameters that hold for other postures as well."""
-    if effect == SLIP:
+    if effect == SLIP or shape.name.startswith(ONCE):
         return True
     # a matrix of compliances gives back no more work than is done on it, however many it has
     linear = all(item.unit in COMPLIANCE_UNITS for item in shape.parameters)

@@ -27,12 +27,18 @@ PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
 PLACED_SCALE = 1e-4
 SKEWED = ((0, 1), (0, 2), (1, 2))
 MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
+CLOSE = 120  # the same where each is a shape of its own: a move between two of them would look like two moves
 MOVED = "then moved"
+ONCE = "moved"  # of a frame that a calibration finds as it was before
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
     found = _of_positions(baseline) if baseline.absolute else _of_displacements(baseline)
-    return [replace(one, against=None if one.name.endswith(MOVED) else ()) for one in found]
+    return [replace(one, against=None if _in_time(one.name) else ()) for one in found]
+
+
+def _in_time(shape: str) -> bool:
+    return shape.endswith(MOVED) or shape.startswith(ONCE)
 
 
 def _of_displacements(baseline: Baseline) -> list[Shape]:
@@ -52,12 +58,16 @@ def _of_positions(baseline: Baseline) -> list[Shape]:
     placed, entries = _turned(baseline)
     both, stretched = (placed, entries), _stretched(baseline.described[0])
     skewed = (stretched, _stretches(PLACED_SCALE))
+    bent = Shape.of("scaled by axis and skewed", skewed)
+    if baseline.given is not None:  # a calibration beside it finds where the frame stands
+        return [bent, *_moved_between(baseline, both)]
     return [
         Shape("turned", placed[..., :3], entries[:3]),
         Shape.of("turned and shifted", both),
         Shape.of("scaled", _scale(stretched, PLACED_SCALE), weight=0.3),
         Shape.of("turned, shifted, scaled by axis and skewed", both, skewed, weight=0.3),
         *_moved(baseline, "turned and shifted", both),
+        *([bent] if baseline.stated is not None else ()),
     ]
 
 
@@ -105,6 +115,26 @@ def _moved(baseline: Baseline, name: str, term: Term) -> Iterator[Shape]:
         yield Shape.of(f"{name}, {MOVED}", term, (after, later), weight=1.0 / MOMENTS, data_selected=True)
 
 
+def _moved_between(baseline: Baseline, term: Term) -> Iterator[Shape]:
+    """Yield the shapes of a frame that moved at some moment; a calibration finds it as it was before.
+
+    The machine has no use for where the instrument stood later: they are of these postures alone.
+    """
+    columns, quantities = term
+    later = tuple(replace(one, name=f"{one.name}_later", posture_specific=True) for one in quantities)
+    moments = _moments(baseline.fit, CLOSE)
+    for at in moments:
+        after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
+        name = f"{ONCE}, after {_last_before(at, baseline.fit)}"
+        yield Shape.of(name, (after, later), weight=1.0 / len(moments))
+
+
+def _last_before(at: float, fit: Baseline) -> str:
+    """Return the last row before a moment."""
+    time = clock(fit)
+    return fit.rows.place(int(np.argmax(np.where(time <= at, time, -np.inf))))
+
+
 def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
     """Return which rows were read after a moment, (N,).
 
@@ -126,16 +156,26 @@ def _moment(baseline: Baseline) -> float | None:
         return np.nan if at is None else at
     fit = baseline.fit
     columns, time = _turned(fit)[0], clock(fit)
+    some = _moments(fit, MOMENTS)
+    if not some:
+        return None
+    return best_of(some, left_by(fit, columns), lambda at: np.where((time > at)[:, None, None], columns, 0.0))
+
+
+def _moments(fit: Baseline, most: int) -> list[float]:
+    """Return moments by the clock, between postures, at which the frame may have moved, so many at most."""
+    time = clock(fit)
     order = np.argsort(time, kind="stable")
     changed = np.flatnonzero(np.diff(fit.rows.pose[order]) != 0)
     early, late = np.quantile(time, [LEAST, 1.0 - LEAST])
     between = 0.5 * (time[order][changed] + time[order][changed + 1])
     between = between[(between > early) & (between < late)]
     if not between.size:
-        return None
-    some = between[np.unique(np.linspace(0, between.size - 1, MOMENTS).round().astype(np.intp))]
-    left = left_by(fit, columns)
-    return best_of(some.tolist(), left, lambda at: np.where((time > at)[:, None, None], columns, 0.0))
+        return []
+    picked: list[float] = between[
+        np.unique(np.linspace(0, between.size - 1, most).round().astype(np.intp))
+    ].tolist()
+    return picked
 
 
 def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
@@ -149,7 +189,7 @@ EFFECT = Effect(
     meaning="The measuring frame is turned, shifted or scaled against the base frame.",
     components=lambda baseline: [None],
     shapes=_shapes,
-    separation="move the unloaded robot along the base axes",
+    separation="move the unloaded robot along the base axes, and read points of the floor from time to time",
     look_alikes=("load-error", "geometry-error"),
     sources="0.2 to 3 deg, engineering estimate",
     place="readings",
