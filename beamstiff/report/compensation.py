@@ -127,6 +127,8 @@ def compensation_verdict(result: Compensated) -> Verdict:
     what = "what the real robot's file leaves (beamstiff verify)"
     if left is not None:
         what = f"{rounded(1e3 * left)} mm that the real robot's file left on held-out postures"
+        if drifts := [one for one in machine.set_aside if one.effect == "thermal-drift"]:
+            what += f" beside {effects_text(drifts)}, which is not corrected"
     assumed = f", plus {what}" if before.rms_mm > NOTHING else ""
     was, then = f"{told(before.rms_mm)} mm", f"{told(after.rms_mm)} mm{assumed}"
     said = f"Predicted error along the path: {was}, after correction {then}"

@@ -22,7 +22,7 @@ from beamstiff.report.calibrated_text import (
     calibrated_worse,
     reflectors_moved,
 )
-from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated
+from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated, scatters
 from beamstiff.report.verdict import (
     Verdict,
     data_of,
@@ -37,6 +37,7 @@ LIKELY = 0.6  # probability below which a verdict is no more than the likeliest
 NAMED = 3  # explanations that are named where nothing is decided
 UNDECIDED = "Undecided"
 BEST = "the best fit by effects of the library leaves"
+SCATTER = "noise larger than stated, or something loose"
 
 
 def verdict(result: Diagnosis) -> Verdict:
@@ -56,6 +57,9 @@ def verdict(result: Diagnosis) -> Verdict:
                 f"Nothing can show: the stated noise is {times:.2g} times what the readings scatter ({noise})"
             )
             level = "doubtful"
+        elif (times := _factor(result)) > OFF:
+            said = f"No effect shows, but the readings scatter {times:.2g} times the stated noise ({noise})"
+            level = "doubtful"
         elif wrong := calibrated_away(result):
             said, level = f"{wrong}; calibrated, model and machine agree ({noise})", "doubtful"
     else:
@@ -68,7 +72,7 @@ def verdict(result: Diagnosis) -> Verdict:
         elif head == UNDECIDED:
             said = f"{gap}, cause undecided"
         elif result.verdict.effect == "unknown":
-            best = _perhaps(result)
+            best = _perhaps(result) or (SCATTER if scatters(result) else "")
             said = f"{gap}, cause unknown{f': perhaps {best}' if best else ''}"
             if law := result.law:
                 said = f"{gap}, {'cause outside the library: ' * law.nameless}{_looks(law)}"
@@ -261,6 +265,11 @@ def summary(result: Diagnosis) -> str:
             chance = words.chance(law.probability)
             text = f"{first}\nThe gap is systematic, and no effect of the library fits it. Most of it looks "
             text += f"as if {law.looks_like} (probability {chance})."
+        elif scatters(result):
+            text = (
+                f"{first}\nUnknown (probability {certain}): what is left scatters and follows no joint, load, "
+                "direction of approach or time. The stated noise may be too small, or something is loose."
+            )
         elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."
         else:

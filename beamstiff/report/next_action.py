@@ -109,6 +109,14 @@ def _one(result: Diagnosis, head: str) -> str:
     return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
 
 
+def scatters(result: Diagnosis) -> bool:
+    """Return whether what is left of readings with a stated noise follows nothing that is known of the rows."""
+    found = result.decomposition
+    if found is None or not result.baseline.claimed or found.every or found.unmodelled:
+        return False
+    return found.gap_shows and not (found.remainder.follows or found.remainder.where or found.apart.left_out)
+
+
 def overstated(result: Diagnosis) -> float:
     """Return how many times the stated noise is what is left of the readings, where that is no chance; or 0.
 
@@ -154,6 +162,11 @@ def _compliant(result: Diagnosis) -> list[str]:
 def _by_remainder(result: Diagnosis) -> str:
     """Return what to measure next of a gap without a cause: what its remainder follows, varied by itself."""
     found = result.decomposition
+    if scatters(result):
+        return (
+            "Read some postures several times without moving the robot, and others again after moving it: what "
+            "scatters while it stands is the instrument's noise, to be stated as sigma_position."
+        )
     if found is None or not found.remainder.follows:
         return "Measure other postures and load directions; beamstiff plan chooses them."
     what = found.remainder.follows[0][0]
