@@ -83,12 +83,14 @@ def calibrated_worse(result: Diagnosis) -> str:
 def changes_text(result: Diagnosis, others: str = "in --json and --apply") -> str:
     """Return what changed most in the geometry beside the causes; empty where nothing did.
 
-    The `others` stand elsewhere, what the readings do not determine by itself among them.
+    The `others` stand elsewhere, what the readings do not determine by itself among them, and what is no
+    larger than its standard deviation.
     """
     changed = result.recalibration
     if changed is None or not changed.changes:
         return ""
-    sure = _by_kind([one for one in changed.changes if one.std] or changed.changes)
+    known = [one for one in changed.changes if one.std]
+    sure = _by_kind([one for one in known if abs(one.by) > one.std] or known or changed.changes)
     each = "; ".join(
         f"{kind}s: {', '.join(f'{_in_words(one)} {unit}' for one in some[:NAMED])}"
         for (kind, unit), some in sure.items()

@@ -267,8 +267,8 @@ def summary(result: Diagnosis) -> str:
             text += f"as if {law.looks_like} (probability {chance})."
         elif scatters(result):
             text = (
-                f"{first}\nUnknown (probability {certain}): what is left scatters and follows no joint, load, "
-                "direction of approach or time. The stated noise may be too small, or something is loose."
+                f"{first}\nUnknown (probability {certain}): what is left scatters and follows no joint, "
+                "load, direction of approach or time. The stated noise may be too small, or something loose."
             )
         elif best := _perhaps(result):
             text += f"no cause is sure. Best so far: {best} of it; the name may be wrong."

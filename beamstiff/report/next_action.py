@@ -110,7 +110,7 @@ def _one(result: Diagnosis, head: str) -> str:
 
 
 def scatters(result: Diagnosis) -> bool:
-    """Return whether what is left of readings with a stated noise follows nothing that is known of the rows."""
+    """Return whether what is left of readings with a stated noise follows nothing that rows state."""
     found = result.decomposition
     if found is None or not result.baseline.claimed or found.every or found.unmodelled:
         return False
@@ -164,8 +164,8 @@ def _by_remainder(result: Diagnosis) -> str:
     found = result.decomposition
     if scatters(result):
         return (
-            "Read some postures several times without moving the robot, and others again after moving it: what "
-            "scatters while it stands is the instrument's noise, to be stated as sigma_position."
+            "Read some postures several times without moving the robot, and others again after moving it: "
+            "what scatters while it stands is the instrument's noise, to be stated as sigma_position."
         )
     if found is None or not found.remainder.follows:
         return "Measure other postures and load directions; beamstiff plan chooses them."
