@@ -119,7 +119,9 @@
       layout.yaxis.ticktext = layout.yaxis.ticktext.map((text) => text.replace(" at ", "<br>at ").split("<br>").map(
         (line) => (line.length > 24 ? `${line.slice(0, 22)}…` : line)).join("<br>"));
       layout.yaxis.tickfont = { size: 11 };
-      layout.xaxis.title = wrapped(layout.xaxis.title, 18);
+      const title = wrapped(layout.xaxis.title, 18), more = title.text.split("<br>").length - 1;
+      layout.xaxis.title = { ...title, standoff: title.standoff + 12 * more };  // which is to the middle of its lines
+      layout.height += 18 * more;
       layout.height += 10 * layout.yaxis.ticktext.filter((text) => text.includes("<br>")).length;
     }
     if (narrow && !figure.views && layout.margin.t > 60) {  // a legend has no buttons above it then
