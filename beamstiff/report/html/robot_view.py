@@ -122,6 +122,8 @@ def robot_view(
     if largest > 0.0:
         under = f"under the load shown{weight}, magnified; the undeformed one is dashed"
         told += [f"The deformed shape is that of {model} {under}.", ELLIPSOID_MEANS]
+    if any(robot.gravity[:2]) or robot.gravity[2] > 0.0:
+        told.append(f"Gravity acts along {list(robot.gravity)} m/s^2, not downwards in this picture.")
     figure = Figure(
         "robot",
         "The robot",
