@@ -21,8 +21,9 @@ from beamstiff.se3 import Array
 
 MOST_PARAMETERS = 20  # of a form: freer ones explain whatever is left
 SERIES, SLIP = "angle-curve", "target-slip"
-# whose forms may stand beside one another: orders of a curve, moments of a slip or a move
-REPEATED = (SERIES, SLIP, "frame-misalignment")
+# whose forms may stand beside one another: orders of a curve, moments of a slip. An instrument that moved
+# again and again would stand in for whatever changes with time
+REPEATED = (SERIES, SLIP)
 # whose period is chosen by the data, once for all: the weight of the form pays for the one parameter more
 PERIODIC = ("thermal-drift",)
 LEFT_OUT = 1e-9  # of a realistic size, to which a parameter that was left out is known
