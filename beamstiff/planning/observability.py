@@ -1,6 +1,6 @@
 """Observability indices: how well a set of measurements shows the parameters, from its singular values.
 
-What can be told apart at all is said by `calibration.identifiability`. With s_1 >= ... >= s_m the singular
+`calibration.identifiability` says what can be distinguished at all. With s_1 >= ... >= s_m the singular
 values of the whitened sensitivity of n measurements:
 
 =====  =========================  ===================================================================
