@@ -38,7 +38,7 @@ def read_text(path: str | Path, largest: int = LARGEST) -> str:
             "(in Excel: 'CSV UTF-8')"
         ) from None
     if not text.strip():
-        raise BeamstiffError(f"{path}: is empty")
+        raise BeamstiffError(f"{path}: is empty, expected a robot file, a table or a program")
     return text
 
 

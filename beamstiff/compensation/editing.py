@@ -55,7 +55,7 @@ def read_bytes(path: str | Path) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
         raise BeamstiffError(f"{path}: found UTF-16 or binary data, expected a text of one byte a character")
     if not data.strip():
-        raise BeamstiffError(f"{path}: is empty")
+        raise BeamstiffError(f"{path}: is empty, expected a robot file, a table or a program")
     return data.decode(ENCODING)
 
 

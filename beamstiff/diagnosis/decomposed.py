@@ -36,6 +36,7 @@ from beamstiff.diagnosis.residual.baseline import fit_baseline
 from beamstiff.diagnosis.residual.outlier_screening import SILENCE
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import BeamstiffError, UnusableError, listed, optional
+from beamstiff.measure.misread_columns import NEARER
 from beamstiff.measure.registration import fit_rigid_motion
 from beamstiff.measure.rows import without_rows
 from beamstiff.measure.table import Measurements
@@ -64,8 +65,13 @@ def beside_calibration(
     found = decompose(robot, rows, prior=prior, seed=seed, stations=stations)
     if (doubt := misread_loads(found.model)) and not unlike(found):
         raise UnusableError(doubt)
-    if (mounting := found.mounting) is not None and mounting.left < found.scatter:
-        raise UnusableError(f"{robot.name}: {mounting.text}")  # no cause beside it, and yet it leaves less
+    if (mounting := found.mounting) is not None:
+        left = mounting.left  # without a cause; where that is more, with those that are found under it
+        if left >= found.scatter:
+            there = robot.model_copy(update={"gravity": mounting.gravity})
+            left = decompose(there, rows, prior=prior, seed=seed, stations=stations).scatter / NEARER
+        if left < found.scatter:
+            raise UnusableError(f"{robot.name}: {mounting.text}")
     told = tuple(chosen_for(robot))
     rows = without_rows(rows, found.apart.left_out)
     # what the tables hold in frames of their own has no geometry as described, nor has a calibrated robot

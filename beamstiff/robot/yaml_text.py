@@ -116,7 +116,7 @@ class _Builder:
                 value, below = self.node(event, ())
                 place = (line, below)
         if value is None:
-            raise BeamstiffError(f"{self.name}: is empty")
+            raise BeamstiffError(f"{self.name}: is empty, expected keys of a robot file")
         return value, Lines(place)
 
     def node(self, event: Any, path: _Path) -> tuple[Any, Any]:

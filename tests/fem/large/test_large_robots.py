@@ -6,7 +6,7 @@ from hypothesis import event, example, given
 from hypothesis import strategies as st
 
 from beamstiff import BeamstiffError, Rigid, Robot, compile_structure, posture
-from beamstiff.fem import condensation, response
+from beamstiff.fem import condensation, static_response
 from beamstiff.fem.condensation import Condensed, Port, condense, tcp_compliance
 from beamstiff.fem.constraints import has_constraints
 from beamstiff.fem.static_response import nodal_loads, respond
@@ -18,7 +18,7 @@ from tests.fem.test_identities import FIRM
 
 
 def sparsely(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (condensation, response):
+    for module in (condensation, static_response):
         monkeypatch.setattr(module, "MANY_UNKNOWNS", 0)
 
 
