@@ -9,7 +9,7 @@ from beamstiff.exam.record import sha256
 
 Kind = Literal["crowded", "outside", "geometry", "clean"]
 EXAMINED = "diagnosis"  # its name among those who reply; the others are the controls
-OF_GEOMETRY = ("geometry-error", "tool-offset", "frame-misalignment")
+OF_GEOMETRY = ("geometry-error", "tool-offset")  # no frame is bent or moved: to name one is false
 LEAST = 0.1  # share of the gap from which a cause has to be found
 
 
