@@ -233,7 +233,7 @@ def test_a_noise_that_the_table_does_not_state_is_called_an_assumption() -> None
         ("order of the rows", "The gap follows the order of the rows: return to one posture now and then"),
         ("load", "The gap follows the load: load some postures step by step"),
         ("reflector", "The gap follows the reflector: read all reflectors in the same postures"),
-        (None, "beamstiff plan chooses them."),
+        (None, "Read some postures several times without moving the robot"),
     ],
 )
 def test_of_an_unknown_cause_is_measured_what_the_gap_follows(follows: str | None, said: str) -> None:

@@ -95,6 +95,16 @@ def test_nothing_beyond_noise_is_green() -> None:
     assert found.headline.startswith("Model and machine agree: gap ")
 
 
+def test_scatter_far_beyond_the_stated_noise_is_no_agreement() -> None:
+    result = diagnosed(None)
+    rough = replace(result, features=dict(result.features) | {"noise_position": 5.8, "scale": 1.0})
+    found = verdict(rough)
+    assert found.level == "doubtful"
+    assert found.headline.startswith(
+        "No effect shows, but the readings scatter 5.8 times the stated noise (gap "
+    )
+
+
 def test_a_calibration_says_error_before_and_after() -> None:
     robot = load_robot("kr240-2")
     names = [one.name for one in robot.actuated]
