@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, minimize, nnls
 
 from beamstiff.calibration.elastic import elastic_displacement
+from beamstiff.calibration.problem import Problem
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.residual.baseline import own_direction
 from beamstiff.measure.misread_columns import ALIKE, NEARER, SHOWS
@@ -57,7 +58,7 @@ def other_mounting(model: OpenModel) -> Mounting | None:
     names = _drives(robot)
     if problem is None or not names or not size or not robot.masses:
         return None
-    left_over = _left_over(model, robot, names, size)
+    left_over = _left_over(model, problem, names, size)
     stated = left_over(np.array(robot.gravity) / size)
     if stated < SHOWS:
         return None
@@ -74,15 +75,15 @@ def other_mounting(model: OpenModel) -> Mounting | None:
 
 
 def _drives(robot: Robot) -> list[str]:
-    """Return the stiffness values of the moved joints about, or along, their own axes."""
-    moved = [joint.name for joint in robot.joints if joint.variable]
+    """Return the stiffness values of the driven joints about, or along, their own axes."""
+    driven = {variable.name for variable in robot.actuated}
+    moved = [joint.name for joint in robot.joints if joint.variable in driven]
     return [f"{name}.{own_direction(robot, name)}" for name in moved]
 
 
-def _left_over(model: OpenModel, robot: Robot, names: list[str], size: float) -> Callable[[Array], float]:
+def _left_over(model: OpenModel, problem: Problem, names: list[str], size: float) -> Callable[[Array], float]:
     """Return what the best compliances leave under gravity along a vector (3,), RMS over the noise."""
-    rows, problem, basis = model.baseline.rows, model.problem, model.open_basis
-    assert problem is not None
+    robot, rows, basis = model.baseline.robot, model.baseline.rows, model.open_basis
     turn = problem.geometry.turn(problem.split(problem.expected)[0])
     stiff = robot.with_parameters(dict.fromkeys(names, STIFF))
 
