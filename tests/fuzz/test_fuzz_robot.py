@@ -157,7 +157,7 @@ def check_file(data: bytes, path: Path) -> bool:
     line = re.match(r":(\d+): ", message.removeprefix(str(path)))
     # as many lines as libyaml counts: it takes the breaks of Unicode for such too
     breaks = len(re.findall("\r\n|[\n\r\x85\u2028\u2029]", data.decode("utf-8", "replace")))
-    assert message == f"{path}: is empty" or (line and 1 <= int(line[1]) <= breaks + 2)
+    assert message.startswith(f"{path}: is empty, expected ") or (line and 1 <= int(line[1]) <= breaks + 2)
     return False
 
 
