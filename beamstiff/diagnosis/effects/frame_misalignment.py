@@ -27,7 +27,7 @@ PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
 PLACED_SCALE = 1e-4
 SKEWED = ((0, 1), (0, 2), (1, 2))
 MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
-CLOSE = 120  # the same where each is a shape of its own: a move between two of them would look like two moves
+CLOSE = 60  # the same where each is a shape of its own: a move between two of them would look like two moves
 MOVED = "then moved"
 ONCE = "moved"  # of a frame that a calibration finds as it was before
 
