@@ -200,8 +200,7 @@ def convert(
     moving = [variable.name for variable in robot.variables]
     facts = {"robot": robot.name, "tcp": robot.tcp, "variables": moving, "written": out, "notes": notes}
     outputs.result(notes, [], facts)
-    said = _in_words(robot, machine if joint_stiffness else robot)
-    outputs.console.print(said, soft_wrap=True)
+    outputs.console.print(_in_words(robot, machine), soft_wrap=True)
 
 
 def _acceleration(text: str) -> tuple[float, float, float]:

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.measure.misread_columns import FORCES, KILO, NEARER, SAME, turns
@@ -35,28 +34,22 @@ def misread_loads(model: OpenModel) -> str:
     residual = model.residual + model.drives @ model.present
     residual = residual - basis @ (basis.T @ residual)
     stiffness = problem.elastic.stiffness(model.present)
-    turn = problem.geometry.turn(problem.split(problem.expected)[0])
 
-    def turned_by(forces: Array) -> Array:
+    def moved_by(forces: Array) -> Array:
         """Return what drives of unit compliance move under the weight and forces, (N, 6, d)."""
         loads = replace(rows, wrench=np.hstack([forces, rows.wrench[:, 3:]]))
         ports = reduce_to_ports(model.baseline.robot, loads, problem.elastic.names, gravity=True)
-        moved = ports.derivatives(stiffness, by="compliance")[1]
-        return np.concatenate([turn @ moved[:, :3], turn @ moved[:, 3:]], axis=1)
+        return ports.derivatives(stiffness, by="compliance")[1]
 
     size = float(np.abs(forces).max())
-    by_weight = turned_by(np.zeros_like(forces))
-    by_force = [turned_by(np.tile(one, (len(rows), 1))) - by_weight for one in size * np.eye(3)]
+    by_weight = moved_by(np.zeros_like(forces))
+    by_force = [moved_by(np.tile(one, (len(rows), 1))) - by_weight for one in size * np.eye(3)]
 
     def left(forces: Array) -> float:
         """Return what the best drives leave under these forces (N, 3), RMS, times the noise."""
         shares = (forces / size).T[..., None, None]
         by_load = sum(share * one for share, one in zip(shares, by_force, strict=True))
-        columns = model.weighed(by_weight + by_load)
-        columns = columns - basis @ (basis.T @ columns)
-        unit = np.linalg.norm(columns, axis=0)
-        unit = np.where(unit > 0, unit, 1.0)
-        return float(nnls(columns / unit, residual)[1] / np.sqrt(max(model.count, 1)))
+        return model.left_by_drives(model.beside_geometry(by_weight + by_load), residual)
 
     stated = left(forces)
     if stated < SHOWS:

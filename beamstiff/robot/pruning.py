@@ -38,12 +38,8 @@ def pruned(
     while link in carrier and carrier[link].parent not in chain:
         link = carrier[link].parent
         chain.add(link)
-    leads = {name: _leader(joints, name) for name in moving}
-    off = [
-        name
-        for name in moving
-        if joints[name].child not in chain and name not in values and joints[leads[name]].child not in chain
-    ]
+    apart = [name for name in moving if joints[name].child not in chain and name not in values]
+    off = [name for name in apart if joints[_leader(joints, name)].child not in chain]
     for name in off:
         low, high = joints[name].limits or (-np.inf, np.inf)
         values[name] = float(np.clip(0.0, low, high))

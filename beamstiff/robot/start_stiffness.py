@@ -26,6 +26,7 @@ def with_joint_stiffness(robot: Robot, texts: Sequence[str]) -> Robot:
         if joint.variable is not None
     }
     given: dict[str, float] = {}
+    idle = _idle(robot)
     for text in sorted(texts, key=lambda text: "=" in text):  # a joint's own value, wherever it stands, wins
         name, named, value = text.rpartition("=")
         name = name.strip()
@@ -45,7 +46,7 @@ def with_joint_stiffness(robot: Robot, texts: Sequence[str]) -> Robot:
             expected = f"expected a stiffness with its unit, such as '1e6 N*m/rad' or '1e8 N/m'{why}"
             raise OptionError("joint_stiffness", f"found {shown(text)}, {expected}")
         ((direction, size),) = found.items()
-        every = [joint for joint, kind in own.items() if kind == direction and joint not in _idle(robot)]
+        every = [joint for joint, kind in own.items() if kind == direction and joint not in idle]
         fitting = [name] if named else every
         if not fitting or own[fitting[0]] != direction:
             why = f"which is {direction}; no joint {'of this name ' if named else ''}moves so"

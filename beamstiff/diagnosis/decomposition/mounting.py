@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import OptimizeResult, minimize, nnls
+from scipy.optimize import OptimizeResult, minimize
 
 from beamstiff.calibration.elastic import elastic_displacement
-from beamstiff.calibration.problem import Problem
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.residual.baseline import own_direction
 from beamstiff.measure.misread_columns import ALIKE, NEARER, SHOWS
@@ -53,12 +52,12 @@ class Mounting:
 
 def other_mounting(model: OpenModel) -> Mounting | None:
     """Return gravity that leaves less than half of what the stated one leaves; None if there is none."""
-    robot, problem = model.baseline.robot, model.problem
+    robot = model.baseline.robot
     size = float(np.linalg.norm(robot.gravity))
     names = _drives(robot)
-    if problem is None or not names or not size or not robot.masses:
+    if model.problem is None or not names or not size or not robot.masses:
         return None
-    left_over = _left_over(model, problem, names, size)
+    left_over = _left_over(model, names, size)
     stated = left_over(np.array(robot.gravity) / size)
     if stated < SHOWS:
         return None
@@ -81,16 +80,10 @@ def _drives(robot: Robot) -> list[str]:
     return [f"{name}.{own_direction(robot, name)}" for name in moved]
 
 
-def _left_over(model: OpenModel, problem: Problem, names: list[str], size: float) -> Callable[[Array], float]:
+def _left_over(model: OpenModel, names: list[str], size: float) -> Callable[[Array], float]:
     """Return what the best compliances leave under gravity along a vector (3,), RMS over the noise."""
     robot, rows, basis = model.baseline.robot, model.baseline.rows, model.open_basis
-    turn = problem.geometry.turn(problem.split(problem.expected)[0])
     stiff = robot.with_parameters(dict.fromkeys(names, STIFF))
-
-    def seen(moved: Array) -> Array:
-        """Return displacements (N, 6, c), base frame, as they show beside the geometry, (n + p, c)."""
-        columns = model.weighed(np.concatenate([turn @ moved[:, :3], turn @ moved[:, 3:]], axis=1))
-        return np.asarray(columns - basis @ (basis.T @ columns))
 
     def moved_by(gravity: Array, wrench: Array) -> Array:
         """Return the displacement with rigid drives, and its slopes by their compliances, (n + p, 1 + d)."""
@@ -98,12 +91,13 @@ def _left_over(model: OpenModel, problem: Problem, names: list[str], size: float
         under = replace(rows, wrench=wrench)
         ports = reduce_to_ports(loaded, under, names, gravity=True)
         slopes = ports.derivatives(np.full(len(names), STIFF), by="compliance")[1]
-        return seen(np.concatenate([elastic_displacement(loaded, under)[..., None], slopes], axis=2))
+        every = np.concatenate([elastic_displacement(loaded, under)[..., None], slopes], axis=2)
+        return model.beside_geometry(every)
 
     by_wrench = moved_by(np.zeros(3), rows.wrench)
     by_axis = [moved_by(size * axis, np.zeros_like(rows.wrench)) for axis in np.eye(3)]
     whole = model.residual[:, None] - basis @ (basis.T @ model.residual[:, None])
-    whole = whole + seen(elastic_displacement(robot, rows)[..., None])
+    whole = whole + model.beside_geometry(elastic_displacement(robot, rows)[..., None])
     # all that is asked is within the columns: their triangular factor says as much as they do
     small = np.asarray(np.linalg.qr(np.concatenate([whole, by_wrench, *by_axis], axis=1), mode="r"))
     target, (loads, *weights) = small[:, 0], np.split(small[:, 1:], 4, axis=1)
@@ -111,8 +105,6 @@ def _left_over(model: OpenModel, problem: Problem, names: list[str], size: float
     def left_over(gravity: Array) -> float:
         direction = gravity / np.linalg.norm(gravity)
         moved = loads + sum(share * weight for share, weight in zip(direction, weights, strict=True))
-        unit = np.linalg.norm(moved[:, 1:], axis=0)
-        columns = moved[:, 1:] / np.where(unit > 0, unit, 1.0)
-        return float(nnls(columns, target - moved[:, 0])[1] / np.sqrt(max(model.count, 1)))
+        return model.left_by_drives(moved[:, 1:], target - moved[:, 0])
 
     return left_over

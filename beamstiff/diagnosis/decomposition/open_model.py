@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.parameters import STANDS
@@ -168,6 +169,23 @@ class OpenModel:
         seen: Array = self.weigh @ columns[self.used]
         return np.concatenate([seen, np.zeros((len(self.residual) - self.count, columns.shape[-1]))])
 
+    def beside_geometry(self, moved: Array) -> Array:
+        """Return displacements (N, 6, c), base frame, as they show beside the open geometry, (n + p, c)."""
+        if self.problem is None:
+            return _left_of(self.open_basis, self.weighed(moved))
+        turn = self.problem.geometry.turn(self.problem.split(self.problem.expected)[0])
+        read = np.concatenate([turn @ moved[:, :3], turn @ moved[:, 3:]], axis=1)
+        return _left_of(self.open_basis, self.weighed(read))
+
+    def left_by_drives(self, columns: Array, target: Array) -> float:
+        """Return what the best compliances, none negative, leave of a target (m,), RMS over the noise.
+
+        `columns` (m, d): what a unit of each moves, see `beside_geometry`.
+        """
+        unit = np.linalg.norm(columns, axis=0)
+        unit = np.where(unit > 0, unit, 1.0)
+        return float(nnls(columns / unit, target)[1] / np.sqrt(max(self.count, 1)))
+
     def robot(self, change: Array) -> Robot:
         """Return the robot with the open parameters changed by (t,), in the frame of the rows."""
         if self.problem is None:
@@ -321,6 +339,10 @@ def open_stiffness(baseline: Baseline) -> OpenModel:
     residual, tangent = weigh @ baseline.gap[baseline.used], weigh @ baseline.tangent[baseline.used]
     present = np.array([1.0 / baseline.robot.parameter(name) for name in baseline.fitted])
     return OpenModel(baseline.nominal, baseline, residual, tangent, pose, weigh, present, baseline.realistic)
+
+
+def _left_of(basis: Array, columns: Array) -> Array:
+    return np.asarray(columns - basis @ (basis.T @ columns))
 
 
 def orthonormal(columns: Array, beside: Array | None = None, least: float = INDEPENDENT) -> Array:

@@ -106,13 +106,11 @@ def _scale(stretched: Array, size: float) -> Term:
 
 def _moved(baseline: Baseline, name: str, term: Term) -> Iterator[Shape]:
     """Yield the shape of a frame that was moved: of all its columns those after the moment too."""
-    columns, quantities = term
     at = _moment(baseline)
     if at is not None:
-        after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
-        later = tuple(replace(one, name=f"{one.name}_later") for one in quantities)
         # the choice of the moment is paid for
-        yield Shape.of(f"{name}, {MOVED}", term, (after, later), weight=1.0 / MOMENTS, data_selected=True)
+        later = _later(at, baseline, term)
+        yield Shape.of(f"{name}, {MOVED}", term, later, weight=1.0 / MOMENTS, data_selected=True)
 
 
 def _moved_between(baseline: Baseline, term: Term) -> Iterator[Shape]:
@@ -121,12 +119,18 @@ def _moved_between(baseline: Baseline, term: Term) -> Iterator[Shape]:
     The machine has no use for where the instrument stood later: they are of these postures alone.
     """
     columns, quantities = term
-    later = tuple(replace(one, name=f"{one.name}_later", posture_specific=True) for one in quantities)
+    of_these = columns, tuple(replace(one, posture_specific=True) for one in quantities)
     moments = _moments(baseline.fit, CLOSE)
     for at in moments:
-        after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
         name = f"{ONCE}, after {_last_before(at, baseline.fit)}"
-        yield Shape.of(name, (after, later), weight=1.0 / len(moments))
+        yield Shape.of(name, _later(at, baseline, of_these), weight=1.0 / len(moments))
+
+
+def _later(at: float, baseline: Baseline, term: Term) -> Term:
+    """Return a term of the rows that were read after a moment alone."""
+    columns, quantities = term
+    after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
+    return after, tuple(replace(one, name=f"{one.name}_later") for one in quantities)
 
 
 def _last_before(at: float, fit: Baseline) -> str:
