@@ -23,6 +23,7 @@ from beamstiff.diagnosis.decomposition.applied import (
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition, RunnerUp
 from beamstiff.diagnosis.decomposition.open_model import inverse_of
 from beamstiff.diagnosis.decomposition.plain_data import causes_dict
+from beamstiff.diagnosis.drift_course import DRIFT, drift_courses
 from beamstiff.diagnosis.held_out.score import Fitted, HeldOutError, shift
 from beamstiff.diagnosis.inference.library import Untestable
 from beamstiff.diagnosis.places import places_with_look_alikes
@@ -376,6 +377,13 @@ class Diagnosis(Shown):
 
     def explained(self) -> dict[str, Any]:
         """Return the keys ``causes`` and ``remainder``."""
+        found = self._explained()
+        drifts = (one for one in found["causes"] if one["effect"] == DRIFT)
+        for one, course in zip(drifts, drift_courses(self), strict=False):
+            one["course"] = course.to_list()
+        return found
+
+    def _explained(self) -> dict[str, Any]:
         if self.decomposition is not None:
             return causes_dict(self.decomposition)
         told = [] if self.verdict.shrink is None else [(self.verdict, self.first or self.verdict.shrink)]

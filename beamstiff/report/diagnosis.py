@@ -15,6 +15,7 @@ from rich.text import Text
 from beamstiff.diagnosis.candidate import Candidate, Estimate
 from beamstiff.diagnosis.decomposition.causes import HALF, Decomposition
 from beamstiff.diagnosis.decomposition.forms import SLIP
+from beamstiff.diagnosis.drift_course import DRIFT
 from beamstiff.diagnosis.inference.library import NO_CAMERA
 from beamstiff.diagnosis.inference.search import UNKNOWN
 from beamstiff.diagnosis.notes import in_words
@@ -94,6 +95,7 @@ OPEN = "(?) Smaller than its standard deviation: these data do not determine it.
 SUMMED = "Where: share of the gap that the causes close, summed by place"
 ACCOUNTS = "Where: share of the gap above noise that each place could account for"
 POWER = re.compile(r"[\d.]+e\+0[1-5]")  # of ten, as in 1.422e+04, a time in s: spelled out
+COURSE = re.compile(r"_mode_\d")  # in names of parameters that mean nothing by themselves
 DUST = 1e-6  # of its standard deviation, below which a value is nothing but rounding
 
 
@@ -219,12 +221,15 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
     made = table(title, "effect, its parameters", "value", "std", "realistic", "unit")
     own = {result.verdict.key, *(one.key for one in (result.also, *words.several(result)) if one is not None)}
     for one in sorted(words.told(result), key=lambda one: one.key not in own):
-        fitted = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
-        for at, item in enumerate(fitted or one.estimates):
+        some = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
+        some = some or list(one.estimates)
+        made.add_row(words.named(one))
+        if one.key in own and one.effect == DRIFT and any(COURSE.search(item.name) for item in some):
+            some = [item for item in some if not COURSE.search(item.name)]
+            made.add_row("  its course: see below")
+        for item in some:
             name, *cells = sized(item)
             name += " (?)" if _open(item) else "" if item.plausible else " (!)"
-            if not at:
-                made.add_row(words.named(one))
             made.add_row(f"  {name}", *cells)
         if one.key in own:  # look-alikes are cut
             made.most = max(SIZES, len(made.rows))

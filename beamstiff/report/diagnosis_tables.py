@@ -4,12 +4,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from beamstiff.diagnosis.decomposition.causes import Cause
-from beamstiff.diagnosis.decomposition.forms import shift_of
-from beamstiff.diagnosis.effects.external import clock
-from beamstiff.diagnosis.held_out.score import parts_of
+from beamstiff.diagnosis.drift_course import DRIFT, DriftCourse, drift_courses
 from beamstiff.diagnosis.notes import in_words
 from beamstiff.diagnosis.recalibration import Recalibration
 from beamstiff.diagnosis.result import Diagnosis
@@ -19,14 +15,12 @@ from beamstiff.report import diagnosis_words as words
 from beamstiff.report.calibrated_text import as_described, reflectors_moved
 from beamstiff.report.tables import Column, Table, below, number, scale_of, table
 from beamstiff.report.verdict import rounded
-from beamstiff.se3 import Array
 
 TITLE = "Position error, RMS; each line adds to those above it"
 INTERVAL = "90 % interval"
 HIDDEN = 3  # places that are named
 LISTED = 5  # look-alikes of one cause that a table lists
 REVEALED = "Smallest effects that data like these would reveal"
-DRIFT, PARTS = "thermal-drift", 5
 
 
 @dataclass(frozen=True)
@@ -134,37 +128,20 @@ def _said(one: Smallest) -> str:
 def drift_tables(result: Diagnosis) -> Iterator[Table]:
     """Yield the course of each drift that was found: its mean over each part of the campaign."""
     rows = result.baseline.rows
-    timed = bool(np.isfinite(rows.time).all())
-    along, unit = (rows.time, "s") if timed else (rows.temperature, "degC")
-    order = clock(result.baseline) if timed else along  # each table starts its clock again
-    parts = np.array_split(np.argsort(order, kind="stable"), min(PARTS, len(rows)))
-    named = timed and len(rows.sources) > 1
-    for shape, moved in _drifts(result):
-        means = np.array([1e3 * moved[part, :3].mean(axis=0) for part in parts])
-        if absolute := result.baseline.absolute:  # the base frame takes up what all rows have
-            means -= means[0]
-        what = "positions, against the first" if absolute else "displacements"
-        how = re.sub(r"(within|lagging by) ([\d.]+)", r"\1 \2 of the campaign", shape)
-        title = f"Course of {DRIFT} ({how}): what it adds to the {what}, mm, base frame"
-        made = table(title, "from", "to", "x", "y", "z")
-        for part, mean in zip(parts, means, strict=True):
-            ends = (
-                f"{f'{rows.sources[rows.run[at]]}: ' if named else ''}{number(float(along[at]))} {unit}"
-                for at in (part[0], part[-1])
+    for course in drift_courses(result):
+        made = table(f"{course_title(course)}, mm, base frame", "from", "to", "x", "y", "z")
+        named = course.unit == "s" and len(rows.sources) > 1
+        for ends, mean in zip(course.ends, course.means, strict=True):
+            of = [f"{rows.sources[rows.run[at]]}: " if named else "" for at in ends]
+            at = [f"{number(float(course.at[k]))} {course.unit}" for k in ends]
+            made.add_row(
+                of[0] + at[0], of[1] + at[1], *(f"{1e3 * value + 0.0:.3f}" for value in mean.tolist())
             )
-            made.add_row(*ends, *(f"{value + 0.0:.3f}" for value in mean.tolist()))
         yield made
 
 
-def _drifts(result: Diagnosis) -> Iterator[tuple[str, Array]]:
-    """Yield the likeliest shape of each drift that was found, and what it adds to the rows, (N, 6)."""
-    found = result.decomposition
-    if found is not None:
-        for cause in found.causes:
-            if cause.forms[0].effect == DRIFT:
-                yield cause.shape, shift_of(cause.forms, cause.theta, len(result.baseline.rows))
-    elif result.fits:
-        named = [one for one in (result.verdict, result.also) if one is not None and one.effect != "outliers"]
-        for one, moved in zip(named, parts_of(result.linear, result.fits), strict=False):
-            if one.effect == DRIFT:
-                yield one.shape, moved
+def course_title(course: DriftCourse) -> str:
+    """Return, in words, what the course of a drift is of."""
+    what = "positions, against the first" if course.absolute else "displacements"
+    how = re.sub(r"(within|lagging by) ([\d.]+)", r"\1 \2 of the campaign", course.shape)
+    return f"Course of {DRIFT} ({how}): what it adds to the {what}"

@@ -230,7 +230,12 @@ def test_a_drift_is_told_over_time_and_in_its_frame() -> None:
     assert again.rows[-1][1].startswith("b.csv: ")
     assert "drift, turn: along and about the axes of the base frame" in " ".join(names_text(result))
     assert told.title in [getattr(part, "title", None) for part in diagnosis_tables(result)]
-    assert told.title.replace("'", "&#39;") in diagnosis_html(result, provenance([], 0, []))
+    page = diagnosis_html(result, provenance([], 0, []))
+    assert told.title.replace("'", "&#39;") in page
+    assert "What drifts" in page
+    (course,) = (one["course"] for one in result.to_dict()["causes"] if one["effect"] == "thermal-drift")
+    np.testing.assert_allclose([part["mean_mm"] for part in course], found, atol=6e-4)
+    assert [course[0]["from"], course[-1]["to"]] == [time.min(), time.max()]
 
 
 def test_what_drifts_while_displacements_are_read_is_told_too() -> None:

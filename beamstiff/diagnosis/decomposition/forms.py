@@ -179,11 +179,15 @@ def _scales(model: OpenModel) -> tuple[float, float]:
 
 
 def _open_already(model: OpenModel) -> Iterable[str]:
-    """Return the effects that a calibration beside the causes takes up."""
+    """Return the effects that a calibration beside the causes takes up.
+
+    An instrument with several stations is set up anew at each: its axes turn with it, and within one it stands.
+    """
     if model.problem is None:
         return ()
     whole = any(item.group == "frame" for item in model.problem.parameters)
-    return [effect for effect in FITTED if whole or effect != "geometry-error"]
+    found = OF_GEOMETRY if model.problem.geometry.stations > 1 else FITTED
+    return [effect for effect in found if whole or effect != "geometry-error"]
 
 
 def _no_links(model: OpenModel) -> set[str]:

@@ -21,6 +21,7 @@ from beamstiff.report.calibrated_text import (
 from beamstiff.report.diagnosis_tables import drift_tables, hidden_text, smallest_table, steps, steps_table
 from beamstiff.report.diagnosis_text import remainder_text, summary, verdict
 from beamstiff.report.html.charts import SHARE, bars
+from beamstiff.report.html.drift_curves import drift_curves
 from beamstiff.report.html.joint_curves import joint_curves
 from beamstiff.report.html.page import Page
 from beamstiff.report.html.parts import Fact, Figure, Section
@@ -147,6 +148,8 @@ def _which(result: Diagnosis) -> Section:
 def _curves(result: Diagnosis) -> Iterator[Section]:
     if figures := list(joint_curves(result)):
         yield Section("curves", "Errors that follow a joint's angle", figures=figures)
+    if figures := list(drift_curves(result)):
+        yield Section("drift", "What drifts", figures=figures)
 
 
 def _where(result: Diagnosis) -> Section:
