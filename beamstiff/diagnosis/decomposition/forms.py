@@ -181,7 +181,7 @@ def _scales(model: OpenModel) -> tuple[float, float]:
 def _open_already(model: OpenModel) -> Iterable[str]:
     """Return the effects that a calibration beside the causes takes up.
 
-    An instrument with several stations is set up anew at each: its axes turn with it, and within one it stands.
+    An instrument with several stations is set up anew at each: its axes turn with it, and in each it stands.
     """
     if model.problem is None:
         return ()

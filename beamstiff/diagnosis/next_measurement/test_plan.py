@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from beamstiff.diagnosis.held_out.score import Fitted, Weighted, fitted, shift, stacked
@@ -187,17 +186,20 @@ def best_rows(
 
 
 class _Open:
-    """Parameters that are open, and what groups of rows read of them, (G, 3 g, p)."""
+    """Parameters that are open, and what groups of rows read of them, (G, 3 g, p).
 
-    def __init__(self, matrix: Array, covariance: Array) -> None:
-        # in units in which they are independent and of variance 1, and none moves the tool beyond `FARTHEST`:
-        # of one that is all but unknown the variances would cancel to less than their rounding
-        size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        size = np.where(size > 0.0, size, 1.0)
-        values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-        moved = matrix @ (size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
-        self.matrix = moved / np.maximum(np.abs(moved).max(axis=(0, 1), initial=0.0) / FARTHEST, 1.0)
-        self.covariance = np.eye(len(size))
+    They are independent, and of variance 1 before any group is taken.
+    """
+
+    def __init__(self, matrix: Array) -> None:
+        # none moves the tool beyond `FARTHEST`: of one that is all but unknown the variances would cancel to
+        # less than their rounding
+        matrix = matrix / np.maximum(np.abs(matrix).max(axis=(0, 1), initial=0.0) / FARTHEST, 1.0)
+        rows, count = matrix.shape[0] * matrix.shape[1], matrix.shape[2]
+        if rows < count:  # as many mixtures of the parameters as there are readings say all of them
+            matrix = np.linalg.qr(matrix.reshape(rows, count).T, mode="r").T.reshape(*matrix.shape[:2], rows)
+        self.matrix = matrix
+        self.covariance = np.eye(matrix.shape[2])
 
     def root(self, read: Array) -> Array:
         """Return Cholesky's factor of the covariance of each group, (G, 3 g, 3 g)."""
@@ -229,10 +231,12 @@ class _Told:
         self.apart = (one.mean - other.mean)[of].reshape(len(of), -1)
         square = noise**2 + 0.5 * (np.square(one.amiss) + np.square(other.amiss))[..., None]
         self.read = np.eye(self.apart.shape[1]) * square[of].reshape(len(of), 1, -1)
-        single = [(each.matrix[of].reshape(*self.apart.shape, -1), each.covariance) for each in (one, other)]
-        (a, p), (b, q) = single
-        self.single = [_Open(*each) for each in single]
-        self.both = _Open(np.concatenate([a, -b], axis=2), 0.5 * block_diag(p, q))
+        a, b = (
+            _independent(each.matrix[of].reshape(*self.apart.shape, -1), each.covariance)
+            for each in (one, other)
+        )
+        self.single = [_Open(a), _Open(b)]
+        self.both = _Open(np.sqrt(0.5) * np.concatenate([a, -b], axis=2))
         self.known = np.zeros(len(self.both.covariance))  # of the parameters, by the groups taken
 
     def adds(self) -> Array:
@@ -253,6 +257,14 @@ class _Told:
         self.known = self.known + self.both.take(group, self.read) @ off
         for one in self.single:
             one.take(group, self.read)
+
+
+def _independent(matrix: Array, covariance: Array) -> Array:
+    """Return a matrix (G, 3 g, p) for parameters in which these are independent and of variance 1."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray(matrix @ (size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))))
 
 
 def foretold_pairs(
