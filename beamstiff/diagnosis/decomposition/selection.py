@@ -40,9 +40,13 @@ HeldOut = Callable[["Step"], Array]  # squared errors (P,) of postures, each hel
 
 
 def best_first(
-    choice: Choice, step: Step, forbidden: Collection[str] = (), wanted: Integers | None = None
+    choice: Choice,
+    step: Step,
+    forbidden: Collection[str] = (),
+    wanted: Integers | None = None,
+    limit: float = np.inf,
 ) -> Iterator[tuple[float, int]]:
-    """Yield the BIC of fits with one form more, and the form's number, best first.
+    """Yield the BIC of fits with one form more, and the form's number, best first, up to a limit.
 
     In the `TRIED` best of the forms with a parameter that would be negative and may as well be 0, it is held
     there, once it is their turn; compliances are kept from giving work away. The fit is not better for it.
@@ -61,6 +65,8 @@ def best_first(
     heapq.heapify(queue)
     while queue:
         value, number = heapq.heappop(queue)
+        if value > limit:  # nor is any other better
+            return
         if number in waiting:
             waiting.remove(number)
             heapq.heappush(queue, (fit_step(choice, (*step.chosen, number)).bic, number))
@@ -242,9 +248,7 @@ def _larger(choice: Choice, step: Step, held_out: HeldOut, forbidden: Collection
     if not choice.forms:
         return None
     before = held_out(step)
-    for value, new in islice(best_first(choice, step, forbidden), TRIED):
-        if value > step.bic - ENOUGH:
-            break
+    for _, new in islice(best_first(choice, step, forbidden, limit=step.bic - ENOUGH), TRIED):
         larger = fit_step(choice, (*step.chosen, new))
         if larger.bic <= step.bic - ENOUGH and gain(before, held_out(larger)) > 0.0:
             return larger
@@ -308,9 +312,9 @@ def _exchanged(
     """Return a better fit with another form, or two, in the place of some; None: none is better."""
     other = without = fit_step(choice, [k for k in step.chosen if k not in numbers])
     for _ in range(2):
-        others = (one for one in best_first(choice, other, forbidden) if one[1] not in numbers)
-        value, new = next(others, (np.inf, -1))
-        if value >= other.bic - ENOUGH:
+        better = best_first(choice, other, forbidden, limit=other.bic - ENOUGH)
+        new = next((number for _, number in better if number not in numbers), None)
+        if new is None:
             break
         other = fit_step(choice, (*other.chosen, new))
         if other.bic < step.bic - 1e-6 and gain(held_out(without), held_out(other)) > 0.0:
@@ -321,8 +325,9 @@ def _exchanged(
 def with_further_forms(choice: Choice, step: Step, wanted: Collection[int], most: int = MOST) -> Step:
     """Return a fit with as many of some forms as the criterion asks for, the best first, `most` of them."""
     while len({*wanted}.intersection(step.chosen)) < most:
-        others = (number for _, number in best_first(choice, step, wanted=np.asarray(wanted, dtype=int)))
-        larger = fit_step(choice, (*step.chosen, *islice(others, 1)))
+        some = np.asarray(wanted, dtype=int)
+        better = best_first(choice, step, wanted=some, limit=step.bic - ENOUGH)
+        larger = fit_step(choice, (*step.chosen, *(number for _, number in islice(better, 1))))
         # none is left, or no machine is like the fit (both infinite)
         if larger.chosen == step.chosen or larger.bic > step.bic - ENOUGH:
             break

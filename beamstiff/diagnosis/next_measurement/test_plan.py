@@ -197,7 +197,8 @@ class _Open:
         matrix = matrix / np.maximum(np.abs(matrix).max(axis=(0, 1), initial=0.0) / FARTHEST, 1.0)
         rows, count = matrix.shape[0] * matrix.shape[1], matrix.shape[2]
         if rows < count:  # as many mixtures of the parameters as there are readings say all of them
-            matrix = np.linalg.qr(matrix.reshape(rows, count).T, mode="r").T.reshape(*matrix.shape[:2], rows)
+            triangle = np.asarray(np.linalg.qr(matrix.reshape(rows, count).T, mode="r"))
+            matrix = triangle.T.reshape(*matrix.shape[:2], rows)
         self.matrix = matrix
         self.covariance = np.eye(matrix.shape[2])
 
