@@ -5,7 +5,7 @@ from typing import Any
 import typer
 
 from beamstiff.cli.options import Assembly, DataFiles, Html, Region, RobotFile, flag, option
-from beamstiff.cli.output import Outputs, note, working, write, write_robot
+from beamstiff.cli.output import Outputs, for_simulators, note, working, write, write_robot
 from beamstiff.cli.parse import file_names, parse_expected, parse_names, parse_region, robot_file
 from beamstiff.errors import BeamstiffError, listed, optional
 
@@ -73,7 +73,7 @@ def diagnose(
     from beamstiff.functions.diagnose import diagnose as run
     from beamstiff.functions.robots import as_robot
     from beamstiff.measure.coerce import as_tables
-    from beamstiff.report.calibrated_text import calibrated_worse
+    from beamstiff.report.calibrated_text import as_read_elsewhere, calibrated_worse
     from beamstiff.report.diagnosis import diagnosis_figure, diagnosis_tables
     from beamstiff.report.diagnosis_text import LIKELY, undecided_text
 
@@ -122,6 +122,7 @@ def diagnose(
             guesses = f"; not determined by these rows: {listed(open_ones)}" if open_ones else ""
             geometry = "the calibrated geometry, " * (result.recalibration is not None)
             holds = f"{geometry}the fitted stiffness, and {added} added{measuring}{kept_value}{guesses}"
+            holds += as_read_elsewhere(result, larger) if for_simulators(apply) else ""
             write_robot(apply, larger, file, written_std(larger), f"# {head}\n{below}", holds)
             for said in filter(None, (doubt, calibrated_worse(result))):
                 note(f"{apply}: {said}")

@@ -67,14 +67,18 @@ def write_robot(
     from beamstiff.functions.convert import applied_text
     from beamstiff.robot.yaml_edit import robot_yaml
 
-    simulator = Path(path).suffix.lower() in (".xml", ".urdf", ".sdf")
-    if simulator:
+    if simulator := for_simulators(path):
         text, lost = applied_text(robot, path, source)
         for item in lost:
             note(item)
     else:
         text = robot_yaml(robot, source, std, head)
     write(path, text, holds, as_it_is=simulator)
+
+
+def for_simulators(path: str) -> bool:
+    """Return whether a robot's file is one that other programs read."""
+    return Path(path).suffix.lower() in (".xml", ".urdf", ".sdf")
 
 
 def written(path: str, holds: str = "") -> None:

@@ -17,6 +17,7 @@ from beamstiff.diagnosis.residual.baseline import nominal_pose
 from beamstiff.diagnosis.verify import verify
 from beamstiff.errors import BeamstiffError, listed
 from beamstiff.measure.registration import fit_rigid_motion
+from beamstiff.measure.table import Measurements
 from beamstiff.robot.coupling import frame_expressions
 from beamstiff.robot.description import Robot
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
@@ -159,8 +160,13 @@ def _rigid(found: Decomposition) -> float | None:
     assert model.problem is not None
     if rows.targets or rows.camera or model.problem.geometry.stations > 1:
         return None
+    return gap_of_rigid(model.given, rows)
+
+
+def gap_of_rigid(robot: Robot, rows: Measurements) -> float:
+    """Return the gap of a robot's geometry, nothing deformed, laid over absolute readings (N rows), m."""
     whole = rows.measured_mask[:, :3].all(axis=1)
-    places, _ = nominal_pose(model.given, rows)
+    places, _ = nominal_pose(robot, rows)
     residuals = fit_rigid_motion(places[whole], rows.position[whole]).residuals
     return float(np.sqrt((residuals**2).sum() / whole.sum()))
 

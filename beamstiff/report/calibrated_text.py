@@ -6,13 +6,14 @@ import numpy as np
 
 from beamstiff.calibration.parameters import AXES
 from beamstiff.diagnosis.decomposition.causes import NOISE
-from beamstiff.diagnosis.recalibration import Change, Recalibration
+from beamstiff.diagnosis.recalibration import Change, Recalibration, gap_of_rigid
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.errors import listed
 from beamstiff.report.diagnosis_words import stiffness_in_words
 from beamstiff.report.identification import far_off
 from beamstiff.report.tables import Table, table, worth
 from beamstiff.report.verdict import level_of, rounded
+from beamstiff.robot.description import Robot
 from beamstiff.robot.stiffness_parameters import parameter_unit
 
 NAMED = 3  # changes of each kind that are told
@@ -30,9 +31,24 @@ def as_described(result: Diagnosis) -> tuple[float, float]:
     """
     changed = result.recalibration
     assert changed is not None
-    if result.start_values and changed.rigid is not None and changed.rigid_placed is not None:
+    if changed.rigid is not None and changed.rigid_placed is not None and described_rigid(result):
         return changed.rigid, changed.rigid_placed
     return changed.before, changed.placed
+
+
+def described_rigid(result: Diagnosis) -> bool:
+    """Return whether the error of the robot file is told of the rigid robot, where that is known."""
+    changed = result.recalibration
+    return bool(result.start_values) and changed is not None and changed.rigid_placed is not None
+
+
+def as_read_elsewhere(result: Diagnosis, written: Robot) -> str:
+    """Return, in words, how far off a written robot is for programs that read its geometry alone."""
+    rows = result.baseline.rows
+    if result.recalibration is None or result.recalibration.rigid is None:
+        return ""
+    off = rounded(1e3 * gap_of_rigid(written, rows))
+    return f"; for programs that read its geometry alone, without deflection and effects, it is {off} mm off"
 
 
 def reflectors_moved(result: Diagnosis) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from rich.console import RenderableType
 
 from beamstiff.diagnosis.changes import RunComparison
+from beamstiff.diagnosis.notes import OFF
 from beamstiff.errors import listed
 from beamstiff.report.tables import Table, number, table
 from beamstiff.report.verdict import Verdict
@@ -36,6 +37,10 @@ def changes_verdict(found: RunComparison, files: Sequence[str]) -> Verdict:
     data = " and ".join(files)
     if not found.changed:
         said = f"No change beyond the uncertainty: {told}"
+        if (times := max(found.noise)) > OFF:
+            left = f"the residual is {times:.2g} times the stated noise"
+            then = f"Both campaigns fit one robot, but {left}: diagnose both, and compare by the robot found."
+            return Verdict(said, "doubtful", data, then)
         return Verdict(said, "agrees", data, "Nothing to do: both campaigns fit one robot.")
     names = [one.name for one in sorted(found.changes, key=lambda one: one.p) if one.changed]
     what = f"Something changed ({listed(names, 3)})" if names else "Something changed"

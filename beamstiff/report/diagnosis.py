@@ -159,9 +159,9 @@ def notable(result: Diagnosis) -> list[Mapping[str, Any]]:
 
 def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
-    said = f"{CLOSES} Probability: that this effect is there, or one that moves the tool in the same way."
+    said = f"{CLOSES} Probability: that it is this effect."
     if any(one.indistinguishable for one in found.causes):
-        said += ' Causes joined by "or" fit these data equally well.'
+        said += ' Causes joined by "or" fit these data equally well: that one of them is there is likelier.'
     for one in found.causes:
         if one.found_again < HALF:
             share, name = words.percent(one.found_again), in_words([one.key])
@@ -222,7 +222,8 @@ def sizes_table(result: Diagnosis, title: str) -> Table:
     own = {result.verdict.key, *(one.key for one in (result.also, *words.several(result)) if one is not None)}
     for one in sorted(words.told(result), key=lambda one: one.key not in own):
         some = [item for item in one.estimates if item.value != 0.0]  # the fit left out the others
-        some = some or list(one.estimates)
+        if not (some := some or list(one.estimates)):
+            continue
         made.add_row(words.named(one))
         if one.key in own and one.effect == DRIFT and any(COURSE.search(item.name) for item in some):
             some = [item for item in some if not COURSE.search(item.name)]

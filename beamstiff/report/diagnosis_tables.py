@@ -61,7 +61,9 @@ def _fitted(result: Diagnosis, changed: Recalibration) -> list[Step]:
     else:
         if changed.rigid is not None and rounded(1e3 * changed.rigid) != rounded(1e3 * before):
             made, fitted = [Step(f"robot file, drives and links rigid{fitted}", changed.rigid)], ""
-        made.append(Step(f"robot file{', its stiffness' if made else ''}{fitted}", before))
+        guess = " (start values)" if result.start_values else ""
+        stiffness = f", its stiffness{guess}" if made or guess else ""
+        made.append(Step(f"robot file{stiffness}{fitted}", before))
     if reflectors_moved(result):
         made.append(Step("and places of the reflectors", placed))
     if changed.stiff is None or rounded(changed.stiff) == rounded(changed.after):

@@ -20,6 +20,7 @@ from beamstiff.report.calibrated_text import (
     as_described,
     calibrated_away,
     calibrated_worse,
+    described_rigid,
     reflectors_moved,
 )
 from beamstiff.report.next_action import NOTHING, TOO_FEW, action, overstated, scatters
@@ -101,7 +102,7 @@ def _before(result: Diagnosis) -> str:
     if changed is None or as_described(result)[1] <= result.rms:
         return ""
     fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
-    rigid = ", of a rigid robot" if result.start_values else ""
+    rigid = ", of a rigid robot" if described_rigid(result) else ""
     placed = ", places of the reflectors fitted" if reflectors_moved(result) else ""
     before = rounded(1e3 * as_described(result)[1])
     return f". Error before calibration of {fitted}: {before} mm{rigid}{placed}"

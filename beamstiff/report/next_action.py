@@ -8,6 +8,7 @@ from beamstiff.diagnosis.candidate import Candidate
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
+from beamstiff.diagnosis.next_measurement.between_causes import alike_in_positions
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
 from beamstiff.diagnosis.notes import unstated_loads, weightless
 from beamstiff.diagnosis.prior import key_of
@@ -106,7 +107,15 @@ def _one(result: Diagnosis, head: str) -> str:
         return f"{rigid_text(result.baseline.nominal, rigid)} Then diagnose again."
     far = [(one, size) for one, size in unrealistic(result) if one.effect in EFFECTS]
     first = far[0][0] if far else to_check[0]
-    return f"To check {named(first)}: {EFFECTS[first.effect].separation}.{_also(result, 'Also measure')}"
+    return f"To check {named(first)}: {_check(result, first)}.{_also(result, 'Also measure')}"
+
+
+def _check(result: Diagnosis, cause: Candidate) -> str:
+    """Return the measurement that distinguishes a cause from its look-alikes, an instruction."""
+    own = [one.indistinguishable for one in several(result) if one.key == cause.key]
+    others = own[0] if own else (result.verdict.key, *result.indistinguishable)
+    told = (alike_in_positions(cause.key, other, result.baseline) for other in others)
+    return next(filter(None, told), EFFECTS[cause.effect].separation)
 
 
 def scatters(result: Diagnosis) -> bool:
@@ -232,6 +241,9 @@ def proposed(result: Diagnosis) -> str:
 
 def separations(result: Diagnosis) -> list[str]:
     """Return, in words, the measurements that separate the verdict from its look-alikes."""
-    keys = [one.key for one in told(result)]
-    effects = list(dict.fromkeys(key.partition(":")[0] for key in keys))
-    return [f"To check {name}: {EFFECTS[name].separation}." for name in effects if name in EFFECTS]
+    found = {one.effect: one for one in reversed(told(result)) if one.effect in EFFECTS}
+    each = {name: _check(result, found[name]) for name in reversed(found)}
+    return [
+        f"To check {listed([name for name, how in each.items() if how == said])}: {said}."
+        for said in dict.fromkeys(each.values())
+    ]

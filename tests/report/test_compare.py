@@ -1,16 +1,19 @@
 """Pictures of models side by side and of fuzzy rules: what they show is what there is."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from beamstiff import load_robot, read_measurements
+from beamstiff.diagnosis.changes import RunComparison
 from beamstiff.identification.models.side_by_side import Models, fit_models
 from beamstiff.identification.models.split import split_rows
 from beamstiff.measure.table import make_measurements
 from beamstiff.model.fuzzy_compliance import FuzzyCompliance, rules_from_table
 from beamstiff.model.linear import predict_displacements
+from beamstiff.report.changes import changes_verdict
 from beamstiff.report.compare import models_figure, models_table
 from beamstiff.report.fuzzy import rules_figure
 
@@ -78,3 +81,11 @@ def test_the_rule_surface_passes_through_the_conclusions() -> None:
     degrees = np.stack([np.asarray(line.get_ydata()) for line in first.lines])
     assert np.allclose(degrees.sum(axis=0), 1.0)
     assert first.get_xlabel() == "q2, deg"
+
+
+def test_campaigns_that_one_robot_fits_but_not_well_are_to_be_diagnosed() -> None:
+    alike = RunComparison((), 0.0, (3,), 1.0, 0.05, False, (1.1, 0.9), ())
+    assert changes_verdict(alike, ("a.csv", "b.csv")).action.startswith("Nothing to do")
+    amiss = changes_verdict(replace(alike, noise=(9.3, 9.7)), ("a.csv", "b.csv"))
+    assert amiss.level == "doubtful"
+    assert "9.7 times the stated noise" in amiss.action

@@ -16,8 +16,9 @@ from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.residual.baseline import predict
 from beamstiff.diagnosis.result import Diagnosis
 from beamstiff.diagnosis.smallest import smallest_sizes
+from beamstiff.diagnosis.verify import verify
 from beamstiff.functions.checks import start_values
-from beamstiff.report.calibrated_text import drives_table, far_stiffness
+from beamstiff.report.calibrated_text import as_read_elsewhere, drives_table, far_stiffness
 from beamstiff.report.diagnosis import candidates_table, diagnosis_tables, likely, names_text
 from beamstiff.report.diagnosis_tables import REVEALED, drift_tables, hidden_text, smallest_table, steps
 from beamstiff.report.diagnosis_text import verdict
@@ -27,6 +28,7 @@ from beamstiff.report.html.provenance import provenance
 from beamstiff.report.html.robot_view import Shown, robot_view
 from beamstiff.report.html.rows import Compared, row_figures
 from beamstiff.report.tables import Table
+from beamstiff.report.verdict import rounded
 from beamstiff.robot.reader import load_robot
 from beamstiff.se3 import Array, rotation_from_vector
 from tests.diagnosis.decomposition import test_decompose as ur10
@@ -233,15 +235,24 @@ def test_a_drift_is_told_over_time_and_in_its_frame() -> None:
     page = diagnosis_html(result, provenance([], 0, []))
     assert told.title.replace("'", "&#39;") in page
     assert "What drifts" in page
-    (course,) = (one["course"] for one in result.to_dict()["causes"] if one["effect"] == "thermal-drift")
-    np.testing.assert_allclose([part["mean_mm"] for part in course], found, atol=6e-4)
-    assert [course[0]["from"], course[-1]["to"]] == [time.min(), time.max()]
+    (parts,) = (one["course"] for one in result.to_dict()["causes"] if one["effect"] == "thermal-drift")
+    np.testing.assert_allclose([part["mean_mm"] for part in parts], found, atol=6e-4)
+    assert [parts[0]["from"], parts[-1]["to"]] == [time.min(), time.max()]
 
 
 def test_what_drifts_while_displacements_are_read_is_told_too() -> None:
     (told,) = drift_tables(diagnosed("thermal_drift"))
     assert "displacements" in told.title
     assert list(drift_tables(diagnosed("backlash"))) == []
+
+
+def test_a_written_robot_is_told_as_others_read_it() -> None:
+    result, _ = ur10.found("approach", "gear", "slip")
+    written = extended(result)
+    bare = written.model_copy(update={"effects": (), "gravity": (0.0, 0.0, 0.0)})
+    off = verify(bare, result.baseline.rows, refit_frame=True).after
+    assert f"it is {rounded(1e3 * off)} mm off" in as_read_elsewhere(result, written)
+    assert not as_read_elsewhere(diagnosed("backlash"), written)  # displacements know no geometry
 
 
 def test_no_cause_is_told_with_the_smallest_size_that_would_have_shown(

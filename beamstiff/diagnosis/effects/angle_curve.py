@@ -94,6 +94,11 @@ def joint_error(sizes: Mapping[str, float], angle: Array) -> Array:
     return result
 
 
+BALANCED = (
+    "no position distinguishes a spring balancer from an error that follows the joint's angle: look whether "
+    "the joint has one, or record the drives' torques at rest (columns tau_JOINT) and diagnose again"
+)
+
 EFFECT = Effect(
     name="angle-curve",
     family="geometry",
@@ -103,6 +108,7 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="move this joint alone through its range in small steps, unloaded; read it far from its axis",
     look_alikes=("geometry-error", "gravity-compensator"),
+    alike_in_positions={"gravity-compensator": BALANCED},
     scales=_scales,
     sources="UR10 of the public set: amplitudes of 0.05 to 0.3 mrad; eccentricity of wheels 0.02 mm",
 )

@@ -1,6 +1,6 @@
 """What an effect is: its meaning, where it can sit, and its shapes, first order in their parameters."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -136,6 +136,8 @@ class Effect:
     `outside`: whether the formats have no name for it: what it explains is told in the remainder, and the
         verdict is `unknown`. It is written into the robot all the same.
     `places_of`: the places that a component is: a joint pair is two, a frame's parameter is the frame.
+    `alike_in_positions`: effects that at the same component move the tool alike, so that no position
+        distinguishes them, and what does, as an instruction.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Effect:
     place: str = ""
     outside: bool = False
     places_of: Callable[[str], tuple[str, ...]] = itself
+    alike_in_positions: Mapping[str, str] = field(default_factory=dict)
 
     def places(self, component: str | None) -> tuple[str, ...]:
         """Return the places that a component is, or where the effect sits when it has none."""

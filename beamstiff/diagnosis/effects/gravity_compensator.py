@@ -8,6 +8,7 @@ balancer, its stiffness is how its torque changes with the angle. Displacements 
 
 import numpy as np
 
+from beamstiff.diagnosis.effects.angle_curve import BALANCED
 from beamstiff.diagnosis.effects.drive_stiffness import PHASES, Following, angle_scales, scaled_torque
 from beamstiff.diagnosis.effects.effect import (
     Effect,
@@ -149,6 +150,7 @@ EFFECT = Effect(
     shapes=_shapes,
     separation="apply the same loads with the balancer's spring disconnected",
     look_alikes=("actuator-lever", "angle-curve"),
+    alike_in_positions={"angle-curve": BALANCED},
     sources="several to 30 % of the drive's stiffness (arXiv 1311.6674, 1311.6810)",
     scales=_normalisation,
 )

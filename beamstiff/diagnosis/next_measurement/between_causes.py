@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
 from beamstiff.diagnosis.decomposition.forms import SLIP, Form
 from beamstiff.diagnosis.decomposition.solution import solved
+from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.next_measurement.candidates import load_cycles, noise_of
 from beamstiff.diagnosis.next_measurement.test_plan import (
     DECIDES,
@@ -123,10 +124,22 @@ def _pairs(ahead: Ahead, causes: Sequence[Cause]) -> tuple[list[Pair], tuple[str
             continue
         share = (1.0 - cause.probability) / (len(explained) - 1)
         odds = [cause.probability, *[share] * (len(explained) - 1)]
-        told = zip(odds, (one for _, one in explained), strict=True)
-        pairs += [(p * q, one, other) for (p, one), (q, other) in combinations(told, 2)]
-        separates |= dict.fromkeys(key for key, _ in explained)
+        for (p, (key, one)), (q, (rival, other)) in combinations(zip(odds, explained, strict=True), 2):
+            if not alike_in_positions(key, rival, ahead.found.model.baseline):
+                pairs.append((p * q, one, other))
+                separates |= dict.fromkeys((key, rival))
     return pairs, tuple(separates)
+
+
+def alike_in_positions(key: str, other: str, baseline: Baseline) -> str:
+    """Return what else than positions distinguishes two causes, an instruction; empty if they may.
+
+    Fitted forms of such causes differ where no row is, and would be fitted anew to rows from there.
+    """
+    (effect, _, place), (rival, _, same) = key.partition(":"), other.partition(":")
+    if place != same or not baseline.absolute or np.isfinite(baseline.rows.torque).any():
+        return ""
+    return EFFECTS[effect].alike_in_positions.get(rival, "") if effect in EFFECTS else ""
 
 
 def _bounding(

@@ -27,7 +27,14 @@ MOST_WAYS, LIKE = 6, 0.94  # directions of loads; cosine from which two directio
 # shares of the largest load: a cycle shows history and reversal, and positions need the unloaded reading too
 STEPS: tuple[float, ...] = (0.5, 1.0, 0.5, -0.5, -1.0)
 ABSOLUTE: tuple[float, ...] = (0.0, 0.5, 1.0, -0.5, -1.0)
-ONE_WAY = {STEPS: (0.5, 1.0, 0.5, 1.0, 0.5), ABSOLUTE: (0.0, 0.5, 1.0, 0.5, 0.0)}  # as many rows
+# where positions were read under loads of one size alone, there is one weight
+ONE_WEIGHT: tuple[float, ...] = (0.0, 1.0, 0.0, -1.0, 0.0)
+ONE_WAY = {
+    STEPS: (0.5, 1.0, 0.5, 1.0, 0.5),
+    ABSOLUTE: (0.0, 0.5, 1.0, 0.5, 0.0),
+    ONE_WEIGHT: (0.0, 1.0, 0.0, 1.0, 0.0),
+}  # as many rows
+SAME_SIZE = 0.02  # of the largest load: as far from it a load may be and is the same
 UNLOADED: tuple[float, ...] = (0.0,)
 LOAD = 500.0  # N, where no force was applied so far
 UNREAD = 1e6  # m: noise of a component that an instrument does not read
@@ -106,6 +113,8 @@ def _ways(rows: Measurements, absolute: bool) -> list[tuple[Array, tuple[float, 
     if not found or len(found) > MOST_WAYS:  # none, or any
         found = [*np.eye(3), *-np.eye(3)]
     steps, ways = ABSOLUTE if absolute else STEPS, list[tuple[Array, tuple[float, ...]]]()
+    if absolute and len(units) and size[size > 0.0].min() >= (1.0 - SAME_SIZE) * size.max():
+        steps = ONE_WEIGHT
     for at, along in enumerate(found):
         if any(along @ other < -LIKE for other in found[:at]):
             continue
@@ -155,10 +164,15 @@ def short_way(q: Array) -> NDArray[np.intp]:
 
 
 def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:
-    """Return states (R, A) under wrenches (R, 6) at the TCP, of the kind of a table, nothing measured."""
+    """Return states (R, A) under wrenches (R, 6), of the kind of a table, nothing measured.
+
+    They act where most of the table's loads do; where it has none, at the TCP.
+    """
     kind = "position" if like.kind == "absolute" else "displacement"
     nothing = np.full((len(q), 3 if kind == "position" else 6), np.nan)
-    more: dict[str, Any] = {kind: nothing, **columns}
+    acts, often = np.unique(like.load_point[like.wrench.any(axis=1)], return_counts=True)
+    where = str(acts[np.argmax(often)]) if acts.size else tcp
+    more: dict[str, Any] = {kind: nothing, "load_point": np.full(len(q), where), **columns}
     return make_measurements(list(like.variables), q, tcp=tcp, wrench=wrench, source="<next>", **more)
 
 

@@ -14,6 +14,7 @@ from beamstiff.report.calibrated_text import (
     as_described,
     changes_table,
     changes_text,
+    described_rigid,
     drives_table,
     far_stiffness,
     reflectors_moved,
@@ -82,7 +83,7 @@ def _facts(result: Diagnosis) -> Iterator[Fact]:
             "How sure", words.sure(result), f"probability {of.get(result.verdict.effect, 'of the cause')}"
         )
     if result.recalibration is not None:
-        name = "Rigid robot" if result.start_values else "Uncalibrated"
+        name = "Rigid robot" if described_rigid(result) else "Uncalibrated"
         fitted = "frame and reflectors" if reflectors_moved(result) else "measuring frame"
         yield Fact(name, f"{rounded(1e3 * as_described(result)[1])} mm", f"RMS, {fitted} fitted")
     yield Fact("Gap", f"{1e3 * result.rms:.3f} mm", f"RMS, model fitted, {words.tested(result)}")

@@ -1,6 +1,7 @@
 """What to measure next where several causes make up the gap."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,7 +9,11 @@ import pytest
 from beamstiff.diagnosis.decomposition.causes import Decomposition
 from beamstiff.diagnosis.decomposition.forms import forms_of
 from beamstiff.diagnosis.diagnose import diagnose
-from beamstiff.diagnosis.next_measurement.between_causes import Ahead, propose_between
+from beamstiff.diagnosis.next_measurement.between_causes import (
+    Ahead,
+    alike_in_positions,
+    propose_between,
+)
 from tests.diagnosis.decomposition.test_decompose import found, read
 
 CAUSES = ("approach", "gear", "slip")
@@ -63,6 +68,17 @@ def test_a_look_alike_is_told_apart_where_the_two_foretell_different_positions()
     assert proposed.separates == (first.key, like.key)
     assert proposed.score.min() > 0
     assert proposed.score[0] == proposed.score.max()
+
+
+def test_positions_do_not_tell_a_balancer_from_a_curve_of_its_joint_but_torques_do() -> None:
+    baseline = decomposition().model.baseline
+    alike = partial(alike_in_positions, "angle-curve:q2", baseline=baseline)
+    assert "tau_JOINT" in alike("gravity-compensator:q2")
+    assert not alike("gravity-compensator:q3")
+    assert not alike("geometry-error:q2")
+    torque = np.ones_like(baseline.rows.q)
+    told = replace(baseline, rows=replace(baseline.rows, torque=torque))
+    assert not alike_in_positions("angle-curve:q2", "gravity-compensator:q2", told)
 
 
 def test_a_diagnosis_without_a_gap_proposes_nothing() -> None:

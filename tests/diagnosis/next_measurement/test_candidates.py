@@ -14,6 +14,7 @@ from beamstiff.diagnosis.next_measurement.candidates import (
     short_way,
 )
 from beamstiff.diagnosis.residual.baseline import fit_baseline
+from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from tests.diagnosis.machines import rows_of
 
@@ -30,6 +31,21 @@ def test_weights_that_hang_down_are_proposed_as_such() -> None:
     np.testing.assert_allclose(ways[0][0], [0, 0, -1], atol=0.02)
     assert ways[0][1] == ONE_WAY[ABSOLUTE]
     assert min(ways[0][1]) == 0.0
+
+
+def test_where_one_weight_hung_no_half_of_it_is_proposed() -> None:
+    ((_, shares),) = _ways(loaded((0, 0, 0), (0, 0, -98.1), (0, 0, -98.0)), absolute=True)
+    assert {*shares} == {0.0, 1.0}
+
+
+def test_loads_are_proposed_where_loads_acted() -> None:
+    robot = load_robot("kr240-2")
+    q = np.radians([[0.0, 70, -90, 0, 0, -60], [20.0, 80, -110, 40, 0, 60], [-20.0, 75, -100, 10, 0, 0]])
+    down = np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (3, 1))
+    acts = [robot.tcp, *[robot.joints[-1].nodes[0]] * 2]
+    rows = rows_of(robot, q, down, displacement=np.full((3, 6), 1e-4), source="table", load_point=acts)
+    assert {*load_cycles(fit_baseline(robot, rows), seed=0)[0].load_point} == {acts[1]}
+    assert {*load_cycles(fit_baseline(robot, subset(rows, [0])), seed=0)[0].load_point} == {robot.tcp}
 
 
 def test_what_was_pulled_both_ways_is_reversed() -> None:
