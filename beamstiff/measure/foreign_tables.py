@@ -104,6 +104,7 @@ def profile_hint(
         "point: NODE": "NODE is the node at the reflector",
         "NOISE": "NOISE is what the instrument reads to, such as 0.02",
         "UNIT": "UNIT is that of the column",
+        "fz: ": "add load_point: NODE where loads act elsewhere than at the TCP",
     }
     said = [what for mark, what in asked.items() if mark in guess]
     said += [] if joints or "q1: " not in guess else ["q1, q2, ... are the joints of the robot file"]

@@ -86,12 +86,12 @@ def campaign_text(plan: MeasurementPlan) -> str:
     fewer = " (or fewer)" if enough.knee == enough.counts[0] else ""
     needed = {error: float(f"{enough.tests_for(error):.2g}") for error in WANTED}
     sizes = ", ".join(
-        f"{f'{size:.0f}' if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
+        f"{f'about {size:.0f}' if size < MOST_TESTS else f'over {MOST_TESTS}'} for {percent(error)}"
         for error, size in needed.items()
     )
     lines.append(
         f"Beyond {counted(enough.knee, unit)}{fewer}, more only average the noise. For each value to have at "
-        f"most a given std, {unit}s needed: about {sizes}."
+        f"most a given std, {unit}s needed: {sizes}."
     )
     return "\n".join(lines)
 

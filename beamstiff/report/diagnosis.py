@@ -189,8 +189,9 @@ def next_best_text(result: Diagnosis) -> list[str]:
         if ratio >= 1.005:
             lines.append(f"{said}, held-out gap {gap}.")
         else:
+            but = "and" if less == "as likely" else "but"
             lines.append(
-                f"{said} by all rows, but as good on held-out rows: that explanation may be the true one."
+                f"{said} by all rows, {but} as good on held-out rows: that explanation may be the true one."
             )
     return lines
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.special import expit
@@ -26,6 +26,8 @@ from beamstiff.diagnosis.decomposition.remainder import Remainder, remainder_of
 from beamstiff.diagnosis.decomposition.selection import (
     ENOUGH,
     FORMS,
+    TRIED,
+    best_first,
     causes_of,
     gain,
     resampled,
@@ -37,6 +39,8 @@ from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
 Numbers = tuple[int, ...]  # of the forms of a cause
+# causes in order, the errors (P,) along them, what each shows, and those that cancel others
+Told = tuple[list[Numbers], list[Array], list[float], list[Numbers]]
 NEGLIGIBLE = 1e-24  # m^2, of a sum of squared position errors: rounding
 SIMPLER = 0.5  # parameters fewer, of which priors take up fractions
 ROUNDS = 4  # of putting a better fit in the place of one
@@ -181,7 +185,7 @@ def _without_cancelling(
     Of several that cancel one another some close less than nothing, and a fit without one is hardly worse:
     what it does the others do too; or some of them leave more than there is without any cause. The one goes
     without which the others do not cancel, that is missed least if there are several; where there is none,
-    the one of the cancelling that is missed least, and so on.
+    the one of the cancelling that is missed least, and so on. Another form may do what it did.
     """
     order, errors, shown, cancelling = _cancelling(folds, step, noise2)
     while cancelling:
@@ -190,16 +194,29 @@ def _without_cancelling(
             without = fit_step(folds.choice, [number for number in step.chosen if number not in gone])
             told = _cancelling(folds, without, noise2)
             if not told[-1]:
-                return told[:3]
+                return (_in_place_of(gone, folds, without, noise2) or told)[:3]
         least = next(cause for cause in missed if cause in cancelling)
         step = fit_step(folds.choice, [number for number in step.chosen if number not in least])
         order, errors, shown, cancelling = _cancelling(folds, step, noise2)
     return order, errors, shown
 
 
-def _cancelling(
-    folds: Folds, step: Step, noise2: float
-) -> tuple[list[Numbers], list[Array], list[float], list[Numbers]]:
+def _in_place_of(gone: Numbers, folds: Folds, without: Step, noise2: float) -> Told | None:
+    """Return what `_cancelling` says of a fit with the best other form in place of one that cancelled causes.
+
+    None where none helps that does not cancel them too: what it did the others do.
+    """
+    before = folds.squared_errors(without)
+    for _, new in islice(best_first(folds.choice, without, limit=without.bic - ENOUGH), TRIED):
+        other = fit_step(folds.choice, (*without.chosen, new))
+        if new not in gone and gain(before, folds.squared_errors(other)) > 0.0:
+            told = _cancelling(folds, other, noise2)
+            if not told[-1]:
+                return told
+    return None
+
+
+def _cancelling(folds: Folds, step: Step, noise2: float) -> Told:
     """Return the order of causes, the errors along it, what each shows, and those that cancel others."""
     order, errors = ordered(folds, causes_of(folds.choice, step))
     explainable = max(float(errors[0].sum()) - noise2, NEGLIGIBLE)
