@@ -6,8 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from beamstiff.diagnosis.decomposition import answer
 from beamstiff.diagnosis.decomposition.answer import _no_worse, without_rivals
 from beamstiff.diagnosis.decomposition.decompose import _explaining
+from beamstiff.diagnosis.decomposition.fit import Step, build_choice
+from beamstiff.diagnosis.decomposition.folds import Folds, folds_of
+from beamstiff.diagnosis.decomposition.forms import forms_of
+from beamstiff.diagnosis.decomposition.selection import causes_of, select
 from beamstiff.se3 import Array
 from tests.diagnosis.decomposition.test_decompose import found
 
@@ -65,3 +70,23 @@ def test_a_doubtful_cause_that_stays_has_no_rivals_and_joins_those_that_are_name
     (again,) = [one for one in told.every if one.key == first.key]
     assert (again.indistinguishable, again.probability) == ((), first.present)
     assert told.remainder.rms == pytest.approx(sound.remainder.rms, rel=1e-3)
+
+
+def test_another_form_may_do_the_work_of_one_that_cancels_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = found("approach", "gear")[0].decomposition.model
+    forms = [form for form in forms_of(model) if form.key in ("angle-curve:q2", "approach-direction:null")]
+    choice = build_choice(model, forms)
+    folds = folds_of(model, choice, 0)
+    step = select(choice, folds.squared_errors)
+    (gone,) = causes_of(choice, step)
+    cancelling = answer._cancelling
+
+    def said(folds: Folds, step: Step, noise2: float) -> answer.Told:  # as if this form cancelled others
+        order, errors, shown, _ = cancelling(folds, step, noise2)
+        return order, errors, shown, [cause for cause in order if cause == gone]
+
+    monkeypatch.setattr(answer, "_cancelling", said)
+    order, _, _ = answer._without_cancelling(folds, step, answer._noise2(model))
+    ((other,),) = order
+    assert forms[other].key == "angle-curve:q2"
+    assert forms[gone[0]].key == "approach-direction:null"
