@@ -242,7 +242,7 @@ def _rest(model: OpenModel, causes: Sequence[Cause], noise2: float, total: float
 
 def _taken_up(model: OpenModel, unmodelled: Sequence[Cause]) -> Array:
     """Return what the open parameters (t,) take up of laws that the robot as written will lack."""
-    moved = [law.moved for law in unmodelled if law.nameless]
+    moved = [law.moved for law in unmodelled if law.nameless and not law.past]
     if not moved:
         return np.zeros(model.tangent.shape[1])
     return np.asarray(inverse_of(model.tangent) @ np.sum(moved, axis=0))

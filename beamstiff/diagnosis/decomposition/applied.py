@@ -39,9 +39,11 @@ def calibrated_beside(found: Decomposition) -> Robot:
 
     The geometry is fitted once more: the step from where the causes were linear may be long. What was known
     of it beforehand counts as it did there: a calibration that is free makes up few postures by a geometry
-    that no other posture has. A target that slipped stands where it came to rest.
+    that no other posture has. A target that slipped stands where it came to rest, a zero that a joint lost is
+    as it is since.
     """
-    robot = _calibrated(found, found.written)
+    past = (law for law in found.unmodelled if law.nameless and law.past)
+    robot = _calibrated(found, (*found.written, *past))
     slips = total(_slips(found, cause) for cause in found.written)
     return corrected(robot, slips, found.model.baseline.rows.q[:1]) if slips else robot
 

@@ -134,7 +134,14 @@ class Cause:
             meaning = EFFECTS[self.forms[0].effect].meaning
             return f"{meaning[0].lower()}{meaning[1:].rstrip('.')}"
         does = str(self.forms[0].component)
+        if self.past:
+            return f"{does} {self.shape}"
         return f"the {does}" if does.startswith(BY_NOUN) else does
+
+    @property
+    def past(self) -> bool:
+        """Whether it says nothing of other postures than those at hand."""
+        return all(item.posture_specific for form in self.forms for item in form.shape.parameters)
 
     @property
     def lifted_side(self) -> float | None:

@@ -44,8 +44,10 @@ def _law(found: Decomposition, law: Cause) -> dict[str, Any]:
     """Return a law outside the library; `lifts_at`, of a base that opens, is rad from its x axis about z."""
     if not law.nameless:
         return {"what": law.looks_like, **_cause(found, law)}
-    side = {} if law.lifted_side is None else {"lifts_at": law.lifted_side}
-    return {"what": law.forms[0].component, "closes": law.closes, **side}
+    more: dict[str, Any] = {} if law.lifted_side is None else {"lifts_at": law.lifted_side}
+    if law.past:
+        more["when"] = law.shape
+    return {"what": law.forms[0].component, "closes": law.closes, **more}
 
 
 def _cause(found: Decomposition, cause: Cause) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Laws that no effect of the library has: what they explain is told as a part of the remainder.
 
-Play of the structure, seats that slip and drives that creep, soften or give more to one side are selected
-like causes. Without them the causes that come nearest to them would stand in for them.
+Play of the structure, seats that slip, joints that lose their zero and drives that creep, soften or give more
+to one side are selected like causes. Without them those that come nearest to them would stand in for them.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -12,6 +12,8 @@ import numpy as np
 from beamstiff.diagnosis.decomposition.forms import UNMODELLED, Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel
 from beamstiff.diagnosis.effects.effect import Quantity, Shape
+from beamstiff.diagnosis.effects.external import CLOSE, clock, moments, row_before
+from beamstiff.diagnosis.effects.geometry_error import pose_change
 from beamstiff.diagnosis.effects.torque_laws import drives
 from beamstiff.diagnosis.inference.component_subspaces import (
     HINGES,
@@ -30,11 +32,14 @@ from beamstiff.diagnosis.inference.external_friction import slipping
 from beamstiff.diagnosis.inference.tool_ground_spring import weakly_tethered
 from beamstiff.diagnosis.prior import SELDOM, key_of
 from beamstiff.diagnosis.residual.baseline import Baseline
+from beamstiff.errors import BeamstiffError
 from beamstiff.se3 import Array
 
 SIZE = 1e-3  # m, usual RMS of what a mode moves; as of the effects of the library it may be ten times that
 MODES = 6  # of a law: those that move the readings most, as many as directions of a wrench
 SHOWS = 1e-2  # of the largest mode
+LOSES_ZERO = "loses its zero"
+SMALLEST = 1e-3  # m that a joint moves the points by for 1 rad: less is none
 
 
 def unmodelled_forms(model: OpenModel, keys: Collection[str] | None = None) -> list[Form]:
@@ -57,7 +62,35 @@ def unmodelled_forms(model: OpenModel, keys: Collection[str] | None = None) -> l
         parameters = tuple(Quantity(f"mode_{at + 1}", "m", SIZE, positive) for at in moving.tolist())
         shape = Shape(does, modes, parameters)
         found.append(Form(UNMODELLED, f"{place} {does}", shape, model.weighed(SIZE * modes), 0.0, SELDOM))
-    return found
+    return [*found, *_lost_zeros(model, keys)]
+
+
+def _lost_zeros(model: OpenModel, keys: Collection[str] | None) -> Iterator[Form]:
+    """Yield a form for every joint and moment at which it may have lost its zero, as by a belt that slips.
+
+    The calibration finds it as it is in the end, so that the form is of the rows before.
+    """
+    baseline = model.baseline
+    if not baseline.absolute:
+        return
+    every = moments(baseline.fit, CLOSE)
+    before = clock(baseline)[:, None] <= np.array(every)  # (N, k)
+    for variable in baseline.nominal.actuated:
+        component = f"{variable.name} {LOSES_ZERO}"
+        if keys is not None and key_of(UNMODELLED, component) not in keys:
+            continue
+        try:
+            change = baseline.rows.along(pose_change(baseline, variable.name)[:, :, None])
+        except BeamstiffError:  # a loop that cannot close otherwise
+            continue
+        columns = -change * before[:, None]
+        size = SIZE / max(float(np.sqrt((change[:, :3] ** 2).sum(axis=(1, 2)).mean())), SMALLEST)
+        unit = "rad" if variable.kind == "angle" else "m"
+        parameters = (Quantity("jump", unit, size, posture_specific=True),)
+        seen = model.weighed(size * columns)
+        for k, at in enumerate(every):
+            shape = Shape(f"after {row_before(at, baseline.fit)}", columns[:, :, [k]], parameters)
+            yield Form(UNMODELLED, component, shape, seen[:, [k]], -float(np.log(len(every))), SELDOM)
 
 
 def _laws(baseline: Baseline) -> Iterator[tuple[str, str, Callable[[], Array], bool]]:

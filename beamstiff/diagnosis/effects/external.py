@@ -1,5 +1,6 @@
 """What effects outside the machine share: the axes of the tool, the clock of the campaign."""
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
@@ -21,6 +22,8 @@ SPREAD = 4.0  # of what is another each time: so many values of any size could b
 SETUPS = 80  # the same of a posture with a load that pulls one way
 SAME = 1e-6  # rad or m, within which joint values are of one posture
 SAME_WAY = np.deg2rad(2.0)  # within which forces pull one way
+LEAST = 0.15  # share of the rows before and after a moment at which something moved
+CLOSE = 60  # moments at most, each a form: a move between two of them would look like two moves
 SLACK = 0.01  # share of the largest force, below which nothing pulls
 
 
@@ -111,6 +114,28 @@ def _elapsed(rows: Measurements) -> Array:
             steps = np.diff(np.unique(time[rows.run == after]))
             time[rows.run == after] += last - first + (np.median(steps) if steps.size else 1.0)
     return time
+
+
+def moments(fit: Baseline, most: int) -> list[float]:
+    """Return moments by the clock, between postures, at which something may have moved, so many at most."""
+    time = clock(fit)
+    order = np.argsort(time, kind="stable")
+    changed = np.flatnonzero(np.diff(fit.rows.pose[order]) != 0)
+    early, late = np.quantile(time, [LEAST, 1.0 - LEAST])
+    between = 0.5 * (time[order][changed] + time[order][changed + 1])
+    between = between[(between > early) & (between < late)]
+    if not between.size:
+        return []
+    picked: list[float] = between[
+        np.unique(np.linspace(0, between.size - 1, most).round().astype(np.intp))
+    ].tolist()
+    return picked
+
+
+def row_before(at: float, fit: Baseline) -> str:
+    """Return the last row before a moment by the clock, ``FILE:ROW``, the file without its folder."""
+    time = clock(fit)
+    return os.path.basename(fit.rows.place(int(np.argmax(np.where(time <= at, time, -np.inf)))))
 
 
 def by_posture(baseline: Baseline) -> NDArray[np.bool_]:

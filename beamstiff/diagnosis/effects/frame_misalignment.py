@@ -17,7 +17,15 @@ from beamstiff.diagnosis.effects.effect import (
     named,
     stated_scale,
 )
-from beamstiff.diagnosis.effects.external import anew, clock, clock_of, shift_alone
+from beamstiff.diagnosis.effects.external import (
+    CLOSE,
+    anew,
+    clock,
+    clock_of,
+    moments,
+    row_before,
+    shift_alone,
+)
 from beamstiff.diagnosis.effects.misread import SCALE, misread
 from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.se3 import Array
@@ -26,8 +34,7 @@ TURN = 0.02  # rad, of displacements
 PLACED_TURN, PLACED_SHIFT = 5e-4, 5e-4  # rad, m, of absolute positions
 PLACED_SCALE = 1e-4
 SKEWED = ((0, 1), (0, 2), (1, 2))
-MOMENTS, LEAST = 40, 0.15  # moments at most at which the frame may have moved; share of rows before and after
-CLOSE = 60  # the same where each is a shape of its own: a move between two of them would look like two moves
+MOMENTS = 40  # at most, at which the frame may have moved
 MOVED = "then moved"
 ONCE = "moved"  # of a frame that a calibration finds as it was before
 
@@ -120,10 +127,10 @@ def _moved_between(baseline: Baseline, term: Term) -> Iterator[Shape]:
     """
     columns, quantities = term
     of_these = columns, tuple(replace(one, posture_specific=True) for one in quantities)
-    moments = _moments(baseline.fit, CLOSE)
-    for at in moments:
-        name = f"{ONCE}, after {_last_before(at, baseline.fit)}"
-        yield Shape.of(name, _later(at, baseline, of_these), weight=1.0 / len(moments))
+    every = moments(baseline.fit, CLOSE)
+    for at in every:
+        name = f"{ONCE}, after {row_before(at, baseline.fit)}"
+        yield Shape.of(name, _later(at, baseline, of_these), weight=1.0 / len(every))
 
 
 def _later(at: float, baseline: Baseline, term: Term) -> Term:
@@ -131,12 +138,6 @@ def _later(at: float, baseline: Baseline, term: Term) -> Term:
     columns, quantities = term
     after = np.where(_later_than(at, baseline)[:, None, None], columns, 0.0)
     return after, tuple(replace(one, name=f"{one.name}_later") for one in quantities)
-
-
-def _last_before(at: float, fit: Baseline) -> str:
-    """Return the last row before a moment."""
-    time = clock(fit)
-    return fit.rows.place(int(np.argmax(np.where(time <= at, time, -np.inf))))
 
 
 def _later_than(at: float, baseline: Baseline) -> NDArray[np.bool_]:
@@ -160,26 +161,10 @@ def _moment(baseline: Baseline) -> float | None:
         return np.nan if at is None else at
     fit = baseline.fit
     columns, time = _turned(fit)[0], clock(fit)
-    some = _moments(fit, MOMENTS)
+    some = moments(fit, MOMENTS)
     if not some:
         return None
     return best_of(some, left_by(fit, columns), lambda at: np.where((time > at)[:, None, None], columns, 0.0))
-
-
-def _moments(fit: Baseline, most: int) -> list[float]:
-    """Return moments by the clock, between postures, at which the frame may have moved, so many at most."""
-    time = clock(fit)
-    order = np.argsort(time, kind="stable")
-    changed = np.flatnonzero(np.diff(fit.rows.pose[order]) != 0)
-    early, late = np.quantile(time, [LEAST, 1.0 - LEAST])
-    between = 0.5 * (time[order][changed] + time[order][changed + 1])
-    between = between[(between > early) & (between < late)]
-    if not between.size:
-        return []
-    picked: list[float] = between[
-        np.unique(np.linspace(0, between.size - 1, most).round().astype(np.intp))
-    ].tolist()
-    return picked
 
 
 def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:

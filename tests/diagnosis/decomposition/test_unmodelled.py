@@ -22,6 +22,7 @@ from beamstiff.model.linear import predict_displacements
 from beamstiff.report.diagnosis_text import remainder_text
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
+from tests.diagnosis.decomposition import test_decompose as ur10
 
 NOISE = 2e-5  # m
 LOAD = np.array([0.0, 0.0, -1500.0])  # N
@@ -209,3 +210,24 @@ def test_displacements_tell_the_motion_of_the_instrument_too() -> None:
     assert diagnosis.law is not None
     assert diagnosis.law.key == "instrument-motion:null"
     assert diagnosis.law.closes > 0.9
+
+
+LOST, LOST_AT = 6e-4, 45  # rad, and the row from which the second joint stands elsewhere than it says
+
+
+def test_a_joint_that_loses_its_zero_is_told_with_the_row_and_calibrated_as_it_is_in_the_end() -> None:
+    robot, rows = ur10.table(())
+    said = rows.q.copy()
+    said[:LOST_AT, 1] -= LOST  # what the controller showed before: the joint went farther
+    result = diagnose(robot, replace(rows, q=said))
+    assert result.verdict.effect == "unknown"
+    (law,) = result.to_dict()["remainder"]["outside_library"]
+    assert law["what"] == "q2 loses its zero"
+    assert law["closes"] > 0.9
+    row = int(law["when"].rpartition(":")[2])
+    line = int(rows.place(LOST_AT - 1).rpartition(":")[2])
+    assert abs(row - line) <= 1
+    assert "q2 loses its zero after" in remainder_text(result.decomposition)
+    later = ur10.read(robot, ur10.table((), 60)[1].q, (), np.random.default_rng(8))
+    check = verify(extended(result), later, refit_frame=True)
+    assert check.after < 1.5 * np.sqrt(3) * ur10.NOISE
