@@ -11,7 +11,7 @@ from beamstiff.calibration.corrected import corrected
 from beamstiff.calibration.elastic import elastic_displacement
 from beamstiff.diagnosis.apply import extended
 from beamstiff.diagnosis.decomposition.open_model import open_geometry
-from beamstiff.diagnosis.decomposition.unmodelled import UNMODELLED, unmodelled_forms
+from beamstiff.diagnosis.decomposition.unmodelled import LOSES_ZERO, UNMODELLED, unmodelled_forms
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.diagnosis.inference.component_subspaces import HINGES, OPENING, TETHERED
 from beamstiff.diagnosis.result import Diagnosis
@@ -190,6 +190,8 @@ def test_modes_move_the_readings_a_metre_each_and_are_few() -> None:
     robot, rows, _ = loose()
     model = open_geometry(robot.model_copy(update={"identify": ()}), rows, parameters=("base",))
     for form in unmodelled_forms(model):
+        if str(form.component).endswith(LOSES_ZERO):
+            continue
         most = 4 * HINGES if form.shape.name == OPENING else 7  # turns and lifts, to either side
         assert 1 <= form.shape.columns.shape[-1] <= most
         rms = np.sqrt((form.shape.columns[:, :3] ** 2).sum(axis=1).mean(axis=0))
