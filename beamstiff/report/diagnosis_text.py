@@ -102,10 +102,13 @@ def _before(result: Diagnosis) -> str:
     if changed is None or as_described(result)[1] <= result.rms:
         return ""
     fitted = "geometry" if changed.stiff is None else "geometry and drive stiffness"
-    rigid = ", of a rigid robot" if described_rigid(result) else ""
-    placed = ", places of the reflectors fitted" if reflectors_moved(result) else ""
+    rigid = ", with rigid drives," if described_rigid(result) else ""
+    placed = " and reflectors" if reflectors_moved(result) else ""
     before = rounded(1e3 * as_described(result)[1])
-    return f". Error before calibration of {fitted}: {before} mm{rigid}{placed}"
+    return (
+        f". The robot file{rigid} is {before} mm off (measuring frame{placed} fitted); the gap is what "
+        f"calibration of {fitted} leaves"
+    )
 
 
 def _warmth(result: Diagnosis) -> str:

@@ -287,12 +287,13 @@ def test_what_the_calibration_changed_is_told() -> None:
         ("and places of the reflectors", changed.placed),
         ("and geometry", changed.after),
     ]
-    before = f"Error before calibration of geometry: {rounded(1e3 * changed.placed)} mm"
-    assert verdict(result).data.endswith(f". {before}, places of the reflectors fitted")
+    off, left = f"The robot file is {rounded(1e3 * changed.placed)} mm off", "calibration of geometry leaves"
+    expected = f". {off} (measuring frame and reflectors fitted); the gap is what {left}"
+    assert verdict(result).data.endswith(expected)
     assert "RMS, frame and reflectors fitted" in diagnosis_html(result, provenance([], 0, []))
     told_apart = replace(result)
     told_apart.__dict__["recalibration"] = replace(changed, before=changed.placed)
-    assert verdict(told_apart).data.endswith(f". {before}")
+    assert verdict(told_apart).data.endswith(expected.replace(" and reflectors", ""))
     first = changed.changes[0]
     value, std = worth(1e3 * first.by, 1e3 * first.std)
     largest = changes_text(result)
