@@ -46,7 +46,7 @@ class Recalibration:
     """The geometry beside the causes, against the one that the robot's file describes.
 
     `rigid`: m; RMS position gap of the geometry as described on rigid drives and links, as a controller
-        computes; the measuring frame fitted alone. None where an instrument's set-ups or stations are sought.
+        computes; the measuring frame fitted alone. None where an instrument's set-ups are sought.
     `rigid_placed`: m; the same with the reflectors placed anew, as they are set up.
     `before`: m; `rigid` of the robot as described, which deforms.
     `placed`: m; the same with the reflectors placed anew: what is left is the geometry's.
@@ -158,17 +158,23 @@ def _rigid(found: Decomposition) -> float | None:
     """Return the gap of the geometry as described, nothing deformed, laid over the readings, m."""
     model, rows = found.model, found.model.baseline.rows
     assert model.problem is not None
-    if rows.targets or rows.camera or model.problem.geometry.stations > 1:
+    if rows.targets or rows.camera:
         return None
-    return gap_of_rigid(model.given, rows)
+    return gap_of_rigid(model.given, rows, model.problem.geometry.stations > 1)
 
 
-def gap_of_rigid(robot: Robot, rows: Measurements) -> float:
-    """Return the gap of a robot's geometry, nothing deformed, laid over absolute readings (N rows), m."""
+def gap_of_rigid(robot: Robot, rows: Measurements, stations: bool = False) -> float:
+    """Return the gap of a robot's geometry, nothing deformed, laid over absolute readings (N rows), m.
+
+    `stations`: the readings of each table by themselves.
+    """
     whole = rows.measured_mask[:, :3].all(axis=1)
     places, _ = nominal_pose(robot, rows)
-    residuals = fit_rigid_motion(places[whole], rows.position[whole]).residuals
-    return float(np.sqrt((residuals**2).sum() / whole.sum()))
+    frame = rows.run if stations else np.zeros(len(rows))
+    squares = 0.0
+    for own in (whole & (frame == one) for one in np.unique(frame[whole])):
+        squares += float((fit_rigid_motion(places[own], rows.position[own]).residuals ** 2).sum())
+    return float(np.sqrt(squares / whole.sum()))
 
 
 def _described(found: Decomposition) -> float:

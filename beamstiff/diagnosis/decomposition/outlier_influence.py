@@ -22,6 +22,7 @@ from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture
 from beamstiff.se3 import Array
 
 MANY = 0.15  # share of the rows that may be gross errors that show what went wrong: more hide one another
+RARE = 0.1  # share of the rows that are left out although they show nothing of what went wrong
 ROUNDS, CAUCHY = 20, 2.4  # of a robust fit; its width in middle errors, usual for one that loses 5 % by it
 TRIED = 3  # gaps between the errors of such a fit
 ALONE = 1e-6  # variance of a reading over that of its prediction, below which no other row tells it
@@ -35,6 +36,7 @@ class Apart:
 
     `left_out`: gross errors. `said`: likewise, with what went wrong. `doubtful`: in words, those that stand
     apart and show nothing of what went wrong, more than gross errors mostly are; empty where there are none.
+    They are left out too while they are rare, so that they do not hide all else.
     """
 
     left_out: tuple[str, ...] = ()
@@ -57,7 +59,9 @@ def rows_apart(model: OpenModel, rows: Measurements) -> Apart:
     said = {row: errors.said(row, change) for row in found.tolist()}
     unsaid = [row for row in beyond.tolist() if not said[row][1]]
     if len(unsaid) > errors.most_few:
-        found, doubtful = few, errors.doubt(found, change)
+        doubtful = errors.doubt(found, change)
+        if len(found) > RARE * len(errors.every):
+            found = few
     ordered = sorted(found.tolist())
     return Apart(tuple(map(rows.place, ordered)), tuple(said[row][0] for row in ordered), doubtful)
 

@@ -28,14 +28,17 @@ LEAST = 1e-6  # rad or m: smaller changes of a reading are no motion
 def last_direction(rows: Measurements, variable: str) -> Array:
     """Return the direction in which a joint last moved before each row, (N,): 1, -1, or 0 before any motion.
 
-    Rows follow one another by time, else as they stand in the table.
+    Rows follow one another by time, else as they stand in the table; a table says nothing of how its first
+    posture was reached.
     """
     at = rows.variables.index(variable)
     if rows.approached is not None:
         return rows.approached[:, at]
     order = history_order(rows)
     result = np.zeros(len(rows))
-    result[order] = approach_of(rows.q[order, at][:, None])[:, 0]
+    for run in np.unique(rows.run):
+        own = order[rows.run[order] == run]
+        result[own] = approach_of(rows.q[own, at][:, None])[:, 0]
     return result
 
 

@@ -32,8 +32,7 @@ def _rigid_drives(baseline: Baseline) -> list[str]:
 
 def _components(baseline: Baseline) -> list[str | None]:
     found = _rigid_drives(baseline)
-    every = [None] if baseline.absolute and len(found) > 1 else []
-    return [*found, *every]
+    return [*found, *([None] if len(found) > 1 else [])]
 
 
 def _linear(baseline: Baseline, axis: Axis, name: str) -> Term:

@@ -20,6 +20,11 @@ def test_a_joint_comes_from_below_after_a_move_up_and_keeps_its_side_while_it_re
     assert last_direction(rows([0.0, 1.0, 1.0, 0.5, 0.7]), "q1").tolist() == [0, 1, 1, -1, 1]
 
 
+def test_no_table_says_how_its_first_posture_was_reached() -> None:
+    two = replace(rows([0.0, 1.0, 0.5, 2.0]), run=np.array([0, 0, 1, 1]), sources=("a.csv", "b.csv"))
+    assert last_direction(two, "q1").tolist() == [0, 1, 0, 1]
+
+
 def test_time_orders_the_poses() -> None:
     assert last_direction(rows([0.0, 1.0, 0.5], time=[2.0, 0.0, 1.0]), "q1").tolist() == [-1, 0, -1]
 
