@@ -68,10 +68,11 @@ def unmodelled_forms(model: OpenModel, keys: Collection[str] | None = None) -> l
 def _lost_zeros(model: OpenModel, keys: Collection[str] | None) -> Iterator[Form]:
     """Yield a form for every joint and moment at which it may have lost its zero, as by a belt that slips.
 
-    The calibration finds it as it is in the end, so that the form is of the rows before.
+    The calibration finds it as it is in the end, so that the form is of the rows before. Not with several
+    stations: what differs between these, such as the height of a column, it would stand in for.
     """
     baseline = model.baseline
-    if not baseline.absolute:
+    if not baseline.absolute or (model.problem is not None and model.problem.geometry.stations > 1):
         return
     every = moments(baseline.fit, CLOSE)
     before = clock(baseline)[:, None] <= np.array(every)  # (N, k)
