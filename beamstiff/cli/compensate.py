@@ -41,6 +41,9 @@ def compensate(
         ),
     ],
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),
+    joints_out: str | None = option(
+        "CSV", "Write the joint values of the corrected commands, deg and mm, a line for each target."
+    ),
     actual: str | None = option(
         "ROBOT",
         "The real robot, as calibrate --out or diagnose --apply wrote it. Default: ROBOT; then its weight, "
@@ -162,7 +165,8 @@ def compensate(
     elsewhere = {} if points_out is None else {"--out (its .dat)": points_out}
     if points_out is not None:
         check_replaceable(points_out)
-    outputs = Outputs(inputs, elsewhere=elsewhere, out=out, learned=learned, figure=figure, html=html)
+    wanted: dict[str, Any] = {"out": out, "joints_out": joints_out, "learned": learned}
+    outputs = Outputs(inputs, elsewhere=elsewhere, figure=figure, html=html, **wanted)
     given: dict[str, Any] = {
         "actual": actual,
         "wrench": parse_wrench(wrench),
@@ -178,6 +182,7 @@ def compensate(
     if stream:
         if (
             out
+            or joints_out
             or learned
             or figure
             or html
@@ -218,8 +223,10 @@ def compensate(
         write(out, result.content, as_it_is=steps is None)
         if points_out is not None and result.points is not None:
             write(points_out, result.points, as_it_is=True)
-    else:
-        note("--out FILE writes the corrected path")
+    elif joints_out is None:
+        note("--out FILE writes the corrected path, --joints-out FILE its joint values")
+    if joints_out is not None:
+        write(joints_out, result.joint_table())
     outputs.draw("figure", lambda: compensation_figure(result, f"{controller.name}: {Path(path).name}"))
     outputs.page("compensation", result, controller)
 

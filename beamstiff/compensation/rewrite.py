@@ -1,9 +1,11 @@
 """From a file to the corrected file: every target that has a command gets it, nothing else changes."""
 
+import csv
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -104,6 +106,24 @@ class Compensated(Shown):
         """The frame of the path where the real robot taught it, (4, 4), m, base frame; None: it did not."""
         taught = self.correction.taught_base
         return None if taught is None else np.asarray(taught.motion @ self.machine.frames.base)
+
+    def joint_table(self) -> str:
+        """Return the joint values at which the controller has each command, CSV in deg and mm.
+
+        Empty where a target was not corrected.
+        """
+        variables = self.machine.controller.actuated
+        units = ["deg" if one.kind == "angle" else "mm" for one in variables]
+        heads = [f"{one.name} [{unit}]" for one, unit in zip(variables, units, strict=True)]
+        factor = np.array([180.0 / np.pi if unit == "deg" else 1e3 for unit in units])
+        text = StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["name", *heads])
+        for row, name in enumerate(self.correction.path.names):
+            missing = row in self.correction.reasons
+            values = [] if missing else [f"{value:.5f}" for value in self.correction.q[row] * factor]
+            table.writerow([name, *(values or [""] * len(units))])
+        return text.getvalue()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON: errors in mm and deg, everything of single targets in SI."""

@@ -100,7 +100,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "map": (("crane.yaml", "--grid", "q1=-1:1:5"), {"out": "o.nc", "figure": "o.png"}),
     "compensate": (
         ("kr500", "cell.src", "--wrench", "fz=-900N", "--process", "forces.yaml", "--measured", "run.csv"),
-        {"out": "o.src", "learned": "p.yaml", "figure": "o.png", "html": "o.html"},
+        {"out": "o.src", "joints-out": "q.csv", "learned": "p.yaml", "figure": "o.png", "html": "o.html"},
     ),
     "convert": (("log.csv", "--profile", "samples.yaml"), {"out": "o.csv", "figure": "o.png"}),
     "exam": (

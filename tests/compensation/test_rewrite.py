@@ -1,8 +1,13 @@
 """From file to corrected file: what is told of it is what stands in it."""
 
+import csv
+from dataclasses import replace
+from io import StringIO
+
 import numpy as np
 import pytest
 
+from beamstiff import forward_kinematics
 from beamstiff.compensation import rewrite
 from beamstiff.compensation.formats import krl, path_csv
 from beamstiff.compensation.machine import Machine
@@ -39,6 +44,17 @@ def test_a_command_that_rounding_takes_out_of_reach_is_told(monkeypatch: pytest.
     assert "rounded" in result.correction.reasons[1]
     assert result.content.splitlines()[1] == TEXT.encode().splitlines()[1]
     assert result.known.all()
+
+
+def test_the_joint_values_that_are_written_reach_the_commands() -> None:
+    result = compensate_program(krl.read(TEXT, "a.src"), MACHINE, LOAD)
+    heads, *rows = csv.reader(StringIO(result.joint_table()))
+    assert heads == ["name", *(f"{one.name} [deg]" for one in MACHINE.controller.actuated)]
+    q = np.radians([[float(value) for value in row[1:]] for row in rows])
+    reached = forward_kinematics(MACHINE.controller, q)
+    np.testing.assert_allclose(reached, result.correction.commands, atol=2e-6)
+    gone = replace(result, correction=replace(result.correction, reasons={1: "out of reach"}))
+    assert set(list(csv.reader(StringIO(gone.joint_table())))[2][1:]) == {""}
 
 
 def test_a_resampled_path_follows_the_same_line() -> None:
