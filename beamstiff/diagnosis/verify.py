@@ -91,7 +91,7 @@ class Verification(Shown):
             "after_mm": 1e3 * self.after,
             "noise_mm": 1e3 * self.noise,
             "promised": self.promised,
-            "true": self.true,
+            "true": None if self.other_frame is not None else self.true,  # of another frame it says nothing
             "rows": self.rows,
             "base_in_measuring_frame": None if self.base is None else list(self.base),
             "fitted_rows": self.fitted,

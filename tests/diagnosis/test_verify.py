@@ -250,6 +250,7 @@ def test_a_frame_that_is_off_is_told_from_a_robot_that_is_off(machine: Robot) ->
     off = verify(machine, rows)
     assert off.after > 1.0
     assert off.other_frame == pytest.approx(verify(machine, rows, refit_frame=True).after)
+    assert off.to_dict()["true"] is None
     head = verification_verdict(off, "arm.yaml", ["rows.csv"]).headline
     assert head.startswith("These rows are not in the robot's base frame: position error ")
     assert "--refit-frame" in head
