@@ -268,7 +268,7 @@ def _candidates(found: Decomposition) -> tuple[Candidate, ...]:
     weights = {first.key: share, **dict.fromkeys(alike, (1.0 - share) / max(len(alike), 1))}
     total = sum(weights.values())
     entries = {key: (1.0 - unknown) * weight / total for key, weight in weights.items()}
-    entries["unknown:null"], entries["none:null"] = unknown + entries.pop("unknown", 0.0), 0.0
+    entries["unknown:null"], entries["none:null"] = unknown + entries.pop("unknown:null", 0.0), 0.0
     told = {cause.key: cause for cause in found.causes}
     result = []
     for key in sorted(entries, key=lambda key: -entries[key]):

@@ -34,7 +34,7 @@ from beamstiff.diagnosis.decomposition.selection import (
     with_further_forms,
 )
 from beamstiff.diagnosis.decomposition.solution import solved
-from beamstiff.diagnosis.prior import TEMPERING
+from beamstiff.diagnosis.prior import TEMPERING, key_of
 from beamstiff.se3 import Array
 from beamstiff.stages import stage
 
@@ -302,7 +302,8 @@ def _rival_of(folds: Folds, step: Step, cause: Numbers, replaced: Sequence[tuple
 
 def _in_library(keys: Sequence[str]) -> tuple[str, ...]:
     """Return causes with those that no effect of the library has as one: unknown."""
-    return tuple(dict.fromkeys(UNMODELLED if is_outside(key.partition(":")[0]) else key for key in keys))
+    unknown = key_of(UNMODELLED, None)
+    return tuple(dict.fromkeys(unknown if is_outside(key.partition(":")[0]) else key for key in keys))
 
 
 def _named_first(
