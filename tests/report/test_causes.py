@@ -414,8 +414,8 @@ def test_a_law_outside_the_library_that_explains_more_than_any_cause_is_in_the_h
     result, _ = found("approach", "gear", "slip")
     several = result.decomposition
     assert several is not None
-    first = several.causes[0]
-    for share, told in ((0.3, False), (first.closes + 0.1, True)):
+    first = next(one for one in several.causes if not one.past)
+    for share, told in ((0.3, False), (several.causes[0].closes + 0.1, True)):
         form = replace(first.forms[0], effect="unknown", component="q3 creeps")
         law = replace(first, forms=(form,), closes=share, indistinguishable=())
         other = replace(result, decomposition=replace(several, unmodelled=(law,)))

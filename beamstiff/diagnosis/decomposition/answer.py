@@ -206,10 +206,9 @@ def _in_place_of(gone: Numbers, folds: Folds, without: Step, noise2: float) -> T
 
     None where none helps that does not cancel them too: what it did the others do.
     """
-    before = folds.squared_errors(without)
     for _, new in islice(best_first(folds.choice, without, limit=without.bic - ENOUGH), TRIED):
         other = fit_step(folds.choice, (*without.chosen, new))
-        if new not in gone and gain(before, folds.squared_errors(other)) > 0.0:
+        if new not in gone and gain(folds.squared_errors(without), folds.squared_errors(other)) > 0.0:
             told = _cancelling(folds, other, noise2)
             if not told[-1]:
                 return told

@@ -52,10 +52,10 @@ class Nested:
         """Return whether a cause hangs on a few postures.
 
         Without these it mostly is not selected, nor does it help beside what is selected there. What closes
-        much is kept as the likeliest of what looks like it, if it is selected without some of them.
+        much is kept as the likeliest of what looks like it.
         """
         there, choice = self._with(cause), self.folds.choice
-        if np.mean(there) >= HALF or (any(there) and cause.closes >= QUARTER):
+        if np.mean(there) >= HALF or cause.closes >= QUARTER:
             return False
         names = {(form.key, form.shape.name) for form in cause.forms}
         own = [k for k, form in enumerate(choice.forms) if (form.key, form.shape.name) in names]
