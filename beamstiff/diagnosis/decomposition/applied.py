@@ -242,7 +242,7 @@ def _of_the_robot(found: Decomposition, cause: Cause, form: Form) -> bool:
     """Return whether a form is one of the robot, not of the measured campaign alone."""
     if form.effect in OF_THE_CLOCK and not by_temperature(form.shape):
         return any(cause is one for one in found.causes)
-    return not all(item.posture_specific for item in form.shape.parameters)
+    return not form.past
 
 
 def _added(found: Decomposition, cause: Cause, told: Mapping[str, Any]) -> Iterator[AddedEffect]:

@@ -141,7 +141,7 @@ class Cause:
     @property
     def past(self) -> bool:
         """Whether it says nothing of other postures than those at hand."""
-        return all(item.posture_specific for form in self.forms for item in form.shape.parameters)
+        return all(form.past for form in self.forms)
 
     @property
     def lifted_side(self) -> float | None:

@@ -83,6 +83,11 @@ class Form:
         """Whether it is of a law that no effect of the formats has."""
         return is_outside(self.effect)
 
+    @property
+    def past(self) -> bool:
+        """Whether it says nothing of other postures than those at hand."""
+        return all(item.posture_specific for item in self.shape.parameters)
+
     @cached_property
     def cause_log_prior(self) -> float:
         """Return what its cause adds to the log likelihood; evidence is tempered, what is known is not."""

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.diagnosis.decomposition.causes import Cause, Decomposition
-from beamstiff.diagnosis.decomposition.forms import SLIP, Form
+from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.solution import solved
 from beamstiff.diagnosis.effects import EFFECTS
-from beamstiff.diagnosis.next_measurement.candidates import load_cycles, noise_of
+from beamstiff.diagnosis.next_measurement.candidates import load_cycles, most_often, noise_of
 from beamstiff.diagnosis.next_measurement.test_plan import (
     DECIDES,
     SETTLED,
@@ -52,8 +52,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     single = ways_to_load(batch, [cause.key for cause in causes]) == (True,)
     rows, cycle, posture = load_cycles(found.model.baseline, seed, single)
     most = most_cycles(batch, cycle)
-    points, often = np.unique(found.model.baseline.rows.point, return_counts=True)
-    rows = replace(rows, point=np.full(len(rows), points[np.argmax(often)]))
+    rows = replace(rows, point=np.full(len(rows), most_often(found.model.baseline.rows.point)))
     sigma = np.median(found.model.baseline.sigma[:, :3], axis=0)
     noise = noise_of(rows, max(found.scatter, 1.0) * sigma)
     ahead = Ahead(found, rows)
@@ -93,7 +92,7 @@ class Ahead:
 
     def columns(self, form: Form) -> Array:
         """Return what a form adds, of realistic sizes, (R, 3, c); a slip, and what postures show, is past."""
-        if form.effect == SLIP or all(item.posture_specific for item in form.shape.parameters):
+        if form.past:
             return np.zeros((len(self.rows), 3, form.sizes.size))
         if form not in self.known:
             self.known[form] = columns_at(self.baseline, form)[:, :3] * form.sizes

@@ -136,8 +136,7 @@ def _seated(
 ) -> tuple[Measurements, NDArray[np.intp], NDArray[np.intp]]:
     """Return unloaded states in which the point meets each set-up of the table, each a cycle of its own."""
     rows = baseline.rows
-    points, often = np.unique(rows.point, return_counts=True)
-    found = seated_rows(baseline.robot, rows.targets, count, seed, str(points[np.argmax(often)]))
+    found = seated_rows(baseline.robot, rows.targets, count, seed, most_often(rows.point))
     position = posture(compile_kinematics(baseline.robot), found.q).node_positions
     node = compile_kinematics(baseline.robot).node_index[str(found.point[0])]
     found = turned_rows(found, np.eye(3), np.zeros(3), position[:, node])
@@ -163,6 +162,12 @@ def short_way(q: Array) -> NDArray[np.intp]:
     return np.argsort(rank[of.ravel()], kind="stable")
 
 
+def most_often(names: NDArray[np.str_]) -> str:
+    """Return the name of a node that stands most often among some (N,)."""
+    each, often = np.unique(names, return_counts=True)
+    return str(each[np.argmax(often)])
+
+
 def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns: object) -> Measurements:
     """Return states (R, A) under wrenches (R, 6), of the kind of a table, nothing measured.
 
@@ -170,8 +175,8 @@ def empty_rows(like: Measurements, tcp: str, q: Array, wrench: Array, **columns:
     """
     kind = "position" if like.kind == "absolute" else "displacement"
     nothing = np.full((len(q), 3 if kind == "position" else 6), np.nan)
-    acts, often = np.unique(like.load_point[like.wrench.any(axis=1)], return_counts=True)
-    where = str(acts[np.argmax(often)]) if acts.size else tcp
+    acts = like.load_point[like.wrench.any(axis=1)]
+    where = most_often(acts) if acts.size else tcp
     more: dict[str, Any] = {kind: nothing, "load_point": np.full(len(q), where), **columns}
     return make_measurements(list(like.variables), q, tcp=tcp, wrench=wrench, source="<next>", **more)
 
