@@ -15,6 +15,7 @@ from beamstiff.robot.forward import Screw, screws_of
 from beamstiff.robot.frames import MOTIONS, Kinematics
 from beamstiff.robot.kinematics import Posture, compile_kinematics, posture
 from beamstiff.robot.parts import Frame, Joint, Mass, Node, Rigid, Variable
+from beamstiff.robot.planar_loops import joint_gaps
 from beamstiff.se3 import Array
 
 DUST = 1e-13  # m, rad: what a solution leaves of a parameter that nothing moves
@@ -217,14 +218,11 @@ def _on_axis(kinematics: Kinematics, where: Posture, node: int) -> Array:
 
 
 def _point(at: Array) -> tuple[float, float, float]:
-    x, y, z = at.tolist()
+    x, y, z = np.where(np.abs(at) > DUST, at, 0.0).tolist()
     return x, y, z
 
 
 def _gaps(kinematics: Kinematics, where: Posture, joints: tuple[Joint, ...]) -> Array:
     """Return how far the nodes of each joint are apart, (P, J), m."""
-    ends = np.array([[kinematics.node_index[name] for name in joint.nodes] for joint in joints])
-    result: Array = np.linalg.norm(
-        where.node_positions[:, ends[:, 0]] - where.node_positions[:, ends[:, 1]], axis=-1
-    )
-    return result
+    nodes = np.array([[kinematics.node_index[name] for name in joint.nodes] for joint in joints])
+    return joint_gaps(kinematics, where, nodes)

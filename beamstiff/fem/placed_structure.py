@@ -12,6 +12,7 @@ from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture
+from beamstiff.robot.planar_loops import joint_gaps
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 COINCIDENT = 1e-6  # m: farther apart than this, two nodes are no joint
@@ -47,7 +48,7 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
             f"node {robot.nodes[wrong[1]].name!r}: its position at pose {number[wrong[0]]} is not a number; "
             "does the pose close its loops?"
         )
-    _check_joints(structure, positions, number)
+    _check_joints(structure, posture, number)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
     axis, up = beam_directions(structure, posture)
     length = np.linalg.norm(axis, axis=-1)
@@ -101,10 +102,9 @@ def _first_where(condition: NDArray[np.bool_]) -> tuple[int, int] | None:
     return (int(found[0][0]), int(found[0][1])) if found.size else None
 
 
-def _check_joints(structure: Structure, positions: Array, number: Index) -> None:
+def _check_joints(structure: Structure, posture: Posture, number: Index) -> None:
     """Refuse joints whose nodes lie apart."""
-    ends = structure.joint_nodes
-    gap = np.linalg.norm(positions[:, ends[:, 1]] - positions[:, ends[:, 0]], axis=-1)
+    gap = joint_gaps(structure.kinematics, posture, structure.joint_nodes)
     if (wrong := _first_where(gap > COINCIDENT)) is None:
         return
     joint = structure.robot.joints[wrong[1]]

@@ -24,6 +24,7 @@ from beamstiff.measure.position_plausibility import stands_doubts
 from beamstiff.measure.rows import concatenate, ranges_of, require_tracker, row_digests
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
+from beamstiff.robot.planar_loops import closed_as_described, closed_in_plane, note_of
 from beamstiff.robot.reader import RobotLike
 from beamstiff.units import quantity
 
@@ -102,6 +103,7 @@ def calibrate(
     doubts = [*doubts_of(machine, tables), *(() if stations else stands_doubts(tables, machine))]
     rows = concatenate(tables)
     digests = row_digests(rows)
+    described, (machine, planar) = machine, closed_in_plane(machine, rows.q)
     if machine.effects:
         require_tracker(rows, "the calibration of a robot with effects")
     said: dict[str, Any] = {
@@ -137,6 +139,8 @@ def calibrate(
     calibrated = found.robot.model_copy(update={"effects": machine.effects}).with_fitted_rows(
         digests, ranges_of(rows), (found.held_out or found.after).position_rms
     )
+    calibrated = closed_as_described(calibrated, described, rows.q)
+    dropped += note_of(calibrated, planar)
     found = replace(found, robot=calibrated)
     return replace(found, rows=rows, tests=errors, notes=(*dropped, *doubts, *found.notes, *left_out))
 

@@ -22,6 +22,7 @@ from beamstiff.measure.position_plausibility import stands_doubts
 from beamstiff.measure.rows import concatenate, row_digests
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.model.linear import preload_notes
+from beamstiff.robot.planar_loops import closed_in_plane, note_of
 from beamstiff.robot.reader import RobotLike
 
 
@@ -86,6 +87,9 @@ def diagnose(
     digests = row_digests(rows)
     rows = replace(rows, region=where, batch=batch, directions=axes)
     with doubted(doubts):
+        if rows.kind == "absolute":
+            machine, planar = closed_in_plane(machine, rows.q)
+            doubts += note_of(machine, planar)
         bare, left, known = machine, rows, machine.effects if rows.kind == "absolute" else ()
         if known:  # so that geometry and measuring frame can be left open beside them
             bare, left = without_effects(machine, rows, stations=stations)

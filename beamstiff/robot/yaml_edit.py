@@ -115,8 +115,8 @@ def _edits(node: Any, old: Any, new: Any, name: str, text: str, std: Mapping[str
         if names[: len(old)] == [_inner(name, item, at) for at, item in enumerate(old)]:
             for below, was, now, inner in zip(node.value, old, new, names, strict=False):
                 yield from _edits(below, was, now, inner, text, std)
-            for item in new[len(old) :]:
-                yield _added(node, node.value[-1], item, text)
+            if more := [_added(node, node.value[-1], item, text) for item in new[len(old) :]]:
+                yield *more[0][:2], "".join(new for _, _, new in more)  # one edit keeps their order
         elif isinstance(old[0], Described):
             raise _NotInPlaceError
         elif node.flow_style:

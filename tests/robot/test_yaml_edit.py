@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from beamstiff import load_robot, robot_names
 from beamstiff.robot.library import robot_path
-from beamstiff.robot.parts import AddedEffect
+from beamstiff.robot.parts import AddedEffect, Node, Rigid
 from beamstiff.robot.reader import parse_robot
 from beamstiff.robot.stiffness_parameters import stiffness_parameters
 from beamstiff.robot.yaml_edit import edited_yaml, robot_yaml
@@ -142,6 +142,18 @@ identify:
 - J.torsional  # first
 - J.radial  # second
 """
+
+
+def test_several_new_parts_come_in_their_order_and_the_rest_stays() -> None:
+    robot = load_robot("kr500")
+    names = ("z seat", "a seat", "m seat")
+    nodes = (*robot.nodes, *(Node(name=name, at=(0.0, 0.0, 1.0)) for name in names))
+    rigids = (*robot.rigids, *(Rigid(name=name, nodes=(robot.fixed[0], name)) for name in names))
+    changed = robot.model_copy(update={"nodes": nodes, "rigids": rigids})
+    found = edited_yaml(TEXTS["kr500"], changed, {})
+    assert found is not None
+    assert [line for line in TEXTS["kr500"].splitlines() if line not in found.splitlines()] == []
+    assert parse_robot(found).nodes[-3:] == nodes[-3:]
 
 
 def test_a_file_of_blocks_keeps_its_blocks() -> None:
