@@ -165,6 +165,10 @@ def state_problem(
     start = np.concatenate([np.zeros(len(chosen)), compliances_of(robot, elastic)])
     problem = build_problem(geometry, elastic, every, start, priors)
     problem, notes = with_encoders(problem, robot) if encoders else (problem, ())
+    if opening:
+        notes += (
+            f"not sought: {listed(opening)}: loop {listed(dict.fromkeys(opening.values()))} would not close",
+        )
     idle = [name for name in compliances if name not in felt]
     return problem, (*notes, *([f"nothing loads {listed(idle)}: held as in the robot"] if idle else ()))
 

@@ -86,6 +86,8 @@ def condensation_program(
     """
     if has_constraints(structure) or not 0 < structure.unknowns.count <= MOST_UNKNOWNS:
         return None
+    if (structure.joint_normal >= 0).any():  # which it takes for their own axes
+        return None
     try:
         return _written(structure, observed, ports, dead)
     except (Unfit, BeamstiffError, ZeroDivisionError):

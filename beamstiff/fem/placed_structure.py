@@ -12,7 +12,7 @@ from beamstiff.fem.beam_element import beam_axes
 from beamstiff.fem.structure import Index, Structure
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import Posture
-from beamstiff.robot.planar_loops import joint_gaps
+from beamstiff.robot.planar_loops import in_plane, joint_gaps
 from beamstiff.se3 import Array, displacement_transport, rotate_screw
 
 COINCIDENT = 1e-6  # m: farther apart than this, two nodes are no joint
@@ -50,6 +50,9 @@ def place(structure: Structure, posture: Posture, number: Index | None = None) -
         )
     _check_joints(structure, posture, number)
     joint_rotation = rotations[:, structure.joint_frame] @ structure.joint_axes
+    if (plane := np.flatnonzero(structure.joint_normal >= 0)).size:
+        normal = rotations[:, structure.joint_normal[plane]][..., 2]
+        joint_rotation[:, plane] = in_plane(joint_rotation[:, plane], normal)
     axis, up = beam_directions(structure, posture)
     length = np.linalg.norm(axis, axis=-1)
     if (wrong := _first_where(length < SHORTEST)) is not None:

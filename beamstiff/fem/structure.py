@@ -10,6 +10,7 @@ from beamstiff.fem.unknowns import Unknowns, joint_unknowns, joint_values, numbe
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import FREE, RIGID
 from beamstiff.robot.kinematics import Kinematics, compile_kinematics
+from beamstiff.robot.planar_loops import bearings_in_plane
 from beamstiff.robot.reader import RobotLike, as_robot
 from beamstiff.robot.sections import section_properties
 from beamstiff.se3 import Array
@@ -61,6 +62,7 @@ class Structure:
     joint_axes: Array  # (J, 3, 3): each joint's frame (first axis along the joint) against its robot frame
     joint_frame: Index
     joint_nodes: Index
+    joint_normal: Index  # (J,): frame whose z axis a bearing of a plane loop turns about; -1: its own axis
 
 
 def compile_structure(robot: RobotLike) -> Structure:
@@ -106,6 +108,9 @@ def compile_structure(robot: RobotLike) -> Structure:
         for name in ("A", "Iy", "Iz", "J", "Ay", "Az")
     }
     properties |= {name: np.array([getattr(material, name) for material in materials]) for name in ("E", "G")}
+    axes = np.array([joint.axis for joint in robot.joints], dtype=np.float64).reshape(-1, 3)
+    joint_frame = np.array([frames[joint.frame] for joint in robot.joints], dtype=np.int64)
+    joint_axes = beam_axes(axes, np.full((len(robot.joints), 3), np.nan))
     spring_index = np.array([spring[0] for spring in springs], dtype=np.int64)
     return Structure(
         robot=robot,
@@ -123,12 +128,10 @@ def compile_structure(robot: RobotLike) -> Structure:
         strut_values=np.array([robot.struts[at].stiffness for at in struts], dtype=np.float64),
         springs=spring_index,
         spring_values=np.array([spring[1] for spring in springs], dtype=np.float64),
-        joint_axes=beam_axes(
-            np.array([joint.axis for joint in robot.joints], dtype=np.float64).reshape(-1, 3),
-            np.full((len(robot.joints), 3), np.nan),
-        ),
-        joint_frame=np.array([frames[joint.frame] for joint in robot.joints], dtype=np.int64),
+        joint_axes=joint_axes,
+        joint_frame=joint_frame,
         joint_nodes=ends([joint.nodes for joint in robot.joints]),
+        joint_normal=bearings_in_plane(kinematics, joint_frame, joint_axes[:, :, 0]),
     )
 
 

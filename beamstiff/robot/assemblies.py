@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from beamstiff.robot.branch import Assembly, assembly_at, near_singular
 from beamstiff.robot.continuation import continuation, search_width
 from beamstiff.robot.forward import forward, node_positions
-from beamstiff.robot.frames import MOTIONS, all_values
+from beamstiff.robot.frames import MOTIONS, Kinematics, all_values
 from beamstiff.robot.loops import LoopSystem, loop_equations
 from beamstiff.robot.newton import LARGEST_SHIFT, LARGEST_STEP, Mask, newton
 from beamstiff.se3 import Array
@@ -81,18 +81,17 @@ def closest_assemblies(system: LoopSystem, guess: Array, name: str | None = None
     With a name, the assembly called so comes first, and after it only what the guess does not tell from it
     although it has the same signs. Where none is called so, all there are: the name ``""`` asks for them.
     """
-    near = _closest(_Geometry(_key(system, guess, ALIKE), system, guess), name)
+    near = _closest(_Geometry(geometry_key(system.kinematics, guess, ALIKE), system, guess), name)
     if near:  # a calibration goes through hundreds of geometries that are nearly one
         free, _, _, closed = newton(system, np.array([one.free for one in near]))
         moved = np.abs(free - [one.free for one in near]) / system.scale
         if closed.all() and moved.max() < 10.0 * ALIKE:
             return tuple(replace(one, free=here) for one, here in zip(near, free, strict=True))
-    return _closest(_Geometry(_key(system, guess, 0.0), system, guess), name)
+    return _closest(_Geometry(geometry_key(system.kinematics, guess), system, guess), name)
 
 
-def _key(system: LoopSystem, guess: Array, alike: float) -> tuple[object, ...]:
-    """Return what the search depends on; geometries apart by some `alike` (rad, machine sizes) are one."""
-    kinematics = system.kinematics
+def geometry_key(kinematics: Kinematics, guess: Array, alike: float = 0.0) -> tuple[object, ...]:
+    """Return what closed loops depend on; geometries apart by some `alike` (rad, machine sizes) are one."""
     size = float(10.0 ** np.round(np.log10(kinematics.size), 1))
     lengths = np.array([size if kind == "shift" else 1.0 for _, kind, _ in MOTIONS])
 

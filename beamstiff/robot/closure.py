@@ -4,13 +4,14 @@ Gauss-Newton from the declared guess with limited steps, so that it stays in the
 poses that did not close, or closed in another branch, are reached by continuation from a good pose nearby.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from beamstiff.errors import BeamstiffError, listed
-from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near
+from beamstiff.robot.assemblies import NEAR_GUESS, Closest, closest_assemblies, equally_near, geometry_key
 from beamstiff.robot.branch import NEAR_SINGULAR, Assembly, assembly_at, margin, near_singular, scattered
 from beamstiff.robot.continuation import close_in_branch, grid_of_starts, search_width
 from beamstiff.robot.forward import body_of, screws_of
@@ -41,15 +42,50 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
 
     `near` (P, V): all variables where almost the same loops are closed at almost these poses, to start from.
     """
-    joined, poses = kinematics.coupling, len(q)
-    passive = len(joined.free) - joined.actuated
-    free = np.concatenate([q, np.zeros((poses, passive))], axis=1)
-    if not kinematics.loops or poses == 0:
+    if not kinematics.loops or len(q) == 0:
+        joined, poses = kinematics.coupling, len(q)
+        free = np.concatenate([q, np.zeros((poses, len(joined.free) - joined.actuated))], axis=1)
         return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
+    if near is None and len(q) < GRID:  # robots that differ in stiffness close alike at the rows of a table
+        kept = _closed_once(_Poses(_closure_key(kinematics, q), kinematics, q))
+        found = Closure(kept.values.copy(), kept.closed.copy(), kept.reasons)
+    else:
+        found = _close(kinematics, q, near)
+    if strict and not found.closed.all():
+        raise BeamstiffError(found.reasons[int(np.argmin(found.closed))])
+    return found
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """Kinematics at some poses, by what their closure depends on."""
+
+    key: tuple[object, ...]
+    kinematics: Kinematics = field(compare=False)
+    q: Array = field(compare=False)
+
+
+def _closure_key(kinematics: Kinematics, q: Array) -> tuple[object, ...]:
+    robot, one = kinematics.robot, kinematics.assembly
+    names = tuple(loop.name for loop in kinematics.loops)
+    taken = one and (one.free.tobytes(), one.jacobian.tobytes())
+    return (*geometry_key(kinematics, declared_start(kinematics)), robot.assembly, names, taken, q.tobytes())
+
+
+@lru_cache(maxsize=128)
+def _closed_once(poses: _Poses) -> Closure:
+    return _close(poses.kinematics, poses.q, None)
+
+
+def _close(kinematics: Kinematics, q: Array, near: Array | None) -> Closure:
+    """Return what `close_loops` does where there are loops, NaN where they do not close."""
+    joined, poses = kinematics.coupling, len(q)
+    free = np.concatenate([q, np.zeros((poses, len(joined.free) - joined.actuated))], axis=1)
     system = loop_system(kinematics)
     free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
     assembly = kinematics.assembly or _assembly_near(system, free)
     if assembly is None:  # poses so singular that they have no branches
+        passive = len(joined.free) - joined.actuated
         assembly = Assembly(free[0], np.zeros((system.rows[-1].stop, passive)), ())
     starts = (
         None if near is None else near[:, [joined.names.index(x) for x in joined.free[joined.actuated :]]]
@@ -68,8 +104,6 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
             reasons[pose] = _undetermined(system, free[[pose]], to_passive, 0, int(pose))
         else:
             reasons[pose] = _reason(system, free[pose], gaps[pose], int(pose), bool(flipped[pose]))
-        if strict:
-            raise BeamstiffError(reasons[pose])
     free[~closed, joined.actuated :] = np.nan
     values = all_values(kinematics, np.where(np.isnan(free), 0.0, free))
     depends = (joined.matrix[:, joined.actuated :] != 0.0).any(axis=1)
@@ -130,6 +164,15 @@ def assembled(kinematics: Kinematics) -> Kinematics:
     An error where no loop determines a passive variable, no assembly has the name, or two are equally near to
     the guesses.
     """
+    assembly, closest = _assembled_once(
+        _Poses(_closure_key(kinematics, np.zeros(0)), kinematics, np.zeros(0))
+    )
+    return replace(kinematics, assembly=assembly, closest=closest) if closest else kinematics
+
+
+@lru_cache(maxsize=128)
+def _assembled_once(poses: _Poses) -> tuple[Assembly | None, tuple[Closest, ...]]:
+    kinematics = poses.kinematics
     system, start, name = loop_system(kinematics), declared_start(kinematics), kinematics.robot.assembly
     _check_determined(system, start)
     closest = closest_assemblies(system, start, name)
@@ -144,7 +187,7 @@ def assembled(kinematics: Kinematics) -> Kinematics:
             )
         )
     if not closest:
-        return kinematics
+        return None, closest
     if len(closest) > 1 and equally_near(*closest[:2]):
         told = "; ".join(assembly_text(kinematics, one) for one in closest)
         way = "" if name else f"name it ({CHOICE}), or "
@@ -152,7 +195,7 @@ def assembled(kinematics: Kinematics) -> Kinematics:
             f"{head}: two ways to put its loops together are equally near to the guesses: {told}: {way}give "
             "guesses that are nearer to one of them, or limits that only one of them keeps"
         )
-    return replace(kinematics, assembly=assembly_at(system, closest[0].free), closest=closest)
+    return assembly_at(system, closest[0].free), closest
 
 
 def every_assembly(kinematics: Kinematics) -> tuple[Closest, ...]:

@@ -5,18 +5,21 @@ an estimate of its geometry could tilt none of them. Closed in its plane (``cons
 the same, as machines do.
 """
 
+import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from beamstiff.errors import listed
 from beamstiff.robot.closure import HELD, close_loops, free_of
 from beamstiff.robot.description import Robot
-from beamstiff.robot.frames import Kinematics
-from beamstiff.robot.kinematics import Posture, compile_kinematics
+from beamstiff.robot.forward import chain_to
+from beamstiff.robot.frames import Kinematics, all_values
+from beamstiff.robot.kinematics import Posture, compile_kinematics, posture_at
 from beamstiff.robot.loops import loop_equations, loop_system
-from beamstiff.se3 import Array
+from beamstiff.se3 import Array, skew
 
 POSTURES = 8  # that show whether a loop is planar
+PARALLEL = np.cos(np.radians(5.0))  # errors of axes are far smaller; sliders lie across the normal
 
 
 def closed_in_plane(robot: Robot, q: Array) -> tuple[Robot, tuple[str, ...]]:
@@ -63,6 +66,44 @@ def note_of(robot: Robot, loops: tuple[str, ...]) -> tuple[str, ...]:
         if own
         else ()
     )
+
+
+def bearings_in_plane(kinematics: Kinematics, frames: NDArray[np.int64], axes: Array) -> NDArray[np.int64]:
+    """Return the frame whose z axis is the normal of the plane loop that each joint is a bearing of, (J,).
+
+    -1: of none. `frames` (J,) of the joints, `axes` (J, 3) in these.
+    """
+    normal = np.full(len(frames), -1, dtype=np.int64)
+    if kinematics.assembly is None or all(loop.constrain != "plane" for loop in kinematics.loops):
+        return normal
+    values = all_values(kinematics, kinematics.assembly.free[None])
+    rotations = posture_at(kinematics, values).transforms[0, :, :3, :3]
+    seen = (rotations[frames] @ axes[:, :, None])[:, :, 0]
+    bodies: nx.Graph[int] = nx.Graph()
+    for loop in kinematics.loops:
+        if loop.constrain == "plane":
+            a, b = (chain_to(kinematics, frame) for frame in (loop.frame_a, loop.frame_b))
+            nx.add_star(bodies, [max({*a} & {*b}), *({*a} ^ {*b})])
+            bodies.nodes[loop.frame_a]["normal"] = True
+    # loops that share a body have one normal: bearings of two directions would lock it
+    for group in nx.connected_components(bodies):
+        end = min(frame for frame in group if bodies.nodes[frame])
+        along = np.abs(seen @ rotations[end, :, 2]) > PARALLEL
+        normal[along & np.isin(frames, list(group))] = end
+    return normal
+
+
+def in_plane(rotation: Array, normal: Array) -> Array:
+    """Return rotations (P, J, 3, 3), turned so that their first axes lie along normals (P, J, 3), either way.
+
+    Bearings that are rigid across their axes would lock a loop whose axes are not quite parallel; real ones
+    have the play for it.
+    """
+    axis = rotation[..., 0]
+    normal = normal * np.sign((axis * normal).sum(axis=-1, keepdims=True))
+    turn = skew(np.cross(axis, normal))
+    cosine = (axis * normal).sum(axis=-1)[..., None, None]
+    return np.asarray((np.eye(3) + turn + turn @ turn / (1.0 + cosine)) @ rotation)
 
 
 def joint_gaps(kinematics: Kinematics, where: Posture, nodes: NDArray[np.int64]) -> Array:
