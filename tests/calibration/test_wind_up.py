@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from beamstiff import calibrate
 from beamstiff.calibration.result import Calibration
@@ -59,6 +60,7 @@ def told(found: Calibration) -> tuple[np.ndarray, np.ndarray]:
     return np.array([item.value for item in own]) * TRUE[1:] - 1.0, std * TRUE[1:]
 
 
+@pytest.mark.slow
 def test_compliances_are_recovered_within_their_stated_std() -> None:
     away, gain = [], []
     for seed in range(SEEDS):
@@ -74,6 +76,7 @@ def test_compliances_are_recovered_within_their_stated_std() -> None:
     assert less[3] > 3
 
 
+@pytest.mark.slow
 def test_springs_in_series_are_known_by_one_encoder() -> None:
     away = []
     for seed in range(SEEDS):

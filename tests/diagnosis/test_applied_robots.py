@@ -31,6 +31,7 @@ def check(tmp_path: Path, *cases: Case) -> None:
     assert {*taken(case, file)} | {"identify"} == expected  # which absolute rows have none of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "effects"), GROUPS)
 def test_what_is_written_is_taken_by_all_readers(tmp_path: Path, name: str, effects: tuple[str, ...]) -> None:
     """Several effects at once, in one file each kind of rows."""

@@ -47,6 +47,7 @@ def test_the_effect_that_was_put_in_is_named_at_its_place(key: str) -> None:
         assert found.verdict.shrink.shrink > 0.7
 
 
+@pytest.mark.slow
 def test_play_in_a_bearing_is_no_soft_bearing() -> None:
     found = diagnosed("bearing_play")
     assert found.verdict.key == "unknown:null"
@@ -94,6 +95,7 @@ def test_two_effects_are_both_named_the_larger_first_and_each_has_its_share() ->
     assert sum(closes) > 0.97
 
 
+@pytest.mark.slow
 def test_what_no_pair_explains_is_taken_apart() -> None:
     """A link as soft as the base, and play: the gap without what three causes explain is noise."""
     soft_link = partial(planted.link_bending, EI=2e6)

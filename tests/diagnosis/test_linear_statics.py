@@ -13,6 +13,7 @@ from tests.diagnosis.machines import kr240
 NOISE = 2e-6  # m: what second order adds is beyond it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preload", [True, False])
 def test_linear_statics_is_told_where_it_made_the_readings_and_only_there(preload: bool) -> None:
     robot = kr240()

@@ -85,6 +85,7 @@ def test_the_force_of_a_slide_is_the_weight_that_it_carries() -> None:
     assert sum(one.torque[0, 1] for one in stated) == pytest.approx(65.0 * 9.81)
 
 
+@pytest.mark.slow
 def test_clean_torques_name_nothing() -> None:
     false = []
     for seed in range(SEEDS):
@@ -213,6 +214,7 @@ def test_nothing_is_said_without_weights_readings_or_beside_effects() -> None:
     assert measured_torques(loose, readings(0)).notes == (BESIDE_EFFECTS,)
 
 
+@pytest.mark.slow
 def test_positions_are_judged_by_what_the_torques_say() -> None:
     rows = campaign(2, "balancer")
     unread = replace(rows, torque=np.full_like(rows.torque, np.nan))

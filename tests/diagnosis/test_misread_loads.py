@@ -52,6 +52,7 @@ def test_loads_that_were_read_otherwise_are_told(read: float, meant: str) -> Non
     assert meant in said if meant else not said
 
 
+@pytest.mark.slow
 def test_misread_loads_are_refused() -> None:
     with pytest.raises(UnusableError, match="the positions fit loads with fx, fz reversed"):
         diagnose(ROBOT, campaign(-1.0))

@@ -117,6 +117,7 @@ def test_some_poses_are_whole_poses_over_the_whole_campaign() -> None:
     assert some_poses(part, 5) is part
 
 
+@pytest.mark.slow
 def test_drawn_sizes_leave_gaps_between_hardly_seen_and_glaring() -> None:
     exam = Exam(seed=19, shares={"single": 1}, robots=("kr240-2",), lean=0.0)
     gaps = []

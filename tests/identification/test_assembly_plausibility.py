@@ -65,6 +65,7 @@ def test_few_values_and_robots_without_loops_say_nothing(either: tuple[Robot, Ro
     assert not list(displacement_doubts(serial, rows(serial, softer=50.0), ()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [identify, diagnose, verify, compare])
 def test_every_command_that_takes_displacements_says_so(command) -> None:
     five_bar = load_robot("five-bar")

@@ -68,6 +68,7 @@ def test_terms_that_rules_do_not_know_are_those_of_the_springs() -> None:
     assert np.abs(unknown[:, [0, 1, 3, 4, 5]]).max() < 1e-3 * np.abs(known).max() + 1e-4
 
 
+@pytest.mark.slow
 def test_a_partition_a_term_knows_what_one_for_all_does() -> None:
     count = 25
     q = np.repeat(postures(count), 3, axis=0)

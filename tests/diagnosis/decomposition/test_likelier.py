@@ -1,11 +1,13 @@
 """A law outside the library gives way to the effects of the library that are likelier than it, together."""
 
 import numpy as np
+import pytest
 
 from beamstiff.diagnosis.diagnose import diagnose
 from beamstiff.exam.crowded.cases import CrowdedExam, draw_crowded_case
 
 
+@pytest.mark.slow
 def test_a_compliant_base_is_named_where_loose_bolts_are_less_likely() -> None:
     """Of a simulated machine: loose bolts (48 %) fitted best, and hid the compliant base (52 %)."""
     seed, number = 20291129, 207

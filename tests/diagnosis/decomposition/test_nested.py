@@ -112,6 +112,7 @@ def test_a_cause_hangs_where_it_is_mostly_missing_and_does_not_help_there(three:
     assert not Nested(three, (whole,) * some + (less,) * some).hangs(replace(small, indistinguishable=()))
 
 
+@pytest.mark.slow
 def test_of_causes_that_fit_by_chance_hardly_anything_is_promised(drawn: Folds) -> None:
     """The best few of many forms close much of the postures that chose them, and nothing of others."""
     step = select(drawn.choice, drawn.squared_errors)

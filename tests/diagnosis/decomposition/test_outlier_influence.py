@@ -71,6 +71,7 @@ def test_of_many_gross_errors_each_says_which_coordinate_is_wrong(count: int) ->
     assert not found.doubtful
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [(3, 17, 18, 40, 55), (3, 9, 17, 18, 27, 40, 51, 55)])
 def test_gross_errors_in_any_direction_are_told_and_left_out_while_they_are_rare(
     wrong: tuple[int, ...],
@@ -99,6 +100,7 @@ def test_rows_named_as_another_reflector_say_so(count: int) -> None:
     assert all(re.search(r": reads as (A, not B|B, not A)\)$", said) for said in found.said)
 
 
+@pytest.mark.slow
 def test_exchanged_coordinates_say_so() -> None:
     robot, rows = with_wrong(*CAUSES)
     position = rows.position.copy()

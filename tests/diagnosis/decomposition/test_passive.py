@@ -31,6 +31,7 @@ def parameters(factor: Array) -> Array:
     return np.array([*np.diag(made), *(made[pair] for pair in PAIRS), factor[6] ** 2, factor[7]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_it_is_the_least_squares_of_a_compliance_by_its_factor(seed: int) -> None:
     triangle, right = problem(seed)

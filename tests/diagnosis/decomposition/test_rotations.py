@@ -34,6 +34,7 @@ def test_a_cause_is_found_however_badly_rotations_are_read(causes: tuple[str, ..
     assert diagnose(robot, rows).verdict.key == ("angle-curve:q3" if causes else "none:null")
 
 
+@pytest.mark.slow
 def test_what_shows_in_rotations_alone_is_no_scatter_of_these() -> None:
     """A wrist's last drive gives way under moments: positions on its axis hardly move."""
     case = draw_case(Exam(seed=20270211), 270)

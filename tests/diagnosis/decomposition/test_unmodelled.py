@@ -78,6 +78,7 @@ def opened() -> Diagnosis:
     return diagnose(robot, plan(robot, read, q))
 
 
+@pytest.mark.slow
 def test_a_base_that_opens_to_one_side_is_no_compliance_of_the_base() -> None:
     diagnosis = opened()
     found = diagnosis.decomposition
@@ -107,6 +108,7 @@ def loaded_in_turn(robot: Robot) -> tuple[Measurements, Array]:
     return rows, tool + elastic_displacement(made, rows)[:, :3]
 
 
+@pytest.mark.slow
 def test_a_stand_that_takes_the_reaction_is_no_compliance_of_the_base() -> None:
     robot = load_robot("kr240-2")
     rows, point = loaded_in_turn(robot)
@@ -199,6 +201,7 @@ def test_modes_move_the_readings_a_metre_each_and_are_few() -> None:
         assert form.columns == pytest.approx(model.weighed(form.shape.columns * form.sizes))
 
 
+@pytest.mark.slow
 def test_displacements_tell_the_motion_of_the_instrument_too() -> None:
     robot = load_robot("kr240-2")
     rows, point = loaded_in_turn(robot)

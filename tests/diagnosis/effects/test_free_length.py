@@ -106,6 +106,7 @@ def test_a_prismatic_drive_follows_its_slide() -> None:
     assert not shape.parameters[0].positive  # which end the bearing is at is not in the model
 
 
+@pytest.mark.slow
 def test_a_screw_with_a_free_length_is_found_by_a_model_with_constant_screws() -> None:
     variable = "r2"
     rng = np.random.default_rng(3)

@@ -43,6 +43,7 @@ def measured(seed: int = 0) -> Measurements:
     return rows_of(kr240(), how.q, how.wrench, displacement=moved + noise, **order, **sigma)
 
 
+@pytest.mark.slow
 def test_effects_are_weighed_about_the_stiffness_beside_the_cause_and_not_the_one_bent_to_the_gap() -> None:
     found = diagnose(kr240(), measured())
     assert found.verdict.key == "tool-offset:null"

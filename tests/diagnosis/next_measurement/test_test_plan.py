@@ -201,6 +201,7 @@ def asked_of_leaning() -> tuple[Measurements, Measurements]:
     return first, between_pedestal_and_bearing(first).rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cause", "moves"), [("base-compliance:null", True), ("bearing-tilt:q1", False)])
 def test_with_the_same_readings_at_the_tool_the_second_reflector_decides(cause: str, moves: bool) -> None:
     """The machine leans about a point below the floor: by its pedestal, or by a bearing off its centre."""

@@ -248,6 +248,7 @@ def test_the_seal_is_on_disk_before_the_diagnosis_and_fits_the_label(tmp_path: P
     assert read_results(results)[1] == {record.label.case: record for record in records}
 
 
+@pytest.mark.slow
 def test_one_process_or_two_the_same_cases_and_a_broken_exam_goes_on(tmp_path: Path) -> None:
     results = tmp_path / "results.jsonl"
     alone = run_cases(CROWDED, SMALL, 4, Examiner(unsure))
