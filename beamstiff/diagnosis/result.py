@@ -390,17 +390,20 @@ class Diagnosis(Shown):
         if self.also is not None and self.also.shrink is not None and told:
             told.append((self.also, self.verdict.shrink or told[0][1]))  # the verdict's is that of both
         causes: list[dict[str, Any]] = []
-        before, rms = 0.0, self.rms
+        before, known, rms = 0.0, (0.0, 0.0), self.rms
         for one, error in told:
             closes, rms = error.shrink - before, error.after
             before = max(before, error.shrink)
+            # of a second cause: what both close, less what the first does, however either interval lies
+            low, high = error.interval[0] - known[1], error.interval[1] - known[0]
+            known = error.interval
             causes.append(
                 {
                     "effect": one.effect,
                     "component": one.component,
                     "probability": one.probability,
                     "closes": max(closes, 0.0),
-                    "closes_interval": list(error.interval),
+                    "closes_interval": [max(low, 0.0), max(high, 0.0)],
                     "rms_after_mm": 1e3 * rms,
                     "parameters": self._candidate(one)["parameters"],
                     "shape": one.shape,

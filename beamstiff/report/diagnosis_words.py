@@ -112,14 +112,24 @@ def load_lever(one: Candidate) -> Array | None:
     return np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
 
 
+def _whole(cause: Candidate, one: Estimate) -> float:
+    """Return a parameter, or the sum of the terms that it is one of: ``half_width_0.005``, ``_0.03``."""
+    stem, _, term = one.name.rpartition("_")
+    if not term.replace(".", "", 1).isdigit():
+        return one.value
+    return sum(other.value for other in cause.estimates if other.name.rpartition("_")[0] == stem)
+
+
 def unrealistic(result: Diagnosis) -> list[tuple[Candidate, Estimate]]:
     """Return the causes with a size far from realistic, or wrongly negative, each with the farthest."""
     found = []
     keys = {result.verdict.key, *(one.key for one in several(result))}
+    if result.also is not None:
+        keys.add(result.also.key)
     for cause in told(result):
         if cause.key in keys:
             worst = max(cause.estimates, key=oversized, default=None)
-            negative = worst is not None and worst.positive and worst.value < 0.0
+            negative = worst is not None and worst.positive and _whole(cause, worst) < 0.0
             if worst is not None and (oversized(worst) >= FAR or (negative and not worst.plausible)):
                 found.append((cause, worst))
     return found

@@ -90,9 +90,13 @@ def test_two_effects_are_both_named_the_larger_first_and_each_has_its_share() ->
     found = diagnose(kr240(), campaign(what, large, small))
     sizes = [np.square(effect(what)[:, :3]).sum() for effect in (large, small)]
     assert (found.verdict.key, found.also.key) == ("base-compliance:null", "hardening:q2")
-    closes = [cause["closes"] for cause in found.to_dict()["causes"]]
+    causes = found.to_dict()["causes"]
+    closes = [cause["closes"] for cause in causes]
     assert closes[0] == pytest.approx(sizes[0] / sum(sizes), abs=0.1)
     assert sum(closes) > 0.97
+    for cause in causes:
+        low, high = cause["closes_interval"]
+        assert low <= cause["closes"] <= high
 
 
 @pytest.mark.slow

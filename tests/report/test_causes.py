@@ -121,6 +121,29 @@ def test_an_unrealistic_size_reaches_headline_and_next_action() -> None:
     assert not unrealistic(replace(far, verdict=replace(far.verdict, estimates=(slightly,)), candidates=()))
 
 
+def test_of_terms_only_the_sum_cannot_be_negative() -> None:
+    result, _ = found("gear")
+    terms = [Estimate(f"half_width_{flank}", 3e-4, 1e-6, "rad", (1e-5, 6e-4), True) for flank in (0.03, 0.1)]
+    less = Estimate("half_width_0.005", -5e-5, 1e-5, "rad", (1e-5, 6e-4), True)
+    for estimates, doubted in (
+        ((less, *terms), False),
+        ((less,), True),
+        ((less, replace(less, name="k")), True),
+    ):
+        candidate = replace(result.verdict, estimates=estimates)
+        others = tuple(candidate if one.key == candidate.key else one for one in result.candidates)
+        told = replace(result, decomposition=None, verdict=candidate, candidates=others)
+        assert bool(unrealistic(told)) == doubted
+
+
+def test_what_is_left_far_beyond_the_noise_is_said_with_the_causes() -> None:
+    result, _ = found("gear")
+    assert "are left" not in verdict(result).doubt
+    shrink = replace(result.verdict.shrink, after=8.0 * result.noise)
+    far = replace(result, verdict=replace(result.verdict, shrink=shrink))
+    assert "8 times the noise floor: something else is missing" in verdict(far).doubt
+
+
 def test_the_page_has_them_too() -> None:
     result, _ = found("approach", "gear", "slip")
     assert TITLE in diagnosis_html(result, provenance([], 0, []))
