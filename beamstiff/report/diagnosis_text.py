@@ -91,7 +91,7 @@ def verdict(result: Diagnosis) -> Verdict:
         if level_of(times) == "differs" and np.isfinite(left) and not _outside(result):
             doubt += (
                 f" {rounded(1e3 * left)} mm are left, {times:.2g} times the noise floor: something else is "
-                "missing in the model, which none of its effects explains."
+                "missing in the model, and no effect of the library explains it."
             )
             doubt = doubt.strip()
         if worse:
