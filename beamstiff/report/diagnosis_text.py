@@ -87,13 +87,13 @@ def verdict(result: Diagnosis) -> Verdict:
             said = _or_alike(f"{gap}, {head[0].lower()}{head[1:]}", alike)
         doubt = " ".join(_doubt(*one) for one in words.unrealistic(result)[:NAMED])
         doubt += " Another effect may look like it." if doubt else ""
-        times = left / result.noise if result.noise else 0.0
-        if level_of(times) == "differs" and np.isfinite(left) and not _outside(result):
-            doubt += (
-                f" {rounded(1e3 * left)} mm are left, {times:.2g} times the noise floor: something else is "
+        times = left / result.noise if result.noise and np.isfinite(left) else 0.0
+        if level_of(times) == "differs" and not _outside(result):
+            rest = (
+                f"{rounded(1e3 * left)} mm are left, {times:.2g} times the noise floor: something else is "
                 "missing in the model, and no effect of the library explains it."
             )
-            doubt = doubt.strip()
+            doubt = f"{doubt} {rest}".strip()
         if worse:
             doubt = f"{doubt} Do not write this robot: {worse}.".strip()
         if MASSLESS in result.notes:

@@ -43,9 +43,8 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
     `near` (P, V): all variables where almost the same loops are closed at almost these poses, to start from.
     """
     if not kinematics.loops or len(q) == 0:
-        joined, poses = kinematics.coupling, len(q)
-        free = np.concatenate([q, np.zeros((poses, len(joined.free) - joined.actuated))], axis=1)
-        return Closure(all_values(kinematics, free), np.ones(poses, dtype=np.bool_), ("",) * poses)
+        values = all_values(kinematics, _with_passive(kinematics, q, 0.0))
+        return Closure(values, np.ones(len(q), dtype=np.bool_), ("",) * len(q))
     if near is None and len(q) < GRID:  # robots that differ in stiffness close alike at the rows of a table
         kept = _closed_once(_Poses(_closure_key(kinematics, q), kinematics, q))
         found = Closure(kept.values.copy(), kept.closed.copy(), kept.reasons)
@@ -54,6 +53,14 @@ def close_loops(kinematics: Kinematics, q: Array, strict: bool = True, near: Arr
     if strict and not found.closed.all():
         raise BeamstiffError(found.reasons[int(np.argmin(found.closed))])
     return found
+
+
+def _with_passive(kinematics: Kinematics, q: Array, passive: Array | float) -> Array:
+    """Return the free variables (P, A + Q) at actuated ones (P, A), passive ones (Q,) alike at all poses."""
+    joined = kinematics.coupling
+    free = np.empty((len(q), len(joined.free)))
+    free[:, : joined.actuated], free[:, joined.actuated :] = q, passive
+    return free
 
 
 @dataclass(frozen=True)
@@ -79,10 +86,8 @@ def _closed_once(poses: _Poses) -> Closure:
 
 def _close(kinematics: Kinematics, q: Array, near: Array | None) -> Closure:
     """Return what `close_loops` does where there are loops, NaN where they do not close."""
-    joined, poses = kinematics.coupling, len(q)
-    free = np.concatenate([q, np.zeros((poses, len(joined.free) - joined.actuated))], axis=1)
-    system = loop_system(kinematics)
-    free[:, joined.actuated :] = declared_start(kinematics)[joined.actuated :]
+    joined, poses, system = kinematics.coupling, len(q), loop_system(kinematics)
+    free = _with_passive(kinematics, q, declared_start(kinematics)[joined.actuated :])
     assembly = kinematics.assembly or _assembly_near(system, free)
     if assembly is None:  # poses so singular that they have no branches
         passive = len(joined.free) - joined.actuated

@@ -58,13 +58,11 @@ def closed_as_described(robot: Robot, described: Robot, q: Array) -> Robot:
 def note_of(robot: Robot, loops: tuple[str, ...]) -> tuple[str, ...]:
     """Return what to say of loops that the robot closes in their planes and its file does not."""
     own = [loop.name for loop in robot.loops if loop.name in loops and loop.constrain == "plane"]
+    if not own:
+        return ()
     return (
-        (
-            f"{listed(own)}: closed in the plane alone (constrain: plane), so that axes that are not quite "
-            "parallel can be found",
-        )
-        if own
-        else ()
+        f"{listed(own)}: closed in the plane alone (constrain: plane), so that axes that are not quite "
+        "parallel can be found",
     )
 
 
