@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from beamstiff.errors import BeamstiffError
 from beamstiff.measure.arrays import equal_rows
 from beamstiff.measure.position_plausibility import POSTURES, Index, comparable, laid_over, read_rows
 from beamstiff.measure.rows import evenly
 from beamstiff.measure.table import Measurements
+from beamstiff.non_negative import non_negative
 from beamstiff.robot.description import Robot
 from beamstiff.robot.fields import RIGID
 from beamstiff.robot.kinematics import compile_kinematics, pose_of, posture, twist_jacobian
@@ -46,7 +46,9 @@ class DriveSprings:
         columns = np.concatenate([self._drives(wrench), wrench[:, :3, None] * np.eye(3)], axis=2)
         columns = columns.reshape(-1, columns.shape[2])
         size = np.linalg.norm(columns, axis=0)
-        return float(nnls(columns / np.where(size > 0, size, 1.0), moved.ravel())[1] / np.sqrt(len(moved)))
+        return float(
+            non_negative(columns / np.where(size > 0, size, 1.0), moved.ravel())[1] / np.sqrt(len(moved))
+        )
 
     def as_described(self, wrench: Array, robot: Robot) -> Array:
         """Return what drives as stiff as in the robot file let `wrench` (M, 6) move, (M, 3), m."""

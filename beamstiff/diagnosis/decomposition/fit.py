@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from beamstiff.calibration.parameters import SOFTER
 from beamstiff.diagnosis.decomposition.forms import Form
@@ -27,6 +26,7 @@ from beamstiff.diagnosis.decomposition.passive import Matrix, matrix_of, passive
 from beamstiff.diagnosis.decomposition.same_mechanics import other_mechanics, same_mechanics
 from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.measure.arrays import Integers
+from beamstiff.non_negative import non_negative
 from beamstiff.se3 import Array
 
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
@@ -365,7 +365,7 @@ def _least_squares(matrix: Array, right: Array, positive: NDArray[np.bool_]) -> 
     if (found[positive] < 0.0).any():
         basis, triangle = np.linalg.qr(matrix[:, ~positive])
         own = matrix[:, positive]
-        found[positive] = nnls(own - basis @ (basis.T @ own), right - basis @ (basis.T @ right))[0]
+        found[positive] = non_negative(own - basis @ (basis.T @ own), right - basis @ (basis.T @ right))[0]
         found[~positive] = np.linalg.solve(triangle, basis.T @ (right - own @ found[positive]))
     return found
 

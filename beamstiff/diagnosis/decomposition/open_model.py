@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from beamstiff.calibration.calibrate import calibrate, calibrated
 from beamstiff.calibration.parameters import STANDS
@@ -29,6 +28,7 @@ from beamstiff.identification.whitening import Whitening, whitening
 from beamstiff.measure.arrays import Integers
 from beamstiff.measure.camera import without_motion
 from beamstiff.measure.table import Measurements
+from beamstiff.non_negative import non_negative
 from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array
 
@@ -184,7 +184,7 @@ class OpenModel:
         """
         unit = np.linalg.norm(columns, axis=0)
         unit = np.where(unit > 0, unit, 1.0)
-        return float(nnls(columns / unit, target)[1] / np.sqrt(max(self.count, 1)))
+        return float(non_negative(columns / unit, target)[1] / np.sqrt(max(self.count, 1)))
 
     def robot(self, change: Array) -> Robot:
         """Return the robot with the open parameters changed by (t,), in the frame of the rows."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from beamstiff.measure.arrays import Integers
+from beamstiff.non_negative import non_negative
 from beamstiff.se3 import Array
 
 CUTS = 200  # rounds of constraints; what is broken then by little is mended by smaller couplings
@@ -95,10 +95,7 @@ def passive(triangle: Array, pull: Array, positive: NDArray[np.bool_], matrices:
             loads = np.concatenate([loads, _along(triangle, np.array(broken))], axis=1)
         along = np.concatenate([signs, loads], axis=1)
         dual = np.concatenate([along, -(pull / size @ along)[None]])
-        try:
-            found = nnls(dual, np.append(np.zeros(len(pull)), 1.0))[0]
-        except RuntimeError:  # constraints that are nearly one may let it go round
-            break
+        found = non_negative(dual, np.append(np.zeros(len(pull)), 1.0))[0]
         left = dual @ found
         left[-1] -= 1.0
         loads = loads[:, found[signs.shape[1] :] > 0.0]
