@@ -54,7 +54,7 @@ def convert(
     like: str | None = option(
         "FILE",
         "Write into this URDF or MJCF and keep everything else in it; default: the URDF that IN came from. "
-        "For a log or measurements: the robot.",
+        "For points, a log or measurements: the robot.",
     ),
     q: list[str] | None = option(
         "NAME=VALUE,...", "For MJCF: the posture at which values that vary with it are taken."
@@ -158,9 +158,11 @@ def convert(
         log = "a log (a bag, or a profile of samples)"
         raise BeamstiffError(f"--point, --skip, --lag and --figure: go with {log}")
     if columns is not None:
+        from beamstiff.functions.robots import load_robot
         from beamstiff.measure.point_lists import convert_points
 
-        points = convert_points(source, columns, joints, of_joints)
+        of = None if like is None else load_robot(like)
+        points = convert_points(source, columns, joints, of_joints, of)
         write(out, points.text)
         facts = {"points": points.count, "written": out, "notes": list(points.notes)}
         outputs.result(points.notes, [f"{Path(source).name}: {counted(points.count, 'point')}."], facts)

@@ -15,11 +15,13 @@ from beamstiff.measure.columns import LABELS, QUANTITIES
 from beamstiff.measure.joint_tables import joined, read_joints
 from beamstiff.measure.profile_cells import in_si, mass_notes, number_text, profile_cells, profile_values
 from beamstiff.measure.profiles import ANGLES, POSITION, SIGMAS, Profile
+from beamstiff.measure.reader import parse_measurements
 from beamstiff.measure.registration import Registration, register
 from beamstiff.measure.signals import Signal, SignalKind
 from beamstiff.measure.table import WRENCH
 from beamstiff.measure.text import RawTable
 from beamstiff.measure.writer import table_text
+from beamstiff.robot.description import Robot
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
 MOST_SKIPPED = 0.1  # share of the rows; more of them are skipped by mistake, such as a name spelled otherwise
@@ -39,17 +41,26 @@ def convert_points(
     profile: Profile,
     joints: str | os.PathLike[str] | None = None,
     joints_profile: Profile | None = None,
+    robot: Robot | None = None,
 ) -> PointTable:
     """Return a list of points as a table of measurements in CSV.
 
     `path`: the list. `joints`: joint values and loads, written beside the points: rows of the same `pose`
     where both have one, else as many rows in the same order. A CSV table of ours, unless `joints_profile`
-    says what its columns are.
+    says what its columns are. `robot`: whose joints and nodes the names are; not checked without it.
     """
     beside = None if joints is None else read_joints(joints, joints_profile)
     made = parse_points(read_text(Path(path)), profile, str(path), beside)
     notes = [] if joints_profile is None else mass_notes(joints_profile)
+    if robot is not None:
+        parse_measurements(made.text, robot, f"{path}, as a table", require_measured=False)
+    elif beside is not None or _has_joints(profile):
+        notes.append("names of joints and points are not checked; --like ROBOT checks them")
     return replace(made, notes=(*made.notes, *notes))
+
+
+def _has_joints(profile: Profile) -> bool:
+    return not {*profile.columns} <= {*QUANTITIES, *LABELS}
 
 
 def parse_points(

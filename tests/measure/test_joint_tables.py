@@ -46,6 +46,7 @@ def test_a_trace_is_read_by_its_own_profile(tmp_path: Path) -> None:
     assert found.notes == (
         "poses are paired by the number that their names end in: p002 is 2, p001 is 1",
         "load_kg: masses, taken as weight along -z of the base",
+        "names of joints and points are not checked; --like ROBOT checks them",
     )
 
 

@@ -267,3 +267,20 @@ def test_the_documented_profile_of_samples_makes_rows_of_plateaus(tmp_path: Path
     rows = np.genfromtxt(found.text.splitlines()[1:], delimiter=",", names=True, deletechars="")
     np.testing.assert_allclose(rows["q1"], [0.0, 0.5, -0.3], atol=1e-9)
     np.testing.assert_allclose(rows["x_[m]"], 1.5 * np.cos([0.0, 0.5, -0.3]), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("header", "points", "said"),
+    [("pose,q1 [deg]", "tip", ""), ("pose,q2 [deg]", "tip", "'q2'"), ("pose,q1 [deg]", "tipp", "'tipp'")],
+)
+def test_with_a_robot_the_names_are_its_own(header: str, points: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "sa.txt").write_text(SA)
+    (tmp_path / "q.csv").write_text(f"{header}\nRun2,20\nRun1,10\n")
+    profile = parse_profile(SA_PROFILE.replace("SMR1: tip", f"SMR1: {points}"))
+    of = tmp_path / "sa.txt", profile, tmp_path / "q.csv"
+    assert any("--like ROBOT" in note for note in convert_points(*of).notes)
+    if said:
+        with pytest.raises(BeamstiffError, match=rf"sa\.txt, as a table:.*{said}"):
+            convert_points(*of, robot=parse_robot(ROBOT))
+    else:
+        assert not any("--like" in note for note in convert_points(*of, robot=parse_robot(ROBOT)).notes)
