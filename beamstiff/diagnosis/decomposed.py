@@ -24,6 +24,7 @@ from beamstiff.diagnosis.decomposition.solution import gap_with
 from beamstiff.diagnosis.decomposition.unmodelled import unmodelled_forms
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.frame_misalignment import PLACED_SHIFT, PLACED_TURN
+from beamstiff.diagnosis.effects.tool_offset import PLACED
 from beamstiff.diagnosis.held_out.score import HeldOutError
 from beamstiff.diagnosis.inference.library import Untestable, nowhere
 from beamstiff.diagnosis.misread_loads import misread_loads
@@ -79,7 +80,7 @@ def beside_calibration(
     if not (stations or robot.calibrated or found.behind):
         if rows.targets or rows.camera:
             found = _simplest(found, robot, rows, prior, seed)
-        elif not _in_own_frame(found, rows):
+        elif not (_in_own_frame(found, rows) or _reflectors_elsewhere(found, robot, rows)):
             needless = _needless(found, robot, rows, prior, seed)
     return (lambda: diagnosis_of(found, told)), needless
 
@@ -109,6 +110,19 @@ def _in_own_frame(found: Decomposition, rows: Measurements) -> bool:
     turn = np.linalg.norm(vector_from_rotation(motion.rotation))
     shift = np.linalg.norm(motion.translation)
     return bool(turn > OWN_FRAME * PLACED_TURN or shift > OWN_FRAME * PLACED_SHIFT)
+
+
+def _reflectors_elsewhere(found: Decomposition, robot: Robot, rows: Measurements) -> bool:
+    """Return whether a reflector is not where it is described, by more than one whose place was measured.
+
+    Nothing of the robot is wrong then, but an error of its geometry may look like that. The TCP is no
+    reflector that was put on: where it is, is known.
+    """
+    models = robot, found.model.baseline.robot
+    described, there = ({node.name: node for node in one.nodes} for one in models)
+    put_on = {*rows.point.tolist()} - {robot.tcp}
+    moved = [np.subtract(there[name].at, described[name].at) for name in put_on if name in there]
+    return any(np.linalg.norm(by) > 2.0 * PLACED for by in moved)
 
 
 def _leaves_no_more(left: float, determined: float, found: Decomposition) -> bool:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beamstiff import Robot, load_robot
+from beamstiff import Robot, load_robot, predict
 from beamstiff.calibration.calibrate import calibrate
 from beamstiff.calibration.corrected import corrected
 from beamstiff.diagnosis.apply import extended
@@ -18,7 +18,9 @@ from beamstiff.diagnosis.verify import verify
 from beamstiff.measure.rows import subset
 from beamstiff.measure.table import Measurements, make_measurements
 from beamstiff.robot.kinematics import compile_kinematics, posture
+from beamstiff.robot.parts import Node, Rigid
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
+from tests.calibration.machines import within
 
 UR10 = Path(__file__).resolve().parents[2] / "examples" / "data" / "ur10.yaml"
 COMPLIANCE = 8e-6  # rad/(N m)
@@ -144,3 +146,25 @@ def test_a_robot_without_masses_is_told_that_its_sag_looks_like_something_else()
     assert found.verdict.effect != "joint-compliance"
     assert sum("give it `masses`" in note for note in found.notes) == 1
     assert "Give the robot file `masses`, estimates are enough, and diagnose again" in str(found)
+
+
+def test_a_reflector_that_was_put_on_elsewhere_is_no_error_of_the_geometry() -> None:
+    """Of a four-bar, an angle of the arm between its bearings moves a reflector on the arm alike."""
+    nominal = load_robot("ir663")
+    tool = next(node for node in nominal.nodes if node.name == nominal.tcp)
+    stalk = Rigid(name="stalk", nodes=(nominal.tcp, "ball"))
+
+    def with_ball(x: float) -> Robot:
+        ball = Node(name="ball", frame=tool.frame, at=(tool.at[0] + x, *tool.at[1:]))
+        parts = {"nodes": (*nominal.nodes, ball), "rigids": (*nominal.rigids, stalk)}
+        return nominal.model_copy(update=parts)
+
+    def table(position: Array) -> Measurements:
+        read = {"position": position, "sigma_position": NOISE, "point": ["ball"] * len(q)}
+        return make_measurements([one.name for one in nominal.actuated], q, tcp=nominal.tcp, **read)
+
+    q = within(nominal, 40, 0)
+    there = predict(with_ball(7e-3), table(np.zeros((40, 3)))).pose
+    assert there is not None
+    rows = table(there[:, :3] + np.random.default_rng(0).normal(0.0, NOISE, (40, 3)))
+    assert diagnose(with_ball(0.0), rows).verdict.effect == "none"
