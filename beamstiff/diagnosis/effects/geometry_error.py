@@ -1,6 +1,6 @@
 """`geometry-error`: a parameter of the kinematics, or the zero of an encoder, differs from nominal.
 
-Columns are central differences of the nominal pose, loops closed anew. Displacements hardly depend on
+Columns are those of the error Jacobian (`calibration.error_jacobian`). Displacements hardly depend on
 geometry: of them only encoders' zeros are tried, by central differences of the deflection. What sits off
 the axis of its joint, a disc or a bearing, errs once a turn as well; an encoder's disc that is oval twice.
 """
@@ -9,15 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamstiff.calibration.error_jacobian import build_geometry
+from beamstiff.calibration.parameters import GEOMETRY, known_parameters
+from beamstiff.calibration.statement import opening_parameters
 from beamstiff.diagnosis.effects.effect import Effect, Quantity, Shape, Term, named
-from beamstiff.diagnosis.residual.baseline import Baseline, nominal_pose
+from beamstiff.diagnosis.residual.baseline import Baseline
 from beamstiff.errors import BeamstiffError
-from beamstiff.measure.table import Measurements
 from beamstiff.model.linear import predict_displacements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.expression import Expression, parse_expression
 from beamstiff.robot.parts import Frame
-from beamstiff.se3 import Array, vector_from_rotation
+from beamstiff.se3 import Array
 
 STEP = 1e-5  # m or rad
 LENGTHS, ANGLES = ("d", "r", "b"), ("alpha", "theta", "gamma", "beta")
@@ -101,34 +103,28 @@ def _turns(robot: Robot, variable: str) -> bool:
     return next(item for item in robot.variables if item.name == variable).kind == "angle"
 
 
-def _changed(baseline: Baseline, name: str, by: float) -> tuple[Robot, Measurements]:
-    """Return robot and rows with a parameter, or an encoder's zero, off."""
-    robot, rows = baseline.robot, baseline.rows
-    frame, _, parameter = name.rpartition(".")
-    if not frame:
-        q = rows.q.copy()
-        q[:, rows.variables.index(name)] += by
-        return robot, replace(rows, q=q)
-
-    def off(item: Frame) -> Frame:
-        exact = _expression(robot, item, parameter)
-        return item.model_copy(update={parameter: str(replace(exact, constant=exact.constant + by))})
-
-    frames = [off(item) if item.name == frame else item for item in robot.frames]
-    return robot.model_copy(update={"frames": tuple(frames)}), rows
-
-
 def _deflection_change(baseline: Baseline, name: str) -> Array:
-    low, high = (predict_displacements(*_changed(baseline, name, by)) for by in (-STEP, STEP))
+    at, rows = baseline.rows.variables.index(name), baseline.rows
+    zero = np.eye(rows.q.shape[1])[at] * STEP
+    low, high = (predict_displacements(baseline.robot, replace(rows, q=rows.q + by)) for by in (-zero, zero))
     return (high - low) / (2 * STEP)
 
 
 def pose_change(baseline: Baseline, name: str) -> Array:
-    """Return how the nominal pose (N, 6) changes with a parameter, or an encoder's zero, per unit."""
+    """Return how the nominal pose (N, 6) changes with a parameter, or an encoder's zero, per unit.
+
+    Raises BeamstiffError where a loop closes with the present value only.
+    """
+    if not baseline.pose_changes:
+        robot, rows = baseline.robot, baseline.rows
+        known = [item for item in known_parameters(robot, (), turned=False) if item.group in GEOMETRY]
+        opening = opening_parameters(build_geometry(robot, rows, known))
+        closing = [item for item in known if item.name not in opening]
+        _, columns = build_geometry(robot, rows, closing).jacobian(np.zeros(len(closing)))
+        names = (item.name for item in closing)
+        baseline.pose_changes.update(zip(names, np.moveaxis(columns, -1, 0), strict=True))
     if name not in baseline.pose_changes:
-        (low, below), (high, above) = (nominal_pose(*_changed(baseline, name, by)) for by in (-STEP, STEP))
-        turned = vector_from_rotation(above @ below.swapaxes(-1, -2))
-        baseline.pose_changes[name] = np.concatenate([high - low, turned], axis=1) / (2 * STEP)
+        raise BeamstiffError(f"{name}: a loop closes with the present value only")
     return baseline.pose_changes[name]
 
 
