@@ -31,7 +31,6 @@ from beamstiff.se3 import Array
 
 UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is not known, but for rounding
 ROUNDING = 1e-12  # of the largest column of a form, at which one is 0
-ZERO = 1e-10  # of the largest parameter, up to which one that cannot be negative is 0 but for rounding
 SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
 
@@ -349,12 +348,11 @@ def _allowed(
     found = np.asarray(solve_triangular(triangle, pull, check_finite=False))
     if (found[positive] < 0.0).any():
         found = _least_squares(triangle, pull, positive)
-    if not any(len(one.cuts(found)) for one in matrices):
+    if not any(one.gives_work_away(found) for one in matrices):
         return (found > 0.0) | ~positive, None
     found = passive(triangle, pull, positive, matrices)
-    found[positive & (found <= ZERO * np.abs(found).max())] = 0.0
     for one in matrices:
-        positive[one.at[one.at >= 0]] = True  # couplings of what is 0 are 0 as well
+        positive[one.parameters] = True  # couplings of what is 0 are 0 as well
     return (found != 0.0) | ~positive, found
 
 

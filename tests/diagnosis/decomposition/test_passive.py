@@ -43,31 +43,16 @@ def test_it_is_the_least_squares_of_a_compliance_by_its_factor(seed: int) -> Non
         for _ in range(12)
     ]
     least = min(2.0 * fit.cost for fit in fits)
-    assert np.sum((triangle @ found - right) ** 2) <= least * (
-        1.0 + 1e-6
-    )  # none that is a compliance is nearer
-    assert least < 1.001 * np.sum((triangle @ found - right) ** 2)
-    values = np.linalg.eigvalsh(MATRIX.of(found))
-    assert values[0] > -2e-6 * values[-1]
+    left = np.sum((triangle @ found - right) ** 2)
+    assert least * (1.0 - 1e-4) < left <= least * (1.0 + 1e-6)  # its factor comes to an end a little earlier
+    assert np.linalg.eigvalsh(MATRIX.of(found))[0] >= 0.0
     assert found[6] >= 0.0
-
-
-def test_where_the_rounds_are_used_up_no_work_is_given_away(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    triangle, right = problem(1)
-    exact = passive(triangle, right, POSITIVE, [MATRIX])
-    monkeypatch.setattr("beamstiff.diagnosis.decomposition.passive.CUTS", 1)
-    found = passive(triangle, right, POSITIVE, [MATRIX])
-    assert not np.allclose(found, exact)
-    assert np.linalg.eigvalsh(MATRIX.of(found))[0] > -1e-9
-    assert (found[POSITIVE] >= 0.0).all()
 
 
 def test_what_gives_no_work_away_is_plain_least_squares() -> None:
     triangle, _ = problem(0)
     wanted = np.array([2.0, 3.0, 4.0, 1.0, -1.0, 0.5, 1.0, -7.0])
-    np.testing.assert_allclose(passive(triangle, triangle @ wanted, POSITIVE, [MATRIX]), wanted, rtol=1e-12)
+    np.testing.assert_allclose(passive(triangle, triangle @ wanted, POSITIVE, [MATRIX]), wanted, rtol=1e-9)
 
 
 def test_parameters_know_their_units() -> None:
@@ -76,5 +61,5 @@ def test_parameters_know_their_units() -> None:
     matrix = matrix_of(np.array([[2, 0, 1]]), np.array([1e-7, 1e-5, 1.0]), units)
     bound = np.array([2.0, 8.0, 4.0]) / units
     assert np.linalg.eigvalsh(matrix.of(bound))[0] == pytest.approx(0.0, abs=1e-6)
-    assert len(matrix.cuts(bound * [1.0, 1.0, 1.01])) == 1
-    assert len(matrix.cuts(bound * [1.0, 1.0, 0.99])) == 0
+    assert matrix.gives_work_away(bound * [1.0, 1.0, 1.01])
+    assert not matrix.gives_work_away(bound * [1.0, 1.0, 0.99])
