@@ -61,6 +61,7 @@ def exam(
       beamstiff exam --cases 2160 --seed 7 --processes 4 --out results.jsonl --html report.html
       beamstiff exam robot.yaml --plan plan.csv --cases 200
       beamstiff exam --cases 60 --classes null,backlash,hysteresis
+      beamstiff exam robot.yaml --crowded --cases 20
       beamstiff exam --crowded --cases 100 --seed 7 --out results.jsonl --json table.json
       beamstiff exam --cases 2160 --scheduler tcp://10.0.0.5:8786 --out results.jsonl
     """

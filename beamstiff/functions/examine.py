@@ -23,6 +23,7 @@ from beamstiff.functions.checks import left_out, names_of, whole
 from beamstiff.functions.robots import as_robot
 from beamstiff.measure.coerce import TableLike, as_tables
 from beamstiff.outputs import check_replaceable
+from beamstiff.robot.description import Robot
 from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.reader import RobotLike
 from beamstiff.shown import Shown
@@ -97,8 +98,8 @@ def examine(
     whole("seed", seed, 0)
     names = names_of("classes", classes)
     other = "found other options of what to examine"
-    if crowded and (robot is not None or plan is not None or sets is not None or names):
-        raise OptionError("crowded", f"{other}, expected the cases' number only")
+    if crowded and (plan is not None or sets is not None or names):
+        raise OptionError("crowded", f"{other}, expected a robot and the cases' number only")
     check_kept(out, reports, sets, cases)
     examiner = Examiner(_diagnose(), controls=_controls(crowded) if compare else {}, reports=_folder(reports))
     if sets is not None:
@@ -106,7 +107,13 @@ def examine(
             raise OptionError("sets", f"{other}, expected the folder only")
         records = examine_folder(Path(sets), examiner, processes=processes, scheduler=scheduler)
         return Examination(records, {"sets": os.fspath(sets)})
-    asked, notes = (CrowdedExam(seed), []) if crowded else _asked(robot, plan, seed, names)
+    machine, notes = (None, []) if robot is None else _machine(as_robot(robot))
+    asked: Any
+    if crowded:
+        asked = CrowdedExam(seed, robot=machine)
+    else:
+        asked, more = _asked(machine, plan, seed, names)
+        notes += more
     procedure: Procedure[Any] = CROWDED if crowded else SINGLE
     kept, tell = None if out is None else Path(out), progress or (lambda _: None)
     where: dict[str, Any] = {"processes": processes, "scheduler": scheduler}
@@ -119,23 +126,25 @@ def examine(
     return Examination(records, asked.settings(), tuple(notes))
 
 
+def _machine(robot: Robot) -> tuple[Robot, list[str]]:
+    """Return the robot that is examined, and what to know of it."""
+    # the exam's own simulator does not know the effects of a robot
+    notes = left_out(robot.effects, "the exam, neither of its machines nor of its models")
+    machine = robot.model_copy(update={"effects": ()})
+    return with_closed_guesses(machine), [*notes, *robot_doubts(machine)]
+
+
 def _asked(
-    robot: RobotLike | None, plan: TableLike | None, seed: int, classes: Sequence[str] | None
+    machine: Robot | None, plan: TableLike | None, seed: int, classes: Sequence[str] | None
 ) -> tuple[Exam, list[str]]:
-    """Return the exam that was asked for, and what to know of it."""
-    if plan is not None and robot is None:
+    """Return the exam of single effects that was asked for, and what to know of it."""
+    if plan is not None and machine is None:
         raise OptionError("plan", "found a plan without a robot, expected: beamstiff exam ROBOT --plan CSV")
     notes: list[str] = []
-    machine = None if robot is None else as_robot(robot)
     shares, effects = (SHARES if plan is None else PLAN_SHARES), EFFECTS
     if classes:
         shares, effects = shares_of(classes)
     if machine is not None:
-        # the exam's own simulator does not know the effects of a robot
-        notes += left_out(machine.effects, "the exam, neither of its machines nor of its models")
-        machine = machine.model_copy(update={"effects": ()})
-        notes += robot_doubts(machine)
-        machine = with_closed_guesses(machine)
         possible = possible_effects(machine, effects)
         missing = [effect for effect in effects if effect not in possible]
         if not possible:

@@ -56,6 +56,14 @@ def test_crowded_machines_are_examined_beside_the_control(run: Run, folder: Path
     assert run("exam --cases 1 --seed 1 --out results.jsonl").exit_code == 2
 
 
+def test_crowded_machines_are_those_of_a_robot_with_a_loop(succeed: Run, folder: Path) -> None:
+    succeed("exam ir663 --crowded --no-compare --cases 3 --seed 1 --json table.json --out results.jsonl")
+    assert (folder / "results.jsonl").read_text().count('"robot": "ir663"') == 3
+    settings = json.loads((folder / "table.json").read_text())["exam"]
+    assert settings["robots"] == {"ir663": 1.0}
+    assert len(settings["robot"]) == 64
+
+
 def test_a_plan_is_examined_on_its_own_poses_and_loads(succeed: Run, folder: Path) -> None:
     (folder / "plan.csv").write_text("q1 [deg],fy,dx,dy,dz\n0,900,,,\n0,-900,,,\n60,900,,,\n120,500,,,\n")
     result = succeed("exam crane.yaml --plan plan.csv --cases 4 --classes null,load-error")
@@ -81,8 +89,7 @@ def test_effects_that_a_robot_cannot_have_are_left_out_and_said(succeed: Run, re
         (["nobody"], "nobody"),
         (["--sets", "nowhere"], "labels.json"),
         (["crane.yaml", "--sets", "."], "expected the folder only"),
-        (["--crowded", "--classes", "backlash"], "expected the cases' number only"),
-        (["--crowded", "crane.yaml"], "expected the cases' number only"),
+        (["--crowded", "--classes", "backlash"], "expected a robot and the cases' number only"),
         (["--crowded", "--figure", "a.png"], "of single effects, expected --json"),
     ],
 )

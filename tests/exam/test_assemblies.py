@@ -7,7 +7,7 @@ from beamstiff import BeamstiffError, Robot, load_robot
 from beamstiff.exam.designs import reachable, simulated_alike
 from beamstiff.exam.placing import place, skeleton_of
 from beamstiff.exam.robots import with_closed_guesses
-from beamstiff.functions.examine import _asked, examine
+from beamstiff.functions.examine import _machine, examine
 from beamstiff.robot.kinematics import compile_kinematics, posture
 from tests.robot.machines import LAMBDA2, slider_crank
 
@@ -54,5 +54,5 @@ def test_guesses_that_are_far_off_are_noted() -> None:
     robot = load_robot("five-bar")
     off = [item.model_copy(update={"guess": 2.5 * item.guess}) for item in robot.variables]
     robot = robot.model_copy(update={"variables": tuple(off)})
-    (note,) = (one for one in _asked(robot, None, 0, ["null"])[1] if "loops" in one)
+    (note,) = (one for one in _machine(robot)[1] if "loops" in one)
     assert "the loops are put together at" in note

@@ -19,6 +19,7 @@ from beamstiff.exam.machine import machine_of
 from beamstiff.exam.names import EFFECTS, LATER
 from beamstiff.exam.parameters import between, unit_vector
 from beamstiff.exam.placing import place, skeleton_of
+from beamstiff.exam.record import sha256
 from beamstiff.exam.robots import RANDOM_ARM, exam_robot, with_payload, with_stiff_drive
 from beamstiff.exam.rotations import turn
 from beamstiff.exam.simulate import draw_stiffness, read, reality_of, simulate, solve
@@ -26,6 +27,7 @@ from beamstiff.exam.sizes import linear_fit, size_for, true_rows, without_noise
 from beamstiff.measure.table import Measurements
 from beamstiff.robot.description import Robot
 from beamstiff.robot.parts import Node, Rigid
+from beamstiff.robot.writer import robot_to_yaml
 
 SHARES: Mapping[Kind, int] = {"crowded": 24, "outside": 6, "geometry": 5, "clean": 5}
 ROBOTS = {RANDOM_ARM: 0.6, "kr240-2": 0.25, "kr500": 0.15}  # serial ones, whose whole geometry may be off
@@ -61,10 +63,18 @@ class CrowdedExam:
     absolute: float = ABSOLUTE  # share of the campaigns
     count: tuple[int, int] = (FEWEST, MOST)  # fewest effects, and most
     authors: tuple[int, ...] = ()  # whose forms the effects have; all by default
+    robot: Robot | None = None  # one robot instead of those by name
 
     def settings(self) -> dict[str, Any]:
         """Return what the cases depend on, as plain data."""
-        return {"crowded": True, **asdict(self), "count": list(self.count), "authors": list(self.authors)}
+        drawn = {
+            **asdict(replace(self, robot=None)),
+            "count": list(self.count),
+            "authors": list(self.authors),
+        }
+        if self.robot is not None:
+            drawn |= {"robots": {self.robot.name: 1.0}, "robot": sha256(robot_to_yaml(self.robot))}
+        return {"crowded": True, **drawn}
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +129,9 @@ def draw_crowded_case(exam: CrowdedExam, case: int) -> CrowdedCase:
 
 
 def _drawn(exam: CrowdedExam, rng: np.random.Generator, case: int, kind: Kind) -> CrowdedCase:
-    robot = exam_robot(str(rng.choice(list(exam.robots), p=list(exam.robots.values()))), rng)
+    robot = exam.robot
+    if robot is None:
+        robot = exam_robot(str(rng.choice(list(exam.robots), p=list(exam.robots.values()))), rng)
     for _ in range(int(rng.integers(0, 5)) if rng.random() < 0.6 else 0):
         robot = with_stiff_drive(robot, rng)
     force = largest_force(robot, rng)
