@@ -39,22 +39,19 @@ def non_negative(matrix: Array, right: Array) -> tuple[Array, float]:
         found = np.asarray(nnls(matrix, right)[0])
     except RuntimeError:  # columns are all but one another: it went round
         found = np.zeros(matrix.shape[1])
-    norm = _left(matrix, right, found)
-    if not _is_minimum(matrix, right, found):
+    left = right - matrix @ found
+    norm = float(np.linalg.norm(left))
+    if not _is_minimum(matrix, right, found, left):
         count = 10 * matrix.shape[1]  # changes of the set of zeros; by default each parameter once
         other = lsq_linear(matrix, right, (0.0, np.inf), method="bvls", tol=1e-14, max_iter=count).x
-        if (less := _left(matrix, right, other)) < norm:
+        less = float(np.linalg.norm(right - matrix @ other))
+        if less < norm:
             return np.asarray(other), less
     return found, norm
 
 
-def _left(matrix: Array, right: Array, found: Array) -> float:
-    return float(np.linalg.norm(right - matrix @ found))
-
-
-def _is_minimum(matrix: Array, right: Array, found: Array) -> bool:
+def _is_minimum(matrix: Array, right: Array, found: Array, left: Array) -> bool:
     """Return whether no parameter that may change makes what is left smaller."""
-    left = right - matrix @ found
     downhill = matrix.T @ left
     slack = ROUNDING * np.linalg.norm(matrix, axis=0) * np.linalg.norm(right)
     return bool((np.where(found > 0.0, np.abs(downhill), downhill) <= slack).all())

@@ -246,11 +246,13 @@ def _open_parameters(robot: Robot) -> dict[str, str]:
     for name, _, parameters in skeleton_of(robot).frames:
         if any(expression.coefficients for expression in parameters.values()):
             found |= {f"{name}.alpha": "angle", f"{name}.d": "length", f"{name}.r": "length"}
-    return {name: kind for name, kind in found.items() if not robot.loops or _closes(robot, name)}
+    return {name: kind for name, kind in found.items() if _closes(robot, name)}
 
 
 def _closes(robot: Robot, name: str) -> bool:
     """Return whether loops close with an error of a parameter: tilted axes would lock rigid bearings."""
+    if not robot.loops:
+        return True
     middle = np.array([[sum(item.limits) / 2.0 if item.limits else 0.0 for item in robot.actuated]])
     try:
         place(skeleton_of(robot, {name: STEP}), middle, {name: STEP})
@@ -268,10 +270,7 @@ def open_basis(robot: Robot, machine: Robot, campaign: SimulatedCampaign) -> Arr
     if campaign.kind == "absolute":
         body = machine_of(robot)
         hayati = (f"{frame.name}.beta" for frame in robot.frames)
-        names = [
-            *_open_parameters(robot),
-            *(name for name in hayati if not robot.loops or _closes(robot, name)),
-        ]
+        names = [*_open_parameters(robot), *(name for name in hayati if _closes(robot, name))]
         for name in names:
             ends = [
                 places_of(body, campaign.point, place(skeleton_of(robot, {name: by}), campaign.q, {name: by}))
