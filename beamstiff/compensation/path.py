@@ -37,6 +37,7 @@ class ToolPath:
     stated_postures: tuple[StatedPosture | None, ...] = ()  # one each target; none where no target states one
     # (N, A), rad or m: targets that the file writes as joint values, of the controller; NaN where it does not
     joints: Array | None = None
+    joint_names: tuple[str, ...] = ()  # as the file calls them, if it does
     files: tuple[str, ...] = ()  # of the targets, where they stand in several
     # (N,), mm or deg: axes of a program beside the robot's, as it names them; NaN where it does not state one
     external: Mapping[str, Array] = field(default_factory=dict)

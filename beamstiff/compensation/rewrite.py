@@ -1,6 +1,7 @@
 """From a file to the corrected file: every target that has a command gets it, nothing else changes."""
 
 import csv
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -21,13 +22,15 @@ from beamstiff.compensation.path import ToolPath, difference
 from beamstiff.compensation.path_correction import Correction, correct_path, error_parts, errors_of
 from beamstiff.compensation.process.load import Process, beside_columns
 from beamstiff.compensation.uncertainty import correction_std, doubtful
-from beamstiff.errors import BeamstiffError
+from beamstiff.errors import BeamstiffError, listed
+from beamstiff.measure.columns import fail
 from beamstiff.model.correction import extrapolation_notes
 from beamstiff.robot.kinematics import pose_of, posture
 from beamstiff.se3 import Array, vector_from_rotation
 from beamstiff.shown import Shown
 
 ROUNDING = 1e-6  # mm: no error
+MOST_TURNS = 3  # of a joint, either way: wrists of robots turn two
 COMMON = 0.8  # of the error: where less than that differs along the path, how the base was taught matters
 
 
@@ -267,6 +270,8 @@ def with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
     if path.joints is None:
         return path
     kinematics, count = machine.kinematics, len(machine.controller.actuated)
+    if path.joint_names:
+        _check_joint_columns(path, path.joints, machine)
     rows = np.flatnonzero(~np.isnan(path.joints[:, 0]))
     if path.joints.shape[1] != count:
         raise BeamstiffError(
@@ -278,3 +283,19 @@ def with_joint_targets(path: ToolPath, machine: Machine) -> ToolPath:
     at[rows] = node @ machine.frames.tool
     poses[rows] = machine.frames.to_path(at)[rows]
     return path.moved_to(poses)
+
+
+def _check_joint_columns(path: ToolPath, joints: Array, machine: Machine) -> None:
+    """Refuse a table of joint values (N, c) whose columns are not the joints, or angles in degrees."""
+    variables, names = machine.controller.actuated, path.joint_names
+    numbered = [re.findall(r"\d+", name) for name in names] == [[str(k + 1)] for k in range(len(variables))]
+    if not numbered and [*names] != [one.name for one in variables]:
+        raise BeamstiffError(
+            f"{path.source}: found the columns {listed(names)}, expected x, y, z of the tool, or the joints of "
+            f"robot {machine.controller.name!r} in their order: {', '.join(one.name for one in variables)}"
+        )
+    for column, (name, variable) in enumerate(zip(names, variables, strict=True)):
+        far = int(np.abs(joints[:, column]).argmax())
+        if variable.kind == "angle" and abs(joints[far, column]) > MOST_TURNS * 2.0 * np.pi:
+            found = f"found {joints[far, column]:.6g} rad, more than {MOST_TURNS} turns"
+            fail(path.source, int(path.lines[far]), name, f"{found}; degrees have a header {name} [deg]")

@@ -49,6 +49,8 @@ def learned_from(
     for file, one in zip(map(Path, measured), sent, strict=True):
         text = read_bytes(file)
         table = path_csv.read(text, str(file)).path
+        if table.joints is not None:
+            raise BeamstiffError(f"{file}: found no x, y, z, expected where the tool was measured")
         rows = _rows(table.names, program, str(file))
         sent_path = with_joint_targets(_same_targets(one, program).path, machine)
         commands = machine.frames.to_base(sent_path).poses

@@ -4,10 +4,12 @@ Orientation, one of: ``a b c``, a rotation vector unless ``# orientation: KUKA A
 ``fixed XYZ``, ...) before the header says otherwise, which those in degrees need; ``qw qx qy qz``; ``i j k``,
 the tool axis from tip to holder. Loads ``fx fy fz mx my mz`` act on the tool at its tip, in the base frame of
 the robot. ``name`` names a target. Other columns of numbers are kept for the process (depth of cut, ...).
+
+Without any of x y z the targets are joint values: a column for each joint, in the order of the robot file.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +31,7 @@ POSITION, ANGLES, QUATERNION, AXIS = (
     ("i", "j", "k"),
 )
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
-NEEDED = {"length": 1e-6, "angle": np.radians(1e-4), "number": 1e-7}  # what decimals must show, SI
+NEEDED = {"length": 1e-6, "angle": np.radians(1e-4), "number": 1e-7, "joint": 1e-7}  # what decimals must show, SI
 _KIND = {
     **dict.fromkeys(POSITION, "length"),
     **dict.fromkeys(ANGLES, "angle"),
@@ -84,8 +86,10 @@ def read(text: str, source: str) -> Program:
         rows.append((number, cells))
     if header is None or not rows:
         raise BeamstiffError(
-            f"{source}: found no row, expected a header with x, y, z and a row for each target"
+            f"{source}: found no row, expected a header with x, y, z, or with joints, and a row for each target"
         )
+    if not any(column.name in POSITION for column in header):
+        return _of_joints(text, source, header, rows)
     orientation, names = _orientation([column.name for column in header], declared, source, header_line)
     program = _program(text, source, header, rows, orientation, names)
     notes = list(_no_loads(header, source))
@@ -157,7 +161,7 @@ def _header(cells: Sequence[tuple[int, str]], source: str, line: int) -> list[_C
         columns.append(_column(known, match["unit"], source, line))
     names = [column.name for column in columns]
     for axis in POSITION:
-        if axis not in names:
+        if axis not in names and set(POSITION) & {*names}:
             hint = suggest(axis, names)
             fail(source, line, axis, f"this column is missing{hint}, found {listed(names)}, expected x, y, z")
     return columns
@@ -226,10 +230,7 @@ def _program(
         slots: dict[str, Slot] = {}
         for name in (*POSITION, *turning):
             column, (start, cell) = header[at[name]], cells[at[name]]
-            if not _NUMBER.fullmatch(cell):
-                hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
-                fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
-            turned = float(cell) * column.unit
+            turned = float(_number(cell, source, line, name)) * column.unit
             if name in ANGLES and abs(turned) > TURN:
                 found = f"{proper(cell)}, which is {turned:.3g} rad: more than a turn"
                 fail(source, line, name, f"found {found}; angles in degrees have a header {name} [deg]")
@@ -239,20 +240,65 @@ def _program(
         position, rotation = (tuple(slots[name] for name in names) for names in (POSITION, turning))
         known = () if turning else (0.0, 0.0, 0.0)
         places.append(Place(label or f"row {len(places) + 1}", line, position, rotation, known))
-    wrench, columns = None, {}
-    if any(name in at for name in WRENCH):
-        wrench = np.zeros((len(rows), 6))
-        for number, name in enumerate(WRENCH):
-            if name in at:
-                wrench[:, number] = _numbers(header[at[name]], at[name], rows, source, strict=True)
+    columns = {}
     for column in header:
         if column.kind is None:
             values = _numbers(column, at[column.name], rows, source, strict=False)
             if values is not None:
                 columns[column.name] = values
     return make_program(
-        text, source, places, orientation, read, stated=bool(turning), wrench=wrench, columns=columns
+        text, source, places, orientation, read, stated=bool(turning), wrench=_wrench(header, at, rows, source), columns=columns
     )
+
+
+def _of_joints(
+    text: str, source: str, header: Sequence[_Column], rows: Sequence[tuple[int, list[tuple[int, str]]]]
+) -> Program:
+    """Return targets that are written as joint values: whether these are the robot's is not known here."""
+    at = {column.name: number for number, column in enumerate(header)}
+    joints = [column for column in header if column.name not in ("name", *WRENCH)]
+    places = []
+    for line, cells in rows:
+        slots = []
+        for column in joints:
+            start, cell = cells[at[column.name]]
+            decimals = max(0, round(-np.log10(NEEDED["joint"] / column.unit) + 0.49))
+            slots.append(Slot(start, _number(cell, source, line, column.name), column.unit, decimals))
+        label = proper(cells[at["name"]][1]) if "name" in at else ""
+        places.append(Place(label or f"row {len(places) + 1}", line, joints=tuple(slots)))
+    return make_program(
+        text,
+        source,
+        places,
+        RotationVector(),
+        read,
+        wrench=_wrench(header, at, rows, source),
+        joint_names=tuple(column.name for column in joints),
+    )
+
+
+def _number(cell: str, source: str, line: int, name: str) -> str:
+    if not _NUMBER.fullmatch(cell):
+        hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
+        fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
+    return cell
+
+
+def _wrench(
+    header: Sequence[_Column],
+    at: Mapping[str, int],
+    rows: Sequence[tuple[int, list[tuple[int, str]]]],
+    source: str,
+) -> Array | None:
+    """Return the loads that a table states, (N, 6), or None."""
+    if not any(name in at for name in WRENCH):
+        return None
+    wrench = np.zeros((len(rows), 6))
+    for number, name in enumerate(WRENCH):
+        if name in at:
+            values = _numbers(header[at[name]], at[name], rows, source, strict=True)
+            wrench[:, number] = 0.0 if values is None else values
+    return wrench
 
 
 def _numbers(

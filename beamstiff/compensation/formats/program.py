@@ -136,6 +136,7 @@ def make_program(
     stated: bool = True,
     wrench: Array | None = None,
     columns: Mapping[str, Array] | None = None,
+    joint_names: tuple[str, ...] = (),
 ) -> Program:
     """Return a program from the targets found in a text."""
     positions = np.array([[slot.value for slot in place.position] or [0.0] * 3 for place in places])
@@ -168,6 +169,7 @@ def make_program(
         columns=columns or {},
         stated_postures=tuple(place.posture for place in places) if any(p.posture for p in places) else (),
         joints=_joints(places),
+        joint_names=joint_names,
         files=tuple(place.file or source for place in places) if any(place.file for place in places) else (),
         external=_external(places),
     )

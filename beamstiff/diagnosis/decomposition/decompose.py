@@ -26,7 +26,7 @@ from beamstiff.diagnosis.decomposition.open_model import (
     open_stiffness,
 )
 from beamstiff.diagnosis.decomposition.outlier_influence import Apart, rows_apart
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED, check_names
@@ -174,7 +174,7 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
             astray |= doubtful
         if not astray:
             return _found_again(*_explaining(settings, found, doubted))
-        step = _without(folds, step, astray, settings.seed)
+        folds, step = _without(folds, step, astray, settings.seed)
         settings = replace(
             settings, prior=replace(settings.prior, without=(*settings.prior.without, *astray))
         )
@@ -222,15 +222,20 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
     return promised(found, again)
 
 
-def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> Step:
-    """Return the fit without causes that lead astray, nor those that do so in their place: they join them."""
+def _without(folds: Folds, step: Step, astray: set[str], seed: int) -> tuple[Folds, Step]:
+    """Return the fit without causes that lead astray, nor those that do so in their place: they join them.
+
+    Nor are they among the forms any more: else they would come back for as long as no calibration is found.
+    """
     new = astray
     while new:
         astray |= new
         start = [number for number in step.chosen if folds.choice.forms[number].key not in astray]
         step = select(folds.choice, folds.squared_errors, start=start, forbidden=astray, exchange=False)
         new = unsteady(folds, step, seed)
-    return step
+    left = [number for number, form in enumerate(folds.choice.forms) if form.key not in astray]
+    folds = folds.of_forms(left)
+    return folds, fit_step(folds.choice, [left.index(number) for number in step.chosen])
 
 
 def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
@@ -248,23 +253,32 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = [select(choice, folds.squared_errors, start=one, exchange=False) for one in starts]
-        # about another calibration causes may follow the postures that they are fitted to, and no others:
-        # such a fit counts only where there is no sound one
-        nothing = float(folds.errors_with(()).sum())
-        sound = [fit for fit in fits if float(folds.squared_errors(fit).sum()) <= nothing]
-        better = min(sound or fits[:1], key=lambda fit: fit.bic)
+        better = _best(folds, fits)
         # in the order of the forms: two searches that end in one fit differ by rounding alone
-        step = select(choice, folds.squared_errors, start=sorted(better.chosen))
+        step = _best(folds, [better, select(choice, folds.squared_errors, start=sorted(better.chosen))])
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
     return _without_needless_loads(settings, folds, step)
 
 
+def _best(folds: Folds, fits: Sequence[Step]) -> Step:
+    """Return the fit with the least criterion, or one that is surely better on held-out postures.
+
+    About another calibration causes may follow the postures that they are fitted to, and no others.
+    """
+    best, *others = sorted(fits, key=lambda fit: fit.bic)
+    for other in others:
+        if np.isfinite(other.bic) and gain(folds.squared_errors(best), folds.squared_errors(other)) > 0.0:
+            best = other
+    return best
+
+
 def _beside(settings: Settings, folds: Folds, step: Step, chosen: Sequence[Form]) -> OpenModel:
     """Return the open model that is calibrated beside causes, errors of loads as they settle if they do."""
-    loads = has_loads(folds.model, chosen)
-    model = settle(settings, folds.model, step.scatter, chosen) if loads else None
-    return model or settings.calibrated(folds.model, chosen, solution_of(folds.model, chosen))
+    carrying = folds.carrying or folds.model
+    loads = any(form.shape.wrench is not None for form in chosen)
+    model = settle(settings, carrying, step.scatter, chosen) if loads else None
+    return model or settings.calibrated(carrying, chosen, solution_of(carrying, chosen))
 
 
 def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tuple[Folds, Step]:
@@ -279,7 +293,8 @@ def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tup
                 continue
             others, same = settings.folds(model, chosen)
             fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
-        fits = [fit for fit in fits if fit[1].bic <= step.bic]
+        before = folds.squared_errors(step)
+        fits = [(its, fit) for its, fit in fits if fit.bic <= step.bic and not gain(its.squared_errors(fit), before) > 0.0]
         if not fits:
             break
         folds, step = min(fits, key=lambda fit: fit[1].bic)

@@ -8,14 +8,14 @@ eq. 2.2.7, for several rows): one fit tells all folds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, fit_step
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, orthonormal
 from beamstiff.measure.arrays import Integers
 from beamstiff.se3 import Array
@@ -99,6 +99,13 @@ class Folds:
                 values[out] = root @ _predicted(root.T @ basis[out], root.T @ own)
         nothing = self.squared_errors(fit_step(self.choice, ()))  # drives are another matter there
         return [nothing, *map(self._by_posture, left)]
+
+    def of_forms(self, numbers: Sequence[int]) -> Folds:
+        """Return the same with some of the forms alone, in this order."""
+        choice = build_choice(self.model, [self.choice.forms[number] for number in numbers])
+        kept = frozenset(at for at, number in enumerate(numbers) if number in self.choice.kept)
+        stated = None if self.stated is None else self.stated.of_forms(numbers)
+        return replace(self, choice=replace(choice, kept=kept), stated=stated)
 
     def deformed(self, step: Step) -> Array:
         """Return what of the columns (n, c) of a fit errors of loads deform, and not the loads."""

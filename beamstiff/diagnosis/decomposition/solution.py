@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from beamstiff.diagnosis.decomposition.fit import build_choice, fit_step
+from beamstiff.diagnosis.decomposition.fit import ROUNDING, build_choice, fit_step
 from beamstiff.diagnosis.decomposition.folds import unweighed
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, inverse_of
@@ -26,7 +26,10 @@ def solved(model: OpenModel, chosen: Sequence[Form]) -> tuple[Array, Array]:
     root = np.linalg.inv(step.triangle)
     own[np.ix_(used, used)] = root @ root.T
     theta, own = theta / size, own / np.outer(size, size)
-    theta[: choice.drives] -= model.present
+    seen = np.linalg.norm(model.drives, axis=0)
+    # a drive that no load turns stays as it is: beside nothing that it moves, rounding would make it anything
+    seen = seen > ROUNDING * seen.max(initial=0.0)
+    theta[: choice.drives] = np.where(seen, theta[: choice.drives] - model.present, 0.0)
     opened = inverse_of(model.geometry)
     toward = opened @ np.concatenate([model.drives, *(form.columns for form in chosen)], axis=1)
     change = opened @ model.residual - toward @ theta
