@@ -37,7 +37,9 @@ def compensate(
     path: Annotated[
         str,
         argument(
-            "PATH", "Path: .csv; KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; APT .apt, .cls."
+            "PATH",
+            "Path: .csv (poses or joint values); KUKA .src, .dat; ABB .mod, .prg; FANUC .ls; UR .script; "
+            "APT .apt, .cls.",
         ),
     ],
     out: str | None = option("FILE", "Write the corrected path, in the format of PATH."),

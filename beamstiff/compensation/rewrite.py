@@ -122,10 +122,11 @@ class Compensated(Shown):
         text = StringIO()
         table = csv.writer(text, lineterminator="\n")
         table.writerow(["name", *heads])
-        for row, name in enumerate(self.correction.path.names):
+        path = self.correction.path
+        for row in range(len(path)):
             missing = row in self.correction.reasons
             values = [] if missing else [f"{value:.5f}" for value in self.correction.q[row] * factor]
-            table.writerow([name, *(values or [""] * len(units))])
+            table.writerow([path.called(row), *(values or [""] * len(units))])
         return text.getvalue()
 
     def to_dict(self) -> dict[str, Any]:
@@ -291,8 +292,8 @@ def _check_joint_columns(path: ToolPath, joints: Array, machine: Machine) -> Non
     numbered = [re.findall(r"\d+", name) for name in names] == [[str(k + 1)] for k in range(len(variables))]
     if not numbered and [*names] != [one.name for one in variables]:
         raise BeamstiffError(
-            f"{path.source}: found the columns {listed(names)}, expected x, y, z of the tool, or the joints of "
-            f"robot {machine.controller.name!r} in their order: {', '.join(one.name for one in variables)}"
+            f"{path.source}: found the columns {listed(names)}, expected x, y, z of the tool, or the joints "
+            f"of robot {machine.controller.name!r} in their order: {', '.join(one.name for one in variables)}"
         )
     for column, (name, variable) in enumerate(zip(names, variables, strict=True)):
         far = int(np.abs(joints[:, column]).argmax())

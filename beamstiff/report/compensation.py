@@ -123,21 +123,24 @@ def compensation_verdict(result: Compensated) -> Verdict:
         said = f"{len(found.reasons)} of {targets} cannot be corrected"
         return Verdict(said, data=data, action=uncorrected_action(result))
     before, after = size_of(found.before[known]), size_of(result.after[known])
-    left = machine.real.fitted_error
-    what = "what the real robot's file leaves (beamstiff verify)"
+    was, then = f"{told(before.rms_mm)} mm", f"after correction {told(after.rms_mm)} mm"
+    left = expected_mm(result)
     if left is not None:
-        what = f"{rounded(1e3 * left)} mm that the real robot's file left on held-out postures"
+        then = (
+            f"expected after correction {rounded(left)} mm, as the real robot's file left on held-out "
+            "postures (noise of the instrument included)"
+        )
         if drifts := [one for one in machine.set_aside if one.effect == "thermal-drift"]:
-            what += f" beside {effects_text(drifts)}, which is not corrected"
-    assumed = f", plus {what}" if before.rms_mm > NOTHING else ""
-    was, then = f"{told(before.rms_mm)} mm", f"{told(after.rms_mm)} mm{assumed}"
-    said = f"Predicted error along the path: {was}, after correction {then}"
+            then += f", beside {effects_text(drifts)}, which is not corrected"
+    elif before.rms_mm > NOTHING:
+        then += ", plus what the real robot's file leaves (beamstiff verify)"
+    said = f"Predicted error along the path: {was}, {then}"
     doubt, action = "", "Run the corrected path and measure a few targets."
     if result.differs_mm is not None:
         differs = f"{told(result.differs_mm)} mm"
         said = (
             f"Predicted error along the path: {was} against a measured base, roughly {differs} if the robot "
-            f"itself touched off the workpiece. After correction {then}"
+            f"itself touched off the workpiece; {then}"
         )
         action = (
             "If the robot itself touched off the workpiece (taught its base), give the three points with "
@@ -152,6 +155,15 @@ def compensation_verdict(result: Compensated) -> Verdict:
         doubt = f"Doubtful: {'; '.join(result.extrapolated)}."
         action = "Measure postures of this path and diagnose or calibrate with them before you use it."
     return Verdict(said, data=data, action=action, causes=parts_text(result), doubt=doubt)
+
+
+def expected_mm(result: Compensated) -> float | None:
+    """Return the error to expect at corrected targets, RMS, mm; None where the robot's file states none."""
+    left = result.machine.real.fitted_error
+    known = result.known
+    if left is None or size_of(result.correction.before[known]).rms_mm <= NOTHING:
+        return None
+    return float(np.hypot(1e3 * left, size_of(result.after[known]).rms_mm))
 
 
 def uncorrected_action(result: Compensated) -> str:

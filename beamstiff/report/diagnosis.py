@@ -161,7 +161,10 @@ def probability_text(found: Decomposition) -> str:
     """Return, in words, what the probabilities of causes are of."""
     said = f"{CLOSES} Probability: that it is this effect."
     if any(one.indistinguishable for one in found.causes):
-        said += ' Causes joined by "or" fit these data equally well: that one of them is there is likelier.'
+        said += (
+            ' Causes joined by "or": these data do not decide between them; that one of them is there is '
+            "likelier."
+        )
     for one in found.causes:
         if one.found_again < HALF:
             share, name = words.percent(one.found_again), in_words([one.key])

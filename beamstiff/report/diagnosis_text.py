@@ -207,8 +207,8 @@ def remainder_text(found: Decomposition) -> str:
     rest = found.remainder
     of_what = "" if found.causes or found.unmodelled else " (no cause is named)"
     said = (
-        f"Remainder{of_what}, all rows fitted: {1e3 * rest.rms:.3f} mm RMS, corrected for the number of "
-        f"fitted values ({words.percent(rest.share)} of the gap)."
+        f"Remainder{of_what}: {1e3 * rest.rms:.3f} mm RMS in the rows as fitted, corrected for the number of "
+        "fitted values."
     )
     if rest.follows:
         said += f" It follows the {' and the '.join(name for name, _ in rest.follows[:2])}."

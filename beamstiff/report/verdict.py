@@ -125,7 +125,7 @@ def undetermined_text(names: Sequence[str], unloaded: Collection[str] = ()) -> s
     if others := [name for name in names if name not in still]:
         said.append(
             f"These rows do not determine {listed(others, MOST_DRIVES)}: beamstiff plan chooses postures and "
-            "loads that do (a joint whose axis the loads pass needs a load beside it, or --moment)."
+            "loads that do (if all loads pass through the axis of a joint: loads beside it, or --moment)."
         )
     if still:
         kinds = {name.rpartition(".")[2] for name in still}

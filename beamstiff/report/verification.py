@@ -81,7 +81,11 @@ def verification_table(found: Verification) -> Table:
     """Return the table of position errors: without effects, with each in turn, the noise."""
     modelled = any(name.startswith(MODEL) for name, _, _ in found.causes)
     first = "without model and effects" if modelled else "without effects" if found.causes else "robot file"
-    lines = [] if found.nominal is None else [["nominal robot", f"{1e3 * found.nominal:.3f} mm", ""]]
+    lines = (
+        []
+        if found.nominal is None
+        else [["nominal robot, reflectors as in its file", f"{1e3 * found.nominal:.3f} mm", ""]]
+    )
     lines.append([first, f"{1e3 * found.before:.3f} mm", ""])
     lines += [
         [f"{'and' if at else 'with'} {in_words([name])}", f"{1e3 * after:.3f} mm", percent(closes)]

@@ -39,7 +39,7 @@ def test_targets_beyond_what_the_real_robot_was_fitted_at_are_doubtful(cell: Pat
     fitted = load_robot("kr500").with_fitted_rows([], {"q1": (0.5, 0.9)}, 2e-4)
     (cell / "real.yaml").write_text(robot_to_yaml(fitted), encoding="utf-8")
     said = " ".join(succeed("compensate kr500 cell.src --actual real.yaml --wrench fz=-900N").stdout.split())
-    assert "plus 0.20 mm that the real robot's file left on held-out postures" in said
+    assert "expected after correction 0.20 mm, as the real robot's file left on held-out postures" in said
     assert "Doubtful: 3 of 3 targets are beyond the joint values that robot 'kr500' was fitted at (q1" in said
     assert "Next: Measure postures of this path" in said
 

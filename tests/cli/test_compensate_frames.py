@@ -51,7 +51,7 @@ def test_the_robot_itself_may_have_taught_the_base(cell: Path, succeed: Run, tol
     shown = " ".join(succeed(arguments).stdout.split())
     headline = re.search(
         r"Predicted error along the path: (\S+) mm against a measured base, roughly (\S+) mm if the robot "
-        r"itself touched off the workpiece. After correction",
+        r"itself touched off the workpiece; after correction",
         shown,
     )
     assert headline is not None, shown

@@ -69,7 +69,7 @@ def test_the_nominal_robot_is_compared_on_the_same_rows() -> None:
         if isinstance(shown, Table)
         for row in shown.rows
     )
-    assert first[:2] == ["nominal robot", f"{1e3 * found.nominal:.3f} mm"]
+    assert first[:2] == ["nominal robot, reflectors as in its file", f"{1e3 * found.nominal:.3f} mm"]
 
 
 def test_a_nominal_robot_that_does_not_fit_the_rows_is_refused_by_name(tmp_path: Path) -> None:

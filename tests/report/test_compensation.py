@@ -118,7 +118,7 @@ def test_the_headline_says_how_much_differs_along_the_path_where_the_robot_may_h
     said = compensation_verdict(found)
     assert said.headline.startswith(
         "Predicted error along the path: 8.3 mm against a measured base, roughly 0.54 mm if the robot itself "
-        "touched off the workpiece. After correction 0 mm, plus "
+        "touched off the workpiece; after correction 0 mm, plus "
     )
     assert "give the three points with --base-taught" in said.action
     assert (

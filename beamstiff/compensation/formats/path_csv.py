@@ -31,7 +31,12 @@ POSITION, ANGLES, QUATERNION, AXIS = (
     ("i", "j", "k"),
 )
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
-NEEDED = {"length": 1e-6, "angle": np.radians(1e-4), "number": 1e-7, "joint": 1e-7}  # what decimals must show, SI
+NEEDED = {
+    "length": 1e-6,
+    "angle": np.radians(1e-4),
+    "number": 1e-7,
+    "joint": 1e-7,
+}  # what decimals must show, SI
 _KIND = {
     **dict.fromkeys(POSITION, "length"),
     **dict.fromkeys(ANGLES, "angle"),
@@ -86,7 +91,7 @@ def read(text: str, source: str) -> Program:
         rows.append((number, cells))
     if header is None or not rows:
         raise BeamstiffError(
-            f"{source}: found no row, expected a header with x, y, z, or with joints, and a row for each target"
+            f"{source}: found no row, expected a header with x, y, z (or joints) and a row for each target"
         )
     if not any(column.name in POSITION for column in header):
         return _of_joints(text, source, header, rows)
@@ -247,7 +252,14 @@ def _program(
             if values is not None:
                 columns[column.name] = values
     return make_program(
-        text, source, places, orientation, read, stated=bool(turning), wrench=_wrench(header, at, rows, source), columns=columns
+        text,
+        source,
+        places,
+        orientation,
+        read,
+        stated=bool(turning),
+        wrench=_wrench(header, at, rows, source),
+        columns=columns,
     )
 
 
@@ -257,7 +269,7 @@ def _of_joints(
     """Return targets that are written as joint values: whether these are the robot's is not known here."""
     at = {column.name: number for number, column in enumerate(header)}
     joints = [column for column in header if column.name not in ("name", *WRENCH)]
-    places = []
+    places: list[Place] = []
     for line, cells in rows:
         slots = []
         for column in joints:

@@ -294,7 +294,11 @@ def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tup
             others, same = settings.folds(model, chosen)
             fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
         before = folds.squared_errors(step)
-        fits = [(its, fit) for its, fit in fits if fit.bic <= step.bic and not gain(its.squared_errors(fit), before) > 0.0]
+        fits = [
+            (its, fit)
+            for its, fit in fits
+            if fit.bic <= step.bic and not gain(its.squared_errors(fit), before) > 0.0
+        ]
         if not fits:
             break
         folds, step = min(fits, key=lambda fit: fit[1].bic)

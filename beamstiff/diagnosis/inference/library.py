@@ -185,7 +185,7 @@ def nowhere(effect: str, baseline: Baseline) -> str:
         return "the rows say neither when nor how warm: add a column t [s] or temperature [degC]"
     if effect == "joint-compliance":
         return (
-            "the stiffness of every drive is fitted or known; to fit another joint, "
+            "the stiffness of every drive that a load turns is fitted already; to fit another joint, "
             "list it under `identify` in the robot file, or of a URDF: beamstiff convert IN "
             "--joint-stiffness NAME='1e6 N*m/rad' --out OUT"
         )

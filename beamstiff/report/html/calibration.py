@@ -115,10 +115,10 @@ def _view(found: Calibration, measured: Measurements, sizes: Sizes) -> RobotView
     first = worst[np.sort(np.unique(measured.pose[worst], return_index=True)[1])][:POSES].tolist()
     postures, lines = [], []
     for row in first:
-        pose, line = str(measured.pose[row]), line_of(measured, row)
-        postures.append((f"pose {pose}: {after[row]:.3g} mm residual ({line})", measured.q[row]))
-        lines.append([line, pose, number(before[row]), number(after[row])])
-    table = Table("The postures shown", ("row", "pose", "before, mm", "after, mm"), lines, open=False)
+        line = line_of(measured, row)
+        postures.append((f"{line}: {after[row]:.3g} mm residual", measured.q[row]))
+        lines.append([line, number(before[row]), number(after[row])])
+    table = Table("The postures shown", ("row", "before, mm", "after, mm"), lines, open=False)
     caption = (
         "The calibrated robot, and at every place that was measured a line from where the robot is predicted "
         "to where it was seen, magnified: before and after the calibration. Lines that all point one way, or "

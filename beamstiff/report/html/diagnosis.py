@@ -110,7 +110,7 @@ def _view(result: Diagnosis) -> RobotView | None:
         own = np.flatnonzero(rows.pose == worst["pose"])
         at = int(own[np.argmax(np.linalg.norm(rows.wrench[own], axis=1))])
         gap = rounded(worst["rms_mm"]) if worst["rms_mm"] > NOTHING_LEFT else "0"
-        name = f"pose {worst['pose']}: gap {gap} mm ({line_of(rows, at)})"
+        name = f"{line_of(rows, at)}: gap {gap} mm"
         marks = {"readings": baseline.robot.fixed[0] if of_the_frame else str(rows.point[at])}
         shown.append(Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]), shares, marks))
     share = "share of the gap" if shares else ""

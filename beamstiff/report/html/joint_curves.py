@@ -33,7 +33,8 @@ def joint_curves(result: Diagnosis) -> Iterator[Figure]:
         marks = scatter(*_drawn(sizes, wave, read), f"{what}s that were read", hover, ("circle", "orange", 5))
         caption = (
             f"What {in_words([cause.key])} adds to the {what} that the controller reads; a mark at each "
-            f"{what} that was read. Believe the curve there; its single orders may stand in for one another."
+            f"{what} that was read. Believe the curve at the marks; its single orders may stand in for one "
+            "another."
         )
         x, y = axis(label(f"{joint}, {unit}")), axis(f"error of the joint, {error}")
         layout = chart_layout(320, BUTTONS, x, y, showlegend=False)

@@ -77,7 +77,7 @@ def worst_postures(rows: Measurements, size: Array, what: str = "") -> list[Show
     order = np.argsort(-np.nan_to_num(size))
     first = np.sort(np.unique(rows.pose[order], return_index=True)[1])
     worst = order[first][:POSES].tolist()
-    names = [f"pose {rows.pose[at]}: {what}{size[at]:.3g} mm ({line_of(rows, at)})" for at in worst]
+    names = [f"{line_of(rows, at)}: {what}{size[at]:.3g} mm" for at in worst]
     return [
         Shown(name, rows.q[at], rows.wrench[at], str(rows.load_point[at]))
         for name, at in zip(names, worst, strict=True)
