@@ -52,7 +52,7 @@ def test_causes_stand_in_their_order_with_what_each_closes() -> None:
     closes = [int(row[2].removesuffix(" %")) for row in rows]
     assert closes == sorted(closes, reverse=True)
     assert sum(closes) in (99, 100, 101)  # each is rounded
-    assert remainder_text(several).startswith("Remainder, all rows fitted: 0.0")
+    assert remainder_text(several).startswith("Remainder: 0.0")
     assert TITLE in [getattr(item, "title", None) for item in diagnosis_tables(result)]
 
 

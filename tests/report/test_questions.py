@@ -251,7 +251,7 @@ def test_a_written_robot_is_told_as_others_read_it() -> None:
     written = extended(result)
     bare = written.model_copy(update={"effects": (), "gravity": (0.0, 0.0, 0.0)})
     off = verify(bare, result.baseline.rows, refit_frame=True).after
-    assert f"it is {rounded(1e3 * off)} mm off" in as_read_elsewhere(result, written)
+    assert f"is {rounded(1e3 * off)} mm off with it" in as_read_elsewhere(result, written)
     assert not as_read_elsewhere(diagnosed("backlash"), written)  # displacements know no geometry
 
 

@@ -135,7 +135,9 @@ def _there(
     `with_stiffness`: how exactly, where it is drives alone.
     """
     if model.problem is None:
-        return with_stiffness(model.baseline, model.stiffness(change))
+        there = with_stiffness(model.baseline, model.stiffness(change))
+        # the wrenches inside hold the errors of loads, which those of the rows do not
+        return there if model.stated is None else replace(there, places=model.baseline.places)
     robot, rows = model.robot(change), model.baseline.rows
     return replace(model.baseline, robot=robot, nominal=robot, response=tool_response(robot, rows))
 
