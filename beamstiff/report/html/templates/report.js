@@ -72,17 +72,20 @@
     const across = eye.x || eye.y ? [-eye.y / round, eye.x / round, 0] : [1, 0, 0];
     const up = [-eye.x * eye.z / (round * far), -eye.y * eye.z / (round * far), round / far];
     const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    const placed = layout.scene.annotations.map((one) => {
+    const seen = (point) => {  // pixels from the middle of the figure
       const at = ["x", "y", "z"].map((name) => {
         const [low, high] = layout.scene[`${name}axis`].range;
-        return layout.scene.aspectratio[name] * ((one[name] - low) / (high - low) - 0.5) - center[name];
+        return layout.scene.aspectratio[name] * ((point[name] - low) / (high - low) - 0.5) - center[name];
       });
       const pixels = layout.height / (2 * Math.tan(Math.PI / 8) * (far - dot(at, [eye.x, eye.y, eye.z]) / far));
-      return { one, x: pixels * dot(at, across), y: -pixels * dot(at, up) };
-    }).sort((a, b) => a.x - b.x);
+      return { x: pixels * dot(at, across), y: -pixels * dot(at, up) };
+    };
+    const placed = layout.scene.annotations.map((one) => ({ one, ...seen(one) })).sort((a, b) => a.x - b.x);
     placed.forEach((one, at) => { one.side = 2 * at + 1 < placed.length ? "left" : "right"; });
     const last = { left: -Infinity, right: -Infinity };
-    const edge = Math.min(0.48 * width, 240);  // where the columns begin and end: a long label stays in the figure
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => Math.abs(seen(Object.fromEntries(["x", "y", "z"].map((name, at) => [name, layout.scene[`${name}axis`].range[(bits >> at) & 1]]))).x));
+    // where the columns begin and end: beyond the axes and their titles, and so that a long label stays in the figure
+    const edge = Math.min(0.48 * width, Math.max(...corners) + 140);
     placed.sort((a, b) => a.y - b.y).forEach(({ one, side, x, y }) => {
       last[side] = Math.max(y, last[side] + 28);
       Object.assign(one, { xanchor: side, ax: (side === "left" ? -edge : edge) - x, ay: last[side] - y - 8 });
