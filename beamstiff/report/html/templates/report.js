@@ -85,7 +85,7 @@
     const last = { left: -Infinity, right: -Infinity };
     const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => Math.abs(seen(Object.fromEntries(["x", "y", "z"].map((name, at) => [name, layout.scene[`${name}axis`].range[(bits >> at) & 1]]))).x));
     // where the columns begin and end: beyond the axes and their titles, and so that a long label stays in the figure
-    const edge = Math.min(0.48 * width, Math.max(...corners) + 140);
+    const edge = Math.min((width < 480 ? 0.48 : 0.4) * width, Math.max(...corners) + 140);
     placed.sort((a, b) => a.y - b.y).forEach(({ one, side, x, y }) => {
       last[side] = Math.max(y, last[side] + 28);
       Object.assign(one, { xanchor: side, ax: (side === "left" ? -edge : edge) - x, ay: last[side] - y - 8 });
