@@ -26,7 +26,7 @@ from beamstiff.diagnosis.decomposition.open_model import (
     open_stiffness,
 )
 from beamstiff.diagnosis.decomposition.outlier_influence import Apart, rows_apart
-from beamstiff.diagnosis.decomposition.selection import ENOUGH, gain, select
+from beamstiff.diagnosis.decomposition.selection import ENOUGH, select
 from beamstiff.diagnosis.decomposition.settling import Settings, all_forms, settle, solution_of, unsettled
 from beamstiff.diagnosis.effects.approach_direction import without_unknown
 from beamstiff.diagnosis.inference.library import REVERSED, check_names
@@ -253,24 +253,21 @@ def _calibrated_beside(settings: Settings, folds: Folds, step: Step) -> tuple[Fo
         choice = folds.choice
         starts = ((), same)  # anew as well: the calibration took up a part of what is there
         fits = [select(choice, folds.squared_errors, start=one, exchange=False) for one in starts]
-        better = _best(folds, fits)
+        # a fit that is not sound counts only where there is no sound one
+        better = min([fit for fit in fits if _sound(folds, fit)] or fits[:1], key=lambda fit: fit.bic)
         # in the order of the forms: two searches that end in one fit differ by rounding alone
-        step = _best(folds, [better, select(choice, folds.squared_errors, start=sorted(better.chosen))])
+        step = select(choice, folds.squared_errors, start=sorted(better.chosen))
         if {choice.forms[number].key for number in step.chosen} == {form.key for form in chosen}:
             break
     return _without_needless_loads(settings, folds, step)
 
 
-def _best(folds: Folds, fits: Sequence[Step]) -> Step:
-    """Return the fit with the least criterion, or one that is surely better on held-out postures.
+def _sound(folds: Folds, step: Step) -> bool:
+    """Return whether causes leave no more of held-out postures than no cause does.
 
-    About another calibration causes may follow the postures that they are fitted to, and no others.
+    About another calibration they may follow the postures that they are fitted to, and no others.
     """
-    best, *others = sorted(fits, key=lambda fit: fit.bic)
-    for other in others:
-        if np.isfinite(other.bic) and gain(folds.squared_errors(best), folds.squared_errors(other)) > 0.0:
-            best = other
-    return best
+    return float(folds.squared_errors(step).sum()) <= float(folds.errors_with(()).sum())
 
 
 def _beside(settings: Settings, folds: Folds, step: Step, chosen: Sequence[Form]) -> OpenModel:
@@ -293,12 +290,7 @@ def _without_needless_loads(settings: Settings, folds: Folds, step: Step) -> tup
                 continue
             others, same = settings.folds(model, chosen)
             fits.append((others, select(others.choice, others.squared_errors, start=same, forbidden=[key])))
-        before = folds.squared_errors(step)
-        fits = [
-            (its, fit)
-            for its, fit in fits
-            if fit.bic <= step.bic and not gain(its.squared_errors(fit), before) > 0.0
-        ]
+        fits = [fit for fit in fits if fit[1].bic <= step.bic and _sound(*fit)]
         if not fits:
             break
         folds, step = min(fits, key=lambda fit: fit[1].bic)
