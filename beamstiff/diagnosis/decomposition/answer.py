@@ -127,6 +127,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         scatter=step.scatter,
         bic=bic,
         largest=_largest(errors),
+        carrying=folds.carrying,
     )
 
 

@@ -202,6 +202,8 @@ class Decomposition:
         Rows that were left out as nobody knows from which side joints came that stop short, ``file:line``.
     mounting : Mounting or None
         Gravity that fits better than that of the robot file, where the causes leave more than noise.
+    carrying : OpenModel or None
+        The model with drives that carry errors of loads, where there are any.
     """
 
     model: OpenModel
@@ -221,6 +223,12 @@ class Decomposition:
     apart: Apart = field(default_factory=Apart)
     first: tuple[str, ...] = ()
     mounting: Mounting | None = None
+    carrying: OpenModel | None = None
+
+    @property
+    def calibrated(self) -> OpenModel:
+        """The model as it was calibrated beside the causes, errors of loads on its drives."""
+        return self.carrying or self.model
 
     @property
     def every(self) -> tuple[Cause, ...]:

@@ -208,7 +208,7 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
     if not forms:
         return found
     stage("selecting causes without each tenth of the postures")
-    folds, _ = settings.folds(found.model, forms)
+    folds, _ = settings.folds(found.calibrated, forms)
     again = nested(folds, found.every, settings.seed)
     # what an error of a load moves is a product with the drives, which a search that is linear hardly holds
     left_out = [one for one in found.every if again.hangs(one) and not has_loads(found.model, one.forms)]
@@ -216,7 +216,8 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
         rest = (*(cause for cause in found.every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
         left_out = [replace(cause, found_again=again.found(cause)) for cause in left_out]
-        found = _told_of(settings, settle(settings, found.model, found.scatter, forms) or found.model, forms)
+        model = settle(settings, found.calibrated, found.scatter, forms) or found.calibrated
+        found = _told_of(settings, model, forms)
         found = _as_written(settings, found)
         found = replace(found, hanging=tuple(left_out))
     return promised(found, again)
@@ -312,7 +313,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
         follow = any(follows_drives(found.model, form) for form in forms)
         if settled and (not follow or {form.key for form in forms} == beside):
             break
-        model = settle(settings, found.model, found.scatter, forms)
+        model = settle(settings, found.calibrated, found.scatter, forms)
         if model is None:
             break
         beside = {form.key for form in forms}
@@ -327,7 +328,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
     forms = _fitted_forms(found)
     loads = [form for form in forms if follows_drives(found.model, form)]
     if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
-        model = settle(settings, found.model, found.scatter, loads)
+        model = settle(settings, found.calibrated, found.scatter, loads)
         if model is not None:
             folds, _ = settings.folds(model, loads)
             step = select(folds.choice, folds.squared_errors)
@@ -352,7 +353,7 @@ def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
         for gone in (*([one] for one in loads), loads):
             keys = {one.key for one in gone}
             forms = [form for form in _fitted_forms(found) if form.key not in keys]
-            if (model := settle(settings, found.model, found.scatter, forms)) is not None:
+            if (model := settle(settings, found.calibrated, found.scatter, forms)) is not None:
                 other = _told_of(settings, model, forms)
                 if other.left2 < found.left2 + unlike2:
                     found = other
