@@ -23,6 +23,8 @@ from beamstiff.robot.plausibility import robot_doubts
 from beamstiff.robot.stiffness_parameters import missing_stiffness
 from beamstiff.units import in_unit
 
+ALONG = "tare_along_the_load"  # of a load that is not as stated: what does not grow with it
+
 
 def compensation_notes(
     result: Compensated, program: Program, given: Mapping[str, bool], branch: bool, taught: bool
@@ -163,7 +165,9 @@ def _left_out(result: Compensated) -> Iterator[str]:
             f"twice its standard deviation: {listed(names, 5)}"
         )
     if machine.set_aside:
-        ignored = f"{effects_text(machine.set_aside)} is taken for an error of measuring and ignored"
+        ignored = (
+            f"{effects_text(machine.set_aside)} is taken for an error of the measurement and not corrected"
+        )
         drifts = any(one.effect == "thermal-drift" for one in machine.set_aside)
         robot = "; if the robot drifts and not the tracker, calibrate it warm" if drifts else ""
         yield ignored + _true_loads(machine) + robot
@@ -244,9 +248,8 @@ def _unseen_tip(machine: Machine) -> list[str]:
     moved = _moved_alike(machine, sorted(read))
     off = f" (these stand {1e3 * moved:.2g} mm elsewhere, alike: the tool may too)" if moved else ""
     return [
-        f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}{off}: where it sits on its link, and "
-        "a zero of the last joint that points on this link cannot show, are as in the robot file. Check them "
-        "with a reflector in the tool"
+        f"{real.tcp!r} was not measured, only {listed(sorted(read), 3)}{off}: its place on its link and the "
+        "zero of the last joint are as in the robot file. Check them with a reflector in the tool"
     ]
 
 
@@ -283,12 +286,14 @@ def _true_loads(machine: Machine) -> str:
     parts = [part for one in machine.set_aside if one.effect == "load-error" for part in one.each]
     if not parts:
         return ""
-    gain, std = parts[0].parameters.get("gain"), parts[0].std.get("gain")
-    if gain is None:
+    sizes = {name: value for part in parts for name, value in part.parameters.items()}
+    if "gain" not in sizes or sizes.keys() - {"gain", ALONG}:
         return "; state the load that really acts"
-    spread = "" if std is None else f" ± {in_unit(std, '1'):.2g}"
-    acts = f"{1.0 + in_unit(gain, '1'):.2g}{spread}"
-    return f"; state the load that really acts: {acts} N for each N in the measured table"
+    std = parts[0].std.get("gain")
+    spread = "" if std is None or ALONG in sizes else f" ± {in_unit(std, '1'):.2g}"
+    acts = f"{1.0 + in_unit(sizes['gain'], '1'):.3g}{spread} N for each N in the measured table"
+    tare = f", and {in_unit(sizes[ALONG], 'N'):+.3g} N" if ALONG in sizes else ""
+    return f"; state the load that really acts: {acts}{tare}"
 
 
 def _unproven(result: Compensated, machine: Machine) -> list[str]:

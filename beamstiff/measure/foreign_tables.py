@@ -18,6 +18,7 @@ from beamstiff.measure.columns import (
     unit_outside,
 )
 from beamstiff.measure.profile_cells import clock_times
+from beamstiff.measure.profile_headers import with_row_of_units
 from beamstiff.measure.profiles import JOINTS, POSITION, QUATERNION
 from beamstiff.measure.table import MEASURED
 from beamstiff.measure.text import SEPARATORS, RawTable
@@ -123,7 +124,9 @@ def guessed_profile(
     >>> guessed_profile(["P", "X [mm]", "Y [mm]", "Z [mm]"], ";")  # doctest: +ELLIPSIS
     '{separator: semicolon, columns: {x: "X [mm]", y: ...}, units: {length: mm}, point: NODE, sigma_...}'
     """
-    names, behind = zip(*map(_name_and_unit, header), strict=True)
+    with_units, has_units = with_row_of_units(header, cells)
+    cells = cells[has_units:]
+    names, behind = zip(*map(_name_and_unit, with_units), strict=True)
     forces = {match[1] for name in names if (match := _FORCE.fullmatch(name.casefold()))}
     at, points = _reflectors(names, cells, nodes)
     columns: dict[str, str] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from beamstiff.errors import BeamstiffError, listed, shown
 from beamstiff.measure.columns import LABELS, QUANTITIES, Column, fail, to_si, unit_fault
 from beamstiff.measure.orientation import Orientation, Quaternion, named_orientation
-from beamstiff.measure.profile_headers import named_places
+from beamstiff.measure.profile_headers import named_places, with_row_of_units
 from beamstiff.measure.profiles import ANGLES, QUATERNION, SEPARATORS, Profile
 from beamstiff.measure.text import RowError, numbers
 from beamstiff.measure.wrench import STANDARD_GRAVITY
@@ -53,7 +53,10 @@ def profile_cells(text: str, profile: Profile, name: str) -> Cells:
     if not rows:
         raise BeamstiffError(f"{name}: found no points, expected rows with {listed(profile.columns)}")
     if any(isinstance(column, str) for column in profile.columns.values()):
-        line_of_header, header = lines.pop(0), rows.pop(0)
+        line_of_header = lines.pop(0)
+        header, has_units = with_row_of_units(rows.pop(0), rows)
+        if has_units:
+            del lines[0], rows[0]
         cutters = {separator: _cutter((separator,)) for separator in SEPARATORS}
         wanted = named_places(profile, header, first, cutters, name, line_of_header)
         unused = [cell for at, cell in enumerate(header) if cell and at not in wanted]

@@ -6,9 +6,24 @@ from beamstiff.errors import BeamstiffError, listed, shown, suggest
 from beamstiff.measure.columns import QUANTITIES, bare_name, fail, unit_fault, unit_in
 from beamstiff.measure.profiles import JOINTS, Profile
 from beamstiff.measure.wrench import STANDARD_GRAVITY
-from beamstiff.units import unit_factor
+from beamstiff.units import UNITS, unit_factor
 
+LEAST_UNITS = 3  # that a row of units has: those of a position
 Cutter = Callable[[str], list[str]]  # cuts a line into cells
+
+
+def with_row_of_units(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], bool]:
+    """Return a header with the units of a row of units below it, and whether there is one.
+
+    >>> with_row_of_units(["Name", "X", "A1"], [["", "mm", "deg"], ["P1", "1.5", "30"]])
+    (['Name', 'X [mm]', 'A1 [deg]'], True)
+    """
+    below = [cell.strip(" []()") for cell in (rows[0] if rows else ())]
+    stated = [cell for cell in below if cell]
+    if len(stated) < LEAST_UNITS or any(unit_fault(cell, (*UNITS,)) for cell in stated):
+        return list(header), False
+    cells = zip(header, [*below, *[""] * len(header)], strict=False)
+    return [f"{cell} [{unit}]" if unit and unit_in(cell) is None else cell for cell, unit in cells], True
 
 
 def named_places(

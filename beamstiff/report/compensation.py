@@ -63,7 +63,7 @@ def compensation_table(result: Compensated, some: Sequence[int] | None = None) -
     by = (factor * np.linalg.norm(moved[:, part], axis=1) for part, factor in PARTS)
     numbers = np.column_stack([1e3 * path.poses[:, :3, 3], *loads, *sizes, 1e3 * moved[:, :3], *by])
     return table(
-        "Predicted error of the tool at the targets",
+        "Predicted error of the tool at the targets, if the real robot is as its file says",
         "target",
         "line",
         *places,

@@ -162,7 +162,7 @@ def probability_text(found: Decomposition) -> str:
     said = f"{CLOSES} Probability: that it is this effect."
     if any(one.indistinguishable for one in found.causes):
         said += (
-            ' Causes joined by "or": these data do not decide between them; that one of them is there is '
+            ' Causes joined by "or": these data do not decide which of them it is; that it is one of them is '
             "likelier."
         )
     for one in found.causes:

@@ -210,6 +210,12 @@ def test_what_goes_with_the_load_is_fixed_by_displacements(cell: Path, succeed: 
     (cell / "misread.yaml").write_text(robot_to_yaml(load_robot("kr500")) + misread)
     said = succeed("compensate kr500 cell.src --actual misread.yaml").stderr
     assert "state the load that really acts: 0.7 ± 0.08 N for each N in the measured table" in said
+    (cell / "misread.yaml").write_text(
+        robot_to_yaml(load_robot("kr500"))
+        + misread.replace("gain: -0.3", "gain: -0.3, tare_along_the_load: 73")
+    )
+    said = succeed("compensate kr500 cell.src --actual misread.yaml").stderr
+    assert "the load that really acts: 0.7 N for each N in the measured table, and +73 N" in said
     assert "unloaded tool" not in result.stderr
 
 

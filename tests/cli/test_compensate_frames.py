@@ -82,7 +82,7 @@ def test_a_tool_that_no_calibration_read_is_doubted(cell: Path, succeed: Run, re
     names = ", ".join(f"{{name: {name}.x, std: 1e-5}}" for name in ("base", read))
     (cell / "real.yaml").write_text(robot_to_yaml(load_robot("kr500")) + f"calibrated: [{names}]\n")
     notes = succeed("compensate kr500 cell.src --actual real.yaml --wrench fz=-900N").stderr
-    assert ("'n6b' was not measured, only n6: where it sits on its link" in notes) == said
+    assert ("'n6b' was not measured, only n6: its place on its link" in notes) == said
 
 
 @pytest.mark.parametrize(("second", "told"), [(0.5, True), (0.2, False)])

@@ -3,6 +3,7 @@
 import pytest
 
 from beamstiff.errors import BeamstiffError
+from beamstiff.measure.foreign_tables import guessed_profile
 from beamstiff.measure.point_lists import parse_points
 from beamstiff.measure.profiles import parse_profile
 
@@ -19,6 +20,18 @@ def test_a_name_without_its_unit_is_taken_where_it_stands_once() -> None:
     twice = LIST.replace("Point", "J1 [rad]")
     with pytest.raises(BeamstiffError, match=r"no column 'J1' in the header, which has 'J1 \[rad\]', 'J1"):
         parse_points(twice, parse_profile(short.replace("pose: Point, ", "")))
+
+
+def test_units_may_stand_in_a_row_of_their_own() -> None:
+    below = "Point;J1;X;Y;Z;load\n;deg;mm;[mm];mm;kg\nP1;90;1000;0;-2;30\n"
+    bare = PROFILE.replace(" [deg]", "").replace(" [mm]", "").replace(" [kg]", "")
+    assert parse_points(below, parse_profile(bare)).text == parse_points(LIST, parse_profile(PROFILE)).text
+    with pytest.raises(BeamstiffError, match=r"t:1: x: found the unit 'm' .*'X \[mm\]' in the header"):
+        parse_points(below, parse_profile(bare.replace("length: mm", "length: m")), "t")
+    rows = [line.split(";") for line in below.splitlines()[1:]]
+    guessed = guessed_profile(below.splitlines()[0].split(";"), ";", ["q1"], rows)
+    assert "columns: {pose: Point, q1: J1, x: X, y: Y, z: Z, fz: load}" in guessed
+    assert "units: {joints: deg, length: mm, fz: kg}" in guessed
 
 
 def test_a_missing_column_is_told_with_those_that_there_are() -> None:

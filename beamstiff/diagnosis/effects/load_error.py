@@ -125,13 +125,13 @@ def rising(baseline: Baseline) -> Array:
 EFFECT = Effect(
     name="load-error",
     family="measurement",
-    meaning="The load's magnitude or direction is misread: sensor gain, cable angle, pulley friction.",
+    meaning="The load is not as stated, in size or direction (weight, sensor, cable, pulley); or the masses "
+    "of the robot file, with which positions compare it, are off.",
     components=lambda baseline: [None] if np.abs(baseline.rows.wrench).any() or baseline.stated else [],
     shapes=_shapes,
-    separation="check first that the load acts where the robot file says (TCP, or column load_point): a load "
-    "that acts elsewhere looks like this; then weigh the loads and check the masses of the robot file, since "
-    "positions show only how loads compare with weights; hold a plumb line beside the cable; run a closed "
-    "load cycle",
+    separation="check that the load acts where the robot file says (TCP, or column load_point), weigh it, "
+    "and check the masses of the robot file: positions show only how loads compare with weights. Of a load "
+    "that is pulled, hold a plumb line beside the cable and run a closed load cycle",
     look_alikes=("frame-misalignment", "tool-offset"),
     sources="0.5 to 5 deg, 1 to 10 %, engineering estimate",
     scales=_normalisation,
