@@ -15,6 +15,7 @@ from beamstiff.diagnosis.decomposition.outlier_influence import Apart
 from beamstiff.diagnosis.decomposition.remainder import Remainder
 from beamstiff.diagnosis.decomposition.unmodelled import lifted_side
 from beamstiff.diagnosis.effects import EFFECTS
+from beamstiff.diagnosis.effects.effect import LARGEST
 from beamstiff.diagnosis.effects.target_slip import slip_row
 from beamstiff.se3 import Array
 
@@ -160,6 +161,15 @@ class Cause:
             return False
         likely = self.probability >= NAMED or self.closes >= QUARTER
         return self.present >= PRESENT and likely and min(self.closes, self.shown) >= self.least
+
+    @property
+    def impossible(self) -> bool:
+        """Whether it came out larger than any machine's: no robot can be written with it."""
+        return any(
+            abs(value) > LARGEST.get(item.unit, np.inf)
+            for form, theta in zip(self.forms, self.theta, strict=True)
+            for item, value in zip(form.shape.parameters, (theta * form.sizes).tolist(), strict=True)
+        )
 
     @property
     def rows(self) -> tuple[int, ...]:

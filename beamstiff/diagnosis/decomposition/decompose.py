@@ -165,7 +165,7 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
         astray = unsteady(folds, step, settings.seed)
         if not astray:
             found = _told(settings, folds, step)
-            astray = {one.key for one in found.every if one.astray}
+            astray = {one.key for one in found.every if one.astray or one.impossible}
             doubtful = {one.key for one in found.every if _doubtful(found, one)}
             if model.problem is None:  # of positions see `_as_written`
                 doubtful |= unsettled(found, QUARTER)

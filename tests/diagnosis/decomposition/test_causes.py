@@ -84,3 +84,10 @@ def test_of_causes_that_leave_more_than_no_cause_does_one_goes(monkeypatch: pyte
     assert order == [(1,)]
     assert [float(error) for error in np.concatenate(errors)] == [1.0, 0.5]
     assert shown == [0.5]
+
+
+@pytest.mark.parametrize(("value", "is_one"), [(0.49, False), (-0.54, True)])
+def test_a_share_of_more_than_a_half_is_no_size_of_a_machine(value: float, is_one: bool) -> None:
+    """As a robot file is refused with it: an instrument does not read half as much again."""
+    one = cause(0.9, 0.9, 0.9)
+    assert replace(one, theta=(np.array([value]) / one.forms[0].sizes,)).impossible == is_one
