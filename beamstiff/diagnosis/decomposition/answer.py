@@ -123,7 +123,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         rms=float(np.sqrt(total / folds.rows)),
         noise=float(np.sqrt(noise2 / folds.rows)),
         # errors of loads were fitted on these drives: they are no others beside laws that the robot will lack
-        change=theta[:opened] + (0.0 if has_loads(model, forms) else _taken_up(model, unmodelled)),
+        change=theta[:opened] + (0.0 if has_loads(forms) else _taken_up(model, unmodelled)),
         scatter=step.scatter,
         bic=bic,
         largest=_largest(errors),

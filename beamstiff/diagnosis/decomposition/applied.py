@@ -163,7 +163,7 @@ def _calibrated(found: Decomposition, causes: Sequence[Cause]) -> Robot:
         return linear
     rows = without_motion(model.baseline.rows, _moved(found, causes))
     held = None
-    if has_loads(model, [form for cause in causes for form in cause.forms]):  # found on these drives
+    if has_loads([form for cause in causes for form in cause.forms]):  # found on these drives
         held = {name: linear.parameter(name) for name in model.given.identify}
     try:
         again = open_geometry(model.given, rows, parameters=model.parameters, settled=True, drives=held)

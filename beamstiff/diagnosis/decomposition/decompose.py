@@ -196,7 +196,7 @@ def _explaining(
 
 def _doubtful(found: Decomposition, cause: Cause) -> bool:
     """Return whether a cause is an error of loads, and likelier another: nothing should be under it."""
-    return has_loads(found.model, cause.forms) and cause.probability < NAMED
+    return has_loads(cause.forms) and cause.probability < NAMED
 
 
 def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
@@ -211,7 +211,7 @@ def _found_again(settings: Settings, found: Decomposition) -> Decomposition:
     folds, _ = settings.folds(found.calibrated, forms)
     again = nested(folds, found.every, settings.seed)
     # what an error of a load moves is a product with the drives, which a search that is linear hardly holds
-    left_out = [one for one in found.every if again.hangs(one) and not has_loads(found.model, one.forms)]
+    left_out = [one for one in found.every if again.hangs(one) and not has_loads(one.forms)]
     if left_out:
         rest = (*(cause for cause in found.every if cause not in left_out), *found.unmodelled)
         forms = [form for cause in rest for form in cause.forms]
@@ -274,8 +274,7 @@ def _sound(folds: Folds, step: Step) -> bool:
 def _beside(settings: Settings, folds: Folds, step: Step, chosen: Sequence[Form]) -> OpenModel:
     """Return the open model that is calibrated beside causes, errors of loads as they settle if they do."""
     carrying = folds.carrying or folds.model
-    loads = any(form.shape.wrench is not None for form in chosen)
-    model = settle(settings, carrying, step.scatter, chosen) if loads else None
+    model = settle(settings, carrying, step.scatter, chosen) if has_loads(chosen) else None
     return model or settings.calibrated(carrying, chosen, solution_of(carrying, chosen))
 
 
@@ -322,7 +321,7 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         other = told(folds, step, settings.seed)
-        if settled and unsettled(other):
+        if settled and (unsettled(other) or other.left2 > found.left2):
             break
         found = other
     forms = _fitted_forms(found)
@@ -345,7 +344,7 @@ def _as_written(settings: Settings, found: Decomposition) -> Decomposition:
     others settle; where there is none, all. What is compliant deforms under these errors too, and each fit is
     linear about those of the one before.
     """
-    while loads := [one for one in found.every if has_loads(found.model, one.forms)]:
+    while loads := [one for one in found.every if has_loads(one.forms)]:
         unlike2 = unlike_written(found) ** 2
         if unlike2 <= MINOR * found.rms**2:
             break

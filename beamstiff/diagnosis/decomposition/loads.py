@@ -68,9 +68,9 @@ def solved_beside(model: OpenModel, forms: Sequence[Form]) -> tuple[Array, Array
     return found
 
 
-def has_loads(model: OpenModel, forms: Iterable[Form]) -> bool:
-    """Return whether errors of loads are among the causes of positions."""
-    return model.problem is not None and any(follows_drives(model, form) for form in forms)
+def has_loads(forms: Iterable[Form]) -> bool:
+    """Return whether errors of loads are among some causes."""
+    return any(form.effect in EFFECTS and EFFECTS[form.effect].place in OF_LOADS for form in forms)
 
 
 def without_errors(model: OpenModel) -> OpenModel:
@@ -120,7 +120,7 @@ def follows_drives(model: OpenModel, form: Form) -> bool:
     """Return whether what a form moves follows the drives; of displacements nothing else is calibrated."""
     if form.effect not in EFFECTS or form.effect in OF_THE_CLOCK:
         return False
-    return model.problem is None or EFFECTS[form.effect].place in OF_LOADS
+    return model.problem is None or has_loads([form])
 
 
 def _following(model: OpenModel, forms: Sequence[Form], thetas: Sequence[Array]) -> list[tuple[Form, Array]]:

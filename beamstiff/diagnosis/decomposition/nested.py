@@ -152,7 +152,7 @@ def promised(found: Decomposition, again: Nested) -> Decomposition:
         np.bincount(again.fold, weights=errors) for errors in (again.squared_errors(again.fits), nothing)
     ]
     left = float(np.minimum(*by_fold).sum()) / again.folds.rows
-    if any(has_loads(found.model, cause.forms) for cause in found.every):
+    if any(has_loads(cause.forms) for cause in found.every):
         left += unlike_written(found) ** 2
     kept = float(np.clip((found.rms**2 - left) / explainable / told, 0.0, 1.0))
 

@@ -80,7 +80,7 @@ class Settings:
         else:
             moved = moved_by(model, chosen, thetas, change) if beside is None else beside
             there = model.robot(change)
-            names = self.robot.identify if held and has_loads(model, chosen) else ()
+            names = self.robot.identify if held and has_loads(chosen) else ()
             opened = open_geometry(
                 self.robot,
                 model.baseline.rows,

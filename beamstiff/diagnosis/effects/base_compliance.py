@@ -42,9 +42,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("rotation that stiffens", turning, contacts[0], weight=0.5),
         Shape.of("all, stiffening", *every, *contacts, weight=0.5),
     ]
-    return [
-        replace(one, prior_factor=SPREAD, against=None if "stiffen" in one.name else ()) for one in found
-    ]
+    return [replace(one, prior_factor=SPREAD, against=None if "stiffen" in one.name else ()) for one in found]
 
 
 def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:
