@@ -166,7 +166,7 @@ def _searched(settings: Settings, model: OpenModel, forms: Sequence[Form]) -> De
         if not astray:
             found = _told(settings, folds, step)
             astray = {one.key for one in found.every if one.astray or one.impossible}
-            doubtful = {one.key for one in found.every if _doubtful(found, one)}
+            doubtful = {one.key for one in found.every if _doubtful(one)}
             if model.problem is None:  # of positions see `_as_written`
                 doubtful |= unsettled(found, QUARTER)
             if doubtful and not astray:
@@ -191,10 +191,10 @@ def _explaining(
     before, best = min(doubted, key=lambda one: one[1].bic, default=(settings, found))
     if not (best.scatter <= NOISE < found.scatter or best.scatter**2 < HALF * found.scatter**2):
         return settings, found
-    return before, without_rivals(best, {one.key for one in best.every if _doubtful(best, one)})
+    return before, without_rivals(best, {one.key for one in best.every if _doubtful(one)})
 
 
-def _doubtful(found: Decomposition, cause: Cause) -> bool:
+def _doubtful(cause: Cause) -> bool:
     """Return whether a cause is an error of loads, and likelier another: nothing should be under it."""
     return has_loads(cause.forms) and cause.probability < NAMED
 
