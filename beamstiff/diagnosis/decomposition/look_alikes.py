@@ -265,12 +265,10 @@ def _usually_named(choice: Choice, step: Step, cause: tuple[int, ...]) -> Iterat
     """Yield the fit in which a cause has its usual name, if the rows do not distinguish them."""
     keys = {choice.forms[number].key for number in step.chosen}
     own = choice.forms[cause[0]]
-    # forms that turn with the first joint, and the seat's that do not, are two mechanics in one bearing
-    same = tuple(number for number in cause if not choice.apart[number]) or cause
-    others = tuple(k for k in step.chosen if k not in same)
+    others = tuple(k for k in step.chosen if k not in cause)
     usual = [key for key in choice.alike.get(own.key, ())[:1] if key not in keys]
     alone = [(key, fit_step(choice, (*others, k))) for key in usual for k in choice.of_cause.get(key, ())]
-    fits = [with_further_forms(choice, fit, choice.of_cause[key], len(same)) for key, fit in alone]
+    fits = [with_further_forms(choice, fit, choice.of_cause[key], len(cause)) for key, fit in alone]
     worse = -2.0 * tempering_of(step, fit_step(choice, others)) * float(np.log(PLAUSIBLE))
     if own.key in (ALL_DRIVES, ALL_REVERSED):
         fits = [_some_joints(choice, others, own)]

@@ -18,7 +18,6 @@ from beamstiff.diagnosis.residual.baseline import Baseline
 ROTATION = 5e-8  # rad/(N m)
 TRANSLATION = 5e-9  # m/N
 COUPLING = 1e-8  # 1/N: a centre of rotation some decimetres below
-SPREAD = 30.0  # as of bearings and links: from a bolted plate to a carriage whose rack gives
 
 
 def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
@@ -42,7 +41,7 @@ def _shapes(baseline: Baseline, component: str | None) -> list[Shape]:
         Shape.of("rotation that stiffens", turning, contacts[0], weight=0.5),
         Shape.of("all, stiffening", *every, *contacts, weight=0.5),
     ]
-    return [replace(one, prior_factor=SPREAD, against=None if "stiffen" in one.name else ()) for one in found]
+    return [replace(one, against=None if "stiffen" in one.name else ()) for one in found]
 
 
 def _normalisation(baseline: Baseline, component: str | None) -> Normalisation:

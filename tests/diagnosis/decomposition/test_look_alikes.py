@@ -179,23 +179,3 @@ def test_one_mechanics_has_its_usual_name_unless_the_rows_distinguish(away: floa
     step = with_usual_name(choice, fit_step(choice, (0, 1)))
     assert {choice.forms[number].key for number in step.chosen} == {named}
     assert len(step.chosen) == 2
-
-
-def test_of_a_bearing_on_the_ground_its_seat_is_the_base_and_what_turns_stays() -> None:
-    """Both in one cause: a base and a link behind the first joint had been one bearing, over 99 %."""
-    rng = np.random.default_rng(7)
-    seat, turning = rng.standard_normal((2, VALUES, 1))
-    size = Quantity("size", "N", 1.0)
-    forms = [
-        replace(form(seat, size), effect="bearing-tilt", component="q1"),
-        replace(form(turning, size), effect="bearing-tilt", component="q1"),
-        replace(form(seat, size), effect="base-compliance", component=None),
-    ]
-    group = ("base-compliance:null", "bearing-tilt:q1")
-    choice = replace(
-        choice_of(40.0 * seat[:, 0] + 20.0 * turning[:, 0] + rng.standard_normal(VALUES), *forms),
-        alike=dict.fromkeys(group, group),
-        apart=np.array([False, True, False]),
-    )
-    step = with_usual_name(choice, fit_step(choice, (0, 1)))
-    assert sorted(step.chosen) == [1, 2]
