@@ -72,7 +72,8 @@ def test_other_columns_and_degrees_without_a_unit_are_refused(
         read(table(names, values))
 
 
-def test_cells_that_are_no_number_are_refused() -> None:
-    text = table(NAMES, Q).replace(f"{Q[0, 1]:.9f}", "left")
-    with pytest.raises(BeamstiffError, match=r"joints.csv:2: q2: found 'left', expected a number"):
+@pytest.mark.parametrize("cell", ["left", "nan", "1e999", ""])
+def test_cells_that_are_no_number_are_refused(cell: str) -> None:
+    text = table(NAMES, Q).replace(f"{Q[0, 1]:.9f}", cell)
+    with pytest.raises(BeamstiffError, match=rf"joints.csv:2: q2: found '{cell}', expected a number"):
         read(text)

@@ -31,12 +31,8 @@ POSITION, ANGLES, QUATERNION, AXIS = (
     ("i", "j", "k"),
 )
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
-NEEDED = {
-    "length": 1e-6,
-    "angle": np.radians(1e-4),
-    "number": 1e-7,
-    "joint": 1e-7,
-}  # what decimals must show, SI
+# what decimals must show, SI
+NEEDED = {"length": 1e-6, "angle": np.radians(1e-4), "number": 1e-7, "joint": 1e-7}
 _KIND = {
     **dict.fromkeys(POSITION, "length"),
     **dict.fromkeys(ANGLES, "angle"),
@@ -290,7 +286,8 @@ def _of_joints(
 
 
 def _number(cell: str, source: str, line: int, name: str) -> str:
-    if not _NUMBER.fullmatch(cell):
+    """Return a cell that is a number."""
+    if not _NUMBER.fullmatch(cell) or not np.isfinite(float(cell)):
         hint = "; decimals follow a point" if re.fullmatch(r"[+-]?\d+,\d+", cell) else ""
         fail(source, line, name, f"found {shown(proper(cell))}, expected a number{hint}")
     return cell
