@@ -109,9 +109,7 @@ def stiffness(
     if len(where.values) != 1:
         raise OptionError("q", f"found {len(where.values)} postures, expected one (tcp_stiffness takes many)")
     compliance = _compliance(structure, where, load if preload else None)
-    elastic = () if preload else tuple(one for one in machine.effects if is_elastic(one))
-    if elastic:
-        compliance = compliance + _effects_compliance(machine, elastic, where)
+    elastic = () if preload else tuple(filter(is_elastic, machine.effects))
     coarse: list[str] = []
     if preload:
         coarse = coarse_beams(respond(structure, where, _nodal(structure, load), gravity=True))
@@ -144,6 +142,9 @@ def stiffness(
 
 def tcp_compliance(robot: RobotLike | Structure, q: Joints | Posture | None = None) -> Array:
     """Return the compliance at the TCP of every posture, (P, 6, 6), base frame: ``[d, r] = C [f, m]``.
+
+    Elastic effects of the robot are included, with what they do under 1 N and 1 N m; of a robot without some
+    of them see `Robot.without_effects`.
 
     Parameters
     ----------
@@ -221,9 +222,11 @@ def _placed(robot: RobotLike | Structure, q: Joints | Posture | None) -> tuple[S
 
 
 def _compliance(structure: Structure, where: Posture, load: Array | None) -> Array:
-    """Return the compliance of the machine under gravity and a load, or of none, (P, 6, 6)."""
+    """Return the compliance of the machine under gravity and a load, or none but with effects, (P, 6, 6)."""
     if load is None:
         compliance = condensation.tcp_compliance(structure, where)
+        if elastic := tuple(filter(is_elastic, structure.robot.effects)):
+            compliance = compliance + _effects_compliance(structure.robot, elastic, where)
     else:
         compliance = loaded_compliance(structure, where, _nodal(structure, load), gravity=True, moved=False)
     if structure.robot.model is not None:
@@ -232,17 +235,17 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
 
 
 def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Posture) -> Array:
-    """Return what effects add to the compliance (6, 6) at the TCP: the mean of 1 N, 1 N m either way."""
-    names = [one.name for one in robot.actuated]
-    q = np.tile(where.values[0, : len(names)], (6, 1))  # the actuated variables come first
+    """Return what effects add to the compliance (P, 6, 6) at the TCP: the mean of 1 N, 1 N m either way."""
+    names, count = [one.name for one in robot.actuated], len(where.values)
+    q = np.repeat(where.values[:, : len(names)], 6, axis=0)  # the actuated variables come first
     machine = robot.model_copy(update={"effects": tuple(effects)})
 
     def moved(load: float) -> Array:
-        loads, unread = load * np.eye(6), np.zeros((6, 6))
+        loads, unread = np.tile(load * np.eye(6), (count, 1)), np.zeros((6 * count, 6))
         rows = make_measurements(names, q, tcp=robot.tcp, wrench=loads, displacement=unread)
-        return effects_displacement(machine, rows)
+        return effects_displacement(machine, rows).reshape(count, 6, 6)
 
-    return np.asarray(0.5 * (moved(1.0) - moved(-1.0)).T)
+    return np.asarray(0.5 * (moved(1.0) - moved(-1.0)).swapaxes(1, 2))
 
 
 def _nodal(structure: Structure, load: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import RenderableType
 
+from beamstiff.diagnosis.apply import effects_displacement
 from beamstiff.functions.checks import effects_text
 from beamstiff.functions.predict import Prediction
 from beamstiff.measure.table import DISPLACEMENT
@@ -96,13 +97,24 @@ def deflection_text(found: Prediction) -> list[str]:
     if shares := found.energy_shares(most):
         parts = [f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= SHOWN]
         weight = " and the weight" if found.pose is not None else ""
+        weight += ", the robot's effects left out" if found.robot.effects else ""
         said.append(
             f"What is compliant in {found.rows.place(most)}, where the tool moves most: "
             f"{', '.join(parts)} of the strain energy under the load{weight}."
         )
     if found.robot.effects:
-        said.append(f"With the robot's effects: {effects_text(found.robot.effects)}.")
+        said.append(f"With the robot's effects: {_effects_text(found, most)}.")
     return said
+
+
+def _effects_text(found: Prediction, row: int) -> str:
+    """Return the effects of a robot in words, with how far each by itself moves the tool in a row."""
+    said = []
+    for one in found.robot.effects:
+        alone = found.robot.model_copy(update={"effects": (one,)})
+        moved = 1e3 * float(np.linalg.norm(effects_displacement(alone, found.rows)[row, :3]))
+        said.append(f"{effects_text([one])} ({number(moved)} mm)")
+    return f"{', '.join(said)}, in {found.rows.place(row)}"
 
 
 def deflection_figure(found: Prediction) -> Figure:

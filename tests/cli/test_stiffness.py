@@ -48,6 +48,23 @@ def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None
     assert any("not part of its stiffness" in note and "angle-curve:q1" in note for note in found.notes)
 
 
+def test_a_base_that_tilts_counts_in_every_posture_for_python_as_for_the_command() -> None:
+    """Truth: a turn of the foot by ``C_b (p x f + m)`` moves the tool as a rigid body."""
+    tilting = np.diag([3e-8, 3e-8, 0.0])
+    robot = load_robot("kr500")
+    effect = added("base-compliance", "tilt", tilting_compliance=3e-8)
+    sprung = robot.model_copy(update={"effects": (effect,)})
+    q = {"q1": np.array([0.2, -0.4, 0.6]), "q2": -0.3, "q3": 0.5}
+    more = tcp_compliance(sprung, q) - tcp_compliance(robot, q)
+    for pose, own in zip(beamstiff.forward_kinematics(robot, q), more, strict=True):
+        x, y, z = pose[:3, 3]
+        lever = np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
+        np.testing.assert_allclose(own, lever.T @ tilting @ lever, atol=1e-12)
+    alone = stiffness(sprung, {"q1": -0.4, "q2": -0.3, "q3": 0.5}).compliance
+    np.testing.assert_allclose(tcp_compliance(sprung, q)[1], alone, rtol=1e-9, atol=1e-15)
+    assert np.abs(np.linalg.inv(beamstiff.tcp_stiffness(sprung, q)[1]) - alone).max() < 1e-12
+
+
 def test_joints_not_named_are_zero(told: Run) -> None:
     plain = told("stiffness crane.yaml")
     assert plain == told("stiffness crane.yaml --q q1=0")
