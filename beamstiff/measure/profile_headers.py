@@ -15,8 +15,8 @@ Cutter = Callable[[str], list[str]]  # cuts a line into cells
 def with_row_of_units(header: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], bool]:
     """Return a header with the units of a row of units below it, and whether there is one.
 
-    >>> with_row_of_units(["Name", "X", "A1"], [["", "mm", "deg"], ["P1", "1.5", "30"]])
-    (['Name', 'X [mm]', 'A1 [deg]'], True)
+    >>> with_row_of_units(["Name", "X", "A1", "m"], [["", "mm", "deg", "kg"], ["P1", "1.5", "30", "4"]])
+    (['Name', 'X [mm]', 'A1 [deg]', 'm [kg]'], True)
     """
     below = [cell.strip(" []()") for cell in (rows[0] if rows else ())]
     stated = [cell for cell in below if cell]

@@ -291,7 +291,9 @@ def places_table(places: Sequence[Mapping[str, Any]], title: str) -> Table:
 def gap_tables(result: Diagnosis) -> Table:
     """Return the position gap, RMS in mm, by direction, load, loading and time in one table."""
     found = result.decomposition
-    without = " without the causes" if found is not None and (found.causes or found.unclear) else ""
+    several = found is not None and bool(found.causes or found.unclear)
+    one = result.verdict.effect not in ("none", "unknown")
+    without = " without the causes" if several else " without the cause" if one else ""
     title = f"Residual of the fitted rows{without}, RMS (the gap above is that of held-out rows)"
     rows = (
         [by, POWER.sub(_spelled, part), f"{value:.3f}"]

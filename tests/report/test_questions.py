@@ -67,7 +67,7 @@ def test_another_error_of_a_load_is_no_place_but_may_look_like_one() -> None:
     cause = misread(0.1 * np.random.default_rng(0).standard_normal((3, 3)))
     assert load_lever(cause) is None
     action = verdict(of(cause)).action
-    assert "a load that acts elsewhere looks like this" in action
+    assert "check that the load acts where the robot file says" in action
 
 
 def test_a_size_that_may_have_either_sign_is_not_doubted_for_being_negative() -> None:

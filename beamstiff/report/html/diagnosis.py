@@ -176,7 +176,7 @@ def _where(result: Diagnosis) -> Section:
     tables += [
         replace(shown.gap_table(values, title, head), open=False) for title, head, values in parts if values
     ]
-    text = "Errors of the fitted model, by direction, load, joint value and region."
+    text = "Errors of the fitted model without the causes, by direction, load, joint value and region."
     return Section("where", "Where the gap is", figures=figures, tables=tables, tables_text=text)
 
 
