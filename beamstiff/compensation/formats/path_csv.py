@@ -235,12 +235,10 @@ def _program(
             if name in ANGLES and abs(turned) > TURN:
                 found = f"{proper(cell)}, which is {turned:.3g} rad: more than a turn"
                 fail(source, line, name, f"found {found}; angles in degrees have a header {name} [deg]")
-            decimals = max(0, round(-np.log10(NEEDED[_KIND[name]] / column.unit) + 0.49))
-            slots[name] = Slot(start, cell, column.unit, decimals)
-        label = proper(cells[at["name"]][1]) if "name" in at else ""
+            slots[name] = Slot(start, cell, column.unit, _decimals(_KIND[name], column.unit))
         position, rotation = (tuple(slots[name] for name in names) for names in (POSITION, turning))
         known = () if turning else (0.0, 0.0, 0.0)
-        places.append(Place(label or f"row {len(places) + 1}", line, position, rotation, known))
+        places.append(Place(_label(cells, at, len(places)), line, position, rotation, known))
     columns = {}
     for column in header:
         if column.kind is None:
@@ -270,10 +268,9 @@ def _of_joints(
         slots = []
         for column in joints:
             start, cell = cells[at[column.name]]
-            decimals = max(0, round(-np.log10(NEEDED["joint"] / column.unit) + 0.49))
-            slots.append(Slot(start, _number(cell, source, line, column.name), column.unit, decimals))
-        label = proper(cells[at["name"]][1]) if "name" in at else ""
-        places.append(Place(label or f"row {len(places) + 1}", line, joints=tuple(slots)))
+            number = _number(cell, source, line, column.name)
+            slots.append(Slot(start, number, column.unit, _decimals("joint", column.unit)))
+        places.append(Place(_label(cells, at, len(places)), line, joints=tuple(slots)))
     return make_program(
         text,
         source,
@@ -283,6 +280,17 @@ def _of_joints(
         wrench=_wrench(header, at, rows, source),
         joint_names=tuple(column.name for column in joints),
     )
+
+
+def _decimals(kind: str, unit: float) -> int:
+    """Return the decimals that a corrected number needs in a unit of the file."""
+    return max(0, round(float(-np.log10(NEEDED[kind] / unit)) + 0.49))
+
+
+def _label(cells: Sequence[tuple[int, str]], at: Mapping[str, int], before: int) -> str:
+    """Return the name of a target, after so many others."""
+    label = proper(cells[at["name"]][1]) if "name" in at else ""
+    return label or f"row {before + 1}"
 
 
 def _number(cell: str, source: str, line: int, name: str) -> str:

@@ -305,12 +305,12 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
     among those that have settled if there are any.
     """
     found = told(folds, step, settings.seed)
-    every = [found]
+    fits = [(bool(unsettled(found)), found)]
     beside = {folds.choice.forms[number].key for number in step.chosen}
     for _ in range(ROUNDS):
         # laws outside the library come in again where they are needed: they may have made up for the drives
         forms = [form for form in _fitted_forms(found) if not form.outside_library]
-        settled = not unsettled(found)
+        settled = not fits[-1][0]
         follow = any(follows_drives(found.model, form) for form in forms)
         if settled and (not follow or {form.key for form in forms} == beside):
             break
@@ -323,11 +323,12 @@ def _told(settings: Settings, folds: Folds, step: Step) -> Decomposition:
         if unsteady(folds, step, settings.seed):
             break
         other = told(folds, step, settings.seed)
-        if settled and (unsettled(other) or other.left2 > found.left2):
+        fit = bool(unsettled(other)), other
+        if settled and (fit[0] or other.left2 > found.left2):
             break
         found = other
-        every.append(found)
-    found = min(every, key=lambda one: (bool(unsettled(one)), one.left2))
+        fits.append(fit)
+    found = min(fits, key=lambda fit: (fit[0], fit[1].left2))[1]
     forms = _fitted_forms(found)
     loads = [form for form in forms if follows_drives(found.model, form)]
     if 0 < len(loads) < len(forms):  # the others may but make up for drives that are off
