@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from beamstiff.diagnosis.decomposition.causes import MINOR, PRESENT, Cause, Decomposition
-from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.discrepancy import presence_odds
 from beamstiff.diagnosis.decomposition.fit import Step, fit_step, forms_in
 from beamstiff.diagnosis.decomposition.folds import Folds, closed, interval, ordered
 from beamstiff.diagnosis.decomposition.forms import SLIP, UNMODELLED, by_form, is_outside
@@ -269,11 +269,10 @@ def _judged(
     choice, forms = folds.choice, forms_in(folds.choice, step)
     rivals = [_rival_of(folds, step, cause, replaced.get(cause, ())) for cause in order]
     alike = [rival.indistinguishable for rival in rivals]
-    odds = np.array(discrepancy_odds(choice, step, order, alike))
+    odds = np.array(presence_odds(choice, order, alike))
     if folds.stated is not None:  # without errors of loads what is compliant is not under them either
         kept = np.array([choice.keeps(cause) for cause in order], dtype=bool)
-        bare = folds.stated.choice
-        odds[kept] = np.array(discrepancy_odds(bare, fit_step(bare, step.chosen), order, alike))[kept]
+        odds[kept] = np.array(presence_odds(folds.stated.choice, order, alike))[kept]
     return {
         cause: Cause(
             forms=tuple(forms[number] for number in cause),

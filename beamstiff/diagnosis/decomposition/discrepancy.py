@@ -14,7 +14,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic
+from beamstiff.diagnosis.decomposition.fit import Choice, Step, bic, fit_step
 from beamstiff.diagnosis.decomposition.forms import UNMODELLED
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.measure.arrays import Integers
@@ -23,6 +23,27 @@ from beamstiff.se3 import Array
 SIZES = (0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 50.0)  # u: none to far above the noise
 MOST_VALUES = 600  # that the mixture is weighed by: its cost grows with their third power
 SHOWS = 1e-6  # of 1: what the open geometry leaves of a column, below which it is rounding
+
+
+def presence_odds(
+    choice: Choice, causes: Sequence[tuple[int, ...]], alike: Sequence[Collection[str]]
+) -> list[float]:
+    """Return the log odds of each cause against a mixture of everything else, as of `discrepancy_odds`.
+
+    A cause that everything else explains as well is no reason to doubt another, whose part it could take: the
+    unlikeliest is left out, and those that stay are weighed anew.
+    """
+    odds, left = [0.0] * len(causes), list(range(len(causes)))
+    while left:
+        step = fit_step(choice, [number for at in left for number in causes[at]])
+        found = discrepancy_odds(choice, step, [causes[at] for at in left], [alike[at] for at in left])
+        for at, value in zip(left, found, strict=True):
+            odds[at] = value
+        least = min(left, key=odds.__getitem__)
+        if odds[least] >= 0.0:
+            break
+        left.remove(least)
+    return odds
 
 
 def discrepancy_odds(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds
+from beamstiff.diagnosis.decomposition.discrepancy import discrepancy_odds, presence_odds
 from beamstiff.diagnosis.decomposition.fit import Choice, bic, fit_step
 from beamstiff.diagnosis.decomposition.forms import Form
 from beamstiff.diagnosis.effects import Quantity
@@ -89,3 +89,37 @@ def test_whether_something_is_compliant_is_apart_from_which() -> None:
     some[1] = replace(some[1], effect="link-bending", component="link2", columns=some[0].columns)
     residual = 3.0 * some[0].columns[:, 0] + rng.standard_normal(VALUES)
     assert odds_of_the_first(residual, some) > 50.0
+
+
+def with_a_wide_one(rng: np.random.Generator) -> list[Form]:
+    """Return forms of a drive, of a base of eight columns that can do what it does, and of ten others."""
+    drive, *others = forms(rng)
+    columns = rng.standard_normal((VALUES, 8))
+    columns[:, 0] = drive.columns[:, 0] - 0.1 * columns[:, 1]
+    eight = tuple(Quantity(f"size{k}", "N", 1.0) for k in range(8))
+    wide = replace(form(columns, *eight), effect="base-compliance", component=None)
+    return [drive, wide, *others[2:]]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_idle_cause_that_could_take_the_part_of_another_is_no_doubt_about_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    some = with_a_wide_one(rng)
+    residual = some[0].columns[:, 0] + rng.standard_normal(VALUES)
+    made = choice_of(residual, *some)
+    together = discrepancy_odds(made, fit_step(made, (0, 1)), [(0,), (1,)], [(), ()])
+    drive, wide = presence_odds(made, [(0,), (1,)], [(), ()])
+    assert together[0] < 0.1  # beside the other nothing says that it is there
+    assert together[1] < 0.0
+    assert drive > 20.0
+    assert wide == together[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_only_a_wide_cause_explains_is_not_left_to_a_narrow_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    some = with_a_wide_one(rng)
+    residual = some[1].columns.sum(axis=1) + rng.standard_normal(VALUES)
+    drive, wide = presence_odds(choice_of(residual, *some), [(0,), (1,)], [(), ()])
+    assert drive < 0.1
+    assert wide > 50.0
