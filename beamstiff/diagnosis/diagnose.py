@@ -67,7 +67,8 @@ def _diagnose(robot: Robot, measurements: Measurements, prior: Prior, seed: int,
     several = found.decomposition
     causes = several.every if several is not None else ()
     order = order_taken(found.baseline, {found.verdict.effect, *(one.forms[0].effect for one in causes)})
-    found = replace(found, notes=(*found.notes, *said.doubts, *said.notes, *order))
+    every_note = (*found.notes, *said.doubts, *said.notes, *order)
+    found = replace(found, notes=every_note, loads_contradicted=said.sure)
     if doubt := shared_reading(found):
         found = replace(found, notes=(*found.notes, doubt))
     if len(rows) == len(every):

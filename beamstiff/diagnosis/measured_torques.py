@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from beamstiff.diagnosis.decomposition.behind_gears import SLIGHT, probabilities, score
+from beamstiff.diagnosis.decomposition.causes import PRESENT
 from beamstiff.diagnosis.decomposition.open_model import inverse_of, orthonormal
 from beamstiff.diagnosis.effects import EFFECTS
 from beamstiff.diagnosis.effects.approach_direction import last_direction
@@ -50,11 +51,13 @@ class Said:
     `given`: how likely effects are after them, by ``effect:component``.
     `doubts`: where they contradict weights and loads as stated.
     `notes`: what else there is to say: what is not used, friction, agreement.
+    `sure`: whether one of the doubts is.
     """
 
     given: dict[str, float] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    sure: bool = False
 
     def informed(self, prior: Prior) -> Prior:
         """Return the prior after the torques were read."""
@@ -261,7 +264,8 @@ def _said(baseline: Baseline, read: Readings, every: Mapping[str, list[_Form]], 
             given |= {key: MOVES for key in motions if _expected(prior, key) < MOVES}
     if rubs:
         notes.append(f"measured torques: friction by the direction of the last motion, {listed(rubs, 12)}")
-    return Said(given, tuple(doubts), tuple(notes))
+    sure = any(odds[name] >= PRESENT for name in found.picked)
+    return Said(given, tuple(doubts), tuple(notes), sure)
 
 
 def _stacked(
@@ -340,13 +344,14 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
     kind, _, where = name.partition(":")
     if kind == "payload-error":
         ends = dict(zip(form.parameters, zip(theta, std, strict=True), strict=True))
-        parts = []
-        if "mass" in ends:
-            kilograms, error = ends.pop("mass")
-            parts.append(
-                f"{abs(kilograms):.2g} ± {error:.1g} kg {'more' if kilograms > 0 else 'less'} at the tool"
-            )
-        if ends:
+        kilograms, error = ends.pop("mass", (0.0, np.inf))
+        way = "more" if kilograms > 0 else "less"
+        parts = [f"{abs(kilograms):.2g} ± {error:.1g} kg {way} at the tool"] if kilograms else []
+        moment = np.array([value for value, _ in ends.values()])
+        if abs(kilograms) > PLAIN * error and len(moment) == len("xyz"):
+            centre = ", ".join(f"{1e3 * one:+.0f}" for one in moment / kilograms)
+            parts.append(f"the centre of this at ({centre}) mm from the TCP, along the tool's axes")
+        elif len(moment):
             parts.append("another centre of gravity")
         return f"payload-error, which fits with {' and '.join(parts)}"
     if kind == "weights":
@@ -355,5 +360,6 @@ def _text(name: str, form: _Form, theta: Array, std: Array) -> str:
     if kind == "weight":
         return f"what hangs on frame {where} has another mass or centre than the robot file states"
     if kind == "load-error":
-        return f"load-error, the loads are not as stated: {form.name}"
+        sizes = listed([f"{one} {size:.2g}" for one, size in zip(form.parameters, theta, strict=True)], FEW)
+        return f"load-error, the loads are not as stated: {form.name} ({sizes}, SI)"
     return f"{kind} at {where}, a balancer of about {np.hypot(*theta[:2]):.4g} N*m, or an equal weight"

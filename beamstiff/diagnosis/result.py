@@ -85,6 +85,8 @@ class Diagnosis(Shown):
         them.
     fitted_rows : tuple of str
         Digests of the rows, for the written robot.
+    loads_contradicted : bool
+        Whether measured torques of the drives say for sure that weights or loads are not as stated.
     """
 
     baseline: Baseline
@@ -107,6 +109,7 @@ class Diagnosis(Shown):
     decomposition: Decomposition | None = None
     known: tuple[AddedEffect, ...] = ()
     fitted_rows: tuple[str, ...] = ()
+    loads_contradicted: bool = False
 
     @property
     def runners_up(self) -> list[RunnerUp]:

@@ -69,6 +69,11 @@ def _one(result: Diagnosis, head: str) -> str:
             "all in much the same direction, and no row states a load. If loads acted, add these columns and "
             "diagnose again."
         )
+    if result.loads_contradicted:
+        return (
+            "Correct the weights in the robot file, or the loads in the table: measured torques contradict "
+            "them (notes), and stiffness and causes follow from them. Then diagnose again."
+        )
     if head == NOTHING.capitalize():
         write = (
             "Write the calibrated robot (--apply FILE, or beamstiff calibrate --out FILE) and use it"

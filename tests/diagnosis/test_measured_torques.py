@@ -107,7 +107,13 @@ def test_a_payload_is_found_with_its_mass_whatever_gains_offsets_signs_and_frict
         said = measured_torques(ROBOT, replace(rows, torque=rows.torque * rng.choice([-1.0, 1.0], 6)))
         assert named(said) == {"payload-error:null"}
         (found,) = re.findall(r"fits with ([\d.e+]+) ± ([\d.]+) kg (more|less)", told(said))
-        away.append((float(found[0]) * (1 if found[2] == "more" else -1) - more) / float(found[1]))
+        sign = 1 if found[2] == "more" else -1
+        away.append((sign * float(found[0]) - more) / float(found[1]))
+        assert said.sure
+        (at,) = re.findall(r"centre of this at \(([^)]*)\) mm from the TCP", told(said))
+        moment = sign * float(found[0]) * 1e-3 * np.array([float(part) for part in at.split(",")])
+        known = 0.2 * TOOL * np.linalg.norm(CENTRE)  # twice the std of the sensors' gains
+        np.testing.assert_allclose(moment, (TOOL + more) * moved - TOOL * CENTRE, atol=known)
         if seed < 3:  # whichever way the sensors count
             assert named(measured_torques(ROBOT, rows)) == named(said)
     size = float(np.sqrt(np.mean(np.square(away))))
@@ -144,7 +150,10 @@ def test_wrong_loads_are_told_from_a_wrong_payload() -> None:
     acts = np.concatenate([rng.standard_normal((COUNT, 3)) * 2000.0, np.zeros((COUNT, 3))], axis=1)
     for seed in range(5):
         rows = readings(seed, wrench=1.1 * acts)  # of a cell that reads a tenth too little
-        assert named(measured_torques(ROBOT, replace(rows, wrench=acts))) == {"load-error:null"}
+        said = measured_torques(ROBOT, replace(rows, wrench=acts))
+        assert named(said) == {"load-error:null"}
+        (gain,) = re.findall(r"\(gain ([\d.]+), ", told(said))
+        assert float(gain) == pytest.approx(0.1, abs=0.03)
         assert not named(measured_torques(ROBOT, replace(rows, wrench=1.1 * acts)))
 
 

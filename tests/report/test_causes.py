@@ -121,6 +121,14 @@ def test_an_unrealistic_size_reaches_headline_and_next_action() -> None:
     assert not unrealistic(replace(far, verdict=replace(far.verdict, estimates=(slightly,)), candidates=()))
 
 
+def test_weights_that_measured_torques_contradict_are_corrected_first() -> None:
+    result, _ = found("gear")
+    assert not verdict(result).action.startswith("Correct the weights")
+    first, *_ = verdict(replace(result, loads_contradicted=True)).action.splitlines()
+    assert first.startswith("Correct the weights in the robot file, or the loads in the table: ")
+    assert first.endswith("Then diagnose again.")
+
+
 def test_of_terms_only_the_sum_cannot_be_negative() -> None:
     result, _ = found("gear")
     terms = [Estimate(f"half_width_{flank}", 3e-4, 1e-6, "rad", (1e-5, 6e-4), True) for flank in (0.03, 0.1)]
