@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from beamstiff.cli.options import COLUMNS, Assembly, Html, Preload, RobotFile, argument, option
+from beamstiff.cli.options import COLUMNS, Assembly, Html, Preload, Repaired, RobotFile, argument, option
 from beamstiff.cli.output import Outputs, note, working, write
-from beamstiff.cli.parse import parse_variables, parse_wrench, robot_file
+from beamstiff.cli.parse import parse_variables, parse_wrench, robot_file, without_repaired
 from beamstiff.errors import BeamstiffError, optional
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def deflect(
     ),
     preload: Preload = False,
     assembly: Assembly = None,
+    repaired: Repaired = None,
     out: str | None = option("FILE", "Write the loads with the predicted displacements as a CSV table."),
     vtu: str | None = option(
         "FILE", "Write the deformed structure of the row that moves most, or of --line, for ParaView (.vtu)."
@@ -49,7 +50,7 @@ def deflect(
     displacement under gravity, payload and the row's wrench, minus that under gravity and payload. A
     load under which the machine buckles is an error.
 
-    Effects that the robot has (`effects:`, such as backlash) are added.
+    Effects that the robot has (`effects:`, such as backlash) are added, but for those that are --repaired.
 
     \b
     Examples:
@@ -72,7 +73,7 @@ def deflect(
     from beamstiff.report.deflection import deflection_told
     from beamstiff.robot.stiffness_parameters import check_stiffness
 
-    machine = as_robot(robot, assembly=assembly)
+    machine = without_repaired(as_robot(robot, assembly=assembly), repaired)
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
     load = parse_wrench(wrench)

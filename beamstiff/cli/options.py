@@ -67,6 +67,15 @@ Region = Annotated[
         help="Where the TCP may be, such as x=0.5m:2m,z=300mm:1.8m; axes not named are free.",
     ),
 ]
+Repaired = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--repaired",
+        metavar="CAUSE",
+        help="Calculate as if this effect of the robot file were repaired, such as base-compliance or "
+        "backlash:q2; repeatable.",
+    ),
+]
 Preload = Annotated[
     bool,
     typer.Option("--preload", help="Include the geometric stiffness that gravity, payload and load cause."),

@@ -53,6 +53,12 @@ def parse_names(
     return names
 
 
+def without_repaired(robot: Robot, texts: Sequence[str] | None) -> Robot:
+    """Return the robot without the effects that are named as repaired."""
+    labels = parse_names(texts, "--repaired", "base-compliance,backlash:q2")
+    return robot.without_effects(*labels) if labels else robot
+
+
 def named(
     option: str,
     texts: Iterable[str] | None,

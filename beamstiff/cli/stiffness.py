@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from beamstiff.cli.options import Assembly, Preload, RobotFile, option
+from beamstiff.cli.options import Assembly, Preload, Repaired, RobotFile, option
 from beamstiff.cli.output import JSON, Outputs, note, working
-from beamstiff.cli.parse import note_limits, parse_variables, parse_wrench, robot_file
+from beamstiff.cli.parse import note_limits, parse_variables, parse_wrench, robot_file, without_repaired
 from beamstiff.errors import BeamstiffError, OptionError, listed
 
 if TYPE_CHECKING:
@@ -29,13 +29,14 @@ def stiffness(
         "fz=-900N,mx=20; components not named are 0.",
     ),
     assembly: Assembly = None,
+    repaired: Repaired = None,
 ) -> None:
     """Print the 6 x 6 stiffness and compliance at the TCP.
 
     For one posture. Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C
     wrench. Base frame, wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry,
     without gravity. Elastic effects that `diagnose --apply` added are included, as they act under
-    1 N and 1 N m. A mechanism is an error that names its free motion. A TCP that is rigid in some
+    1 N and 1 N m; --repaired leaves one out: what its repair would bring. A mechanism is an error that names its free motion. A TCP that is rigid in some
     direction, such as that of an arm with drive springs only in a singular posture, has a
     compliance but no stiffness: the rigid directions are named, and --json, which needs both
     matrices, is refused.
@@ -56,7 +57,7 @@ def stiffness(
     from beamstiff.report.stiffness import stiffness_tables
     from beamstiff.report.tables import spaced
 
-    machine = as_robot(robot, assembly=assembly)
+    machine = without_repaired(as_robot(robot, assembly=assembly), repaired)
     values, load = parse_variables(machine, q), parse_wrench(wrench)
     outputs = Outputs([robot_file(robot)])
     with working("condensing the structure"), _hint_at_q(machine, values):

@@ -22,6 +22,7 @@ OF_POINTS = (
     "base",
     "orientation",
     "history",
+    "unloaded_reading",
     *SIGMAS,
 )  # keys of a profile
 _NUMBER_AT_END = re.compile(r"(?<![0-9])(?<![0-9][.,])([0-9]{1,15})\Z")

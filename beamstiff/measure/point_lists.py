@@ -99,7 +99,7 @@ def parse_points(
         notes += more
     elif not any(key in values for key in values if key not in QUANTITIES):
         notes.append("without joint values (columns of their own, or --joints) this is a list of points only")
-    along = ("history", *SIGMAS)
+    along = ("history", "unloaded_reading", *SIGMAS)
     metadata = [f"{key}: {value}" for key in along if (value := getattr(profile, key)) is not None]
     return PointTable(table_text(metadata, columns), len(at), tuple(notes))
 

@@ -85,7 +85,7 @@ class Profile(Described):
     `base`: points known in the base frame, m.
     `sigma_position`, `sigma_rotation`: standard deviations, such as ``0.03 mm`` and ``0.1 mrad``, written
         along.
-    `history`: written along, as of a table of measurements.
+    `history`, `unloaded_reading`: written along, as of a table of measurements.
     `samples`: whether the rows are samples of a running machine.
     """
 
@@ -100,6 +100,7 @@ class Profile(Described):
     point: Name | None = None
     load_point: Name | None = None
     history: Literal["unloaded", "continuous"] | None = None
+    unloaded_reading: Literal["independent", "shared"] | None = None
     base: Mapping[str, Point] | None = None
     sigma_position: str | None = None
     sigma_rotation: str | None = None

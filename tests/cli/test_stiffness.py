@@ -9,6 +9,7 @@ import beamstiff
 from beamstiff.functions.stiffness import stiffness, tcp_compliance
 from beamstiff.report.overview import describe
 from beamstiff.robot.reader import load_robot
+from beamstiff.robot.writer import save_robot
 from tests.added import added
 from tests.cli.conftest import Run
 
@@ -46,6 +47,20 @@ def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None
     found = stiffness(rigid.model_copy(update={"effects": (effect, drift)}), {"q1": 0.3})
     np.testing.assert_allclose(found.compliance, tcp_compliance(crane, {"q1": 0.3})[0], rtol=1e-6, atol=1e-12)
     assert any("not part of its stiffness" in note and "angle-curve:q1" in note for note in found.notes)
+
+
+def test_a_repaired_effect_is_as_if_it_were_not_there(folder: Path, told: Run) -> None:
+    crane = load_robot(folder / "crane.yaml")
+    effect = added("base-compliance", "tilt", tilting_compliance=3e-8)
+    save_robot(crane.model_copy(update={"effects": (effect,)}), folder / "tilts.yaml")
+    plain, tilting = told("stiffness crane.yaml --q q1=0.3"), told("stiffness tilts.yaml --q q1=0.3")
+    repaired = told("stiffness tilts.yaml --q q1=0.3 --repaired base-compliance")
+    assert repaired["compliance"] == plain["compliance"] != tilting["compliance"]
+    moved = [
+        told(f"deflect {robot} --q q1=0.3 --wrench fz=-1kN")["displacement"]
+        for robot in ("crane.yaml", "tilts.yaml", "tilts.yaml --repaired base-compliance")
+    ]
+    assert moved[0] == moved[2] != moved[1]
 
 
 def test_a_base_that_tilts_counts_in_every_posture_for_python_as_for_the_command() -> None:

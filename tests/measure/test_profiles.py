@@ -70,6 +70,15 @@ def test_what_holds_for_all_rows_is_written_along() -> None:
         parse_profile(text.replace("0.1 mrad", "0.1 mm"), "p.yaml")
 
 
+def test_displacements_from_one_unloaded_reading_say_so() -> None:
+    profile = parse_profile(
+        "columns: {pose: p, q1: A1, dx: X, dy: Y, dz: Z}\nunits: {joints: deg, length: mm}\n"
+        "unloaded_reading: shared\n"
+    )
+    made = parse_points("p,A1,X,Y,Z\n1,10,1,2,3\n", profile, "pulls.csv")
+    assert parse_measurements(made.text, parse_robot(ROBOT)).shared_unloaded
+
+
 def test_an_axyz_like_list_has_semicolons_decimal_commas_and_deviations() -> None:
     profile = parse_profile(
         "{separator: semicolon, decimal: comma, skip: 2, columns: {point: 1, x: 2, y: 3, z: 4, sigma_x: 5},"
