@@ -6,7 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from beamstiff.cli.options import COLUMNS, Assembly, Html, Preload, Repaired, RobotFile, argument, option
+from beamstiff.cli.options import (
+    COLUMNS,
+    Assembly,
+    Html,
+    Preload,
+    Repaired,
+    RobotFile,
+    argument,
+    flag,
+    option,
+)
 from beamstiff.cli.output import Outputs, note, working, write
 from beamstiff.cli.parse import parse_variables, parse_wrench, robot_file, without_repaired
 from beamstiff.errors import BeamstiffError, optional
@@ -18,15 +28,20 @@ if TYPE_CHECKING:
 
 def deflect(
     robot: RobotFile,
-    data: Annotated[str | None, argument("[DATA]", f"CSV table, {COLUMNS} Not needed with --wrench.")] = None,
+    data: Annotated[
+        str | None, argument("[DATA]", f"CSV table, {COLUMNS} Not needed with --wrench or --weight.")
+    ] = None,
     q: list[str] | None = option(
         "NAME=VALUE,...",
-        "With --wrench: actuated joint variables; a number is rad or m. Those not named are 0, passive ones "
-        "are solved. Default: the reference posture of `beamstiff show`.",
+        "With --wrench or --weight: actuated joint variables; a number is rad or m. Those not named are 0, "
+        "passive ones are solved. Default: the reference posture of `beamstiff show`.",
     ),
     wrench: list[str] | None = option(
         "NAME=VALUE,...",
         "In place of DATA: a load on the TCP, base frame, such as fz=-900N,mx=20; the others are 0.",
+    ),
+    weight: bool = flag(
+        "--weight", "In place of DATA: own weight and payload (`masses`), with --wrench that load as well."
     ),
     preload: Preload = False,
     assembly: Assembly = None,
@@ -56,6 +71,7 @@ def deflect(
     Examples:
       beamstiff deflect cantilever loads.csv
       beamstiff deflect ir663 --q q2=10deg,q8=45deg --wrench fz=-900N
+      beamstiff deflect kr240-2 --weight --q q2=30deg
       beamstiff deflect ir663 measured.csv --json predicted.json --out predicted.csv
       beamstiff deflect kr240-2 loads.csv --preload --html report.html
       beamstiff deflect kr240-2 loads.csv --vtu shape.vtu --line 3
@@ -77,11 +93,13 @@ def deflect(
     if not machine.effects:
         check_stiffness(machine)  # before the table: no table helps
     load = parse_wrench(wrench)
-    if (data is None) == (load is None):
-        found = "neither" if data is None else "both"
-        raise BeamstiffError(f"found {found} of DATA and --wrench, expected a table of loads or one load")
+    if (data is None) == (load is None and not weight):
+        found = (
+            "neither DATA nor --wrench nor --weight" if data is None else "DATA beside --wrench or --weight"
+        )
+        raise BeamstiffError(f"found {found}, expected a table of loads, or one load")
     if data is not None and q is not None:
-        raise BeamstiffError("--q: goes with --wrench; DATA has its own joint values")
+        raise BeamstiffError("--q: goes with --wrench or --weight; DATA has its own joint values")
     outputs = Outputs([robot_file(robot), *([data] if data else [])], out=out, vtu=vtu, html=html)
     if vtu is not None and Path(vtu).suffix.lower() != ".vtu":
         raise BeamstiffError(f"--vtu {vtu}: found the ending {Path(vtu).suffix!r}, expected .vtu")
@@ -89,8 +107,8 @@ def deflect(
         raise BeamstiffError("--line: goes with --vtu")
     if data is not None:
         (loads,) = as_tables(data, machine, require_measured=False)
-    elif load is not None:
-        loads = _one_row(machine, parse_variables(machine, q), load)
+    else:
+        loads = _one_row(machine, parse_variables(machine, q), load, weight)
     shape_of = None if line is None else _row_of(loads, line)
     with working(f"deflecting {len(loads)} rows"):
         result = predict(machine, loads, preload=preload)
@@ -105,8 +123,13 @@ def deflect(
     outputs.page("deflection", result)
 
 
-def _one_row(robot: Robot, values: Mapping[str, float], wrench: Sequence[float]) -> Measurements:
-    """Return the table of one posture, by default the reference posture, under one load on the TCP."""
+def _one_row(
+    robot: Robot, values: Mapping[str, float], wrench: Sequence[float] | None, weight: bool
+) -> Measurements:
+    """Return the table of one posture, by default the reference posture, under one load on the TCP.
+
+    `weight`: of a position, which own weight and payload move as well, in place of a displacement.
+    """
     import numpy as np
 
     from beamstiff.measure.table import make_measurements
@@ -116,7 +139,10 @@ def _one_row(robot: Robot, values: Mapping[str, float], wrench: Sequence[float])
     row = np.array([values.get(name, 0.0) for name in names]) if values else reference_posture(robot)
     if not values and row.any():
         note("no --q: the reference posture, the middle of the joint limits where the loops close")
-    return make_measurements(names, row[None], tcp=robot.tcp, wrench=[wrench], source="--wrench")
+    unread = np.full((1, 3), np.nan) if weight else None
+    source = "--wrench" if wrench is not None else "--weight"
+    wrench = np.zeros(6).tolist() if wrench is None else wrench
+    return make_measurements(names, row[None], tcp=robot.tcp, wrench=[wrench], position=unread, source=source)
 
 
 def _row_of(loads: Measurements, line: int) -> int:

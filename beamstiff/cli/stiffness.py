@@ -36,10 +36,10 @@ def stiffness(
     For one posture. Stiffness K: wrench = K displacement, compliance C = K^-1: displacement = C
     wrench. Base frame, wrench [f, m] and displacement [d, r] at the TCP, SI. Undeformed geometry,
     without gravity. Elastic effects that `diagnose --apply` added are included, as they act under
-    1 N and 1 N m; --repaired leaves one out: what its repair would bring. A mechanism is an error that names its free motion. A TCP that is rigid in some
-    direction, such as that of an arm with drive springs only in a singular posture, has a
-    compliance but no stiffness: the rigid directions are named, and --json, which needs both
-    matrices, is refused.
+    1 N and 1 N m; --repaired leaves one out: what its repair would bring. A mechanism is an error
+    that names its free motion. A TCP that is rigid in some direction, such as that of an arm with
+    drive springs only in a singular posture, has a compliance but no stiffness: the rigid directions
+    are named, and --json, which needs both matrices, is refused.
 
     --preload gives the tangent stiffness of the machine under gravity, payload and --wrench instead:
     its response to a small additional wrench. It adds the geometric stiffness K_C of these loads at

@@ -42,7 +42,7 @@ def verify(
     Examples:
       beamstiff verify real.yaml fresh.csv
       beamstiff verify real.yaml fresh.csv --refit-frame --max-gap 0.2mm
-      beamstiff verify real.urdf fresh.csv --refit-frame --nominal model.urdf
+      beamstiff verify real.urdf fresh.csv --refit-frame --nominal arm.urdf
       beamstiff verify kr240-2 loads.csv --engine mujoco
     """
     from beamstiff.functions.robots import as_robot

@@ -247,7 +247,11 @@ def _ranges(kinematics: Kinematics) -> tuple[Array, Array]:
 
 
 def _reachable(arm: Arm, pose: Array, known: Array, stated: StatedPosture) -> str:
-    """Return, in words, in which configurations a pose (4, 4) is reachable that is not in the stated one."""
+    """Return, in words, in which configurations a pose (4, 4) is reachable that is not in the stated one.
+
+    Those most like it, and that nearest the middle of the joints' ranges: programs state zeros that nobody
+    chose.
+    """
     kinematics = arm.kinematics
     low, high = _ranges(kinematics)
     starts = np.random.default_rng(0).uniform(low, high, (POOL, len(low)))
@@ -256,8 +260,16 @@ def _reachable(arm: Arm, pose: Array, known: Array, stated: StatedPosture) -> st
     q = _solutions(kinematics, pose, known, starts)
     turned = arm.turned(stated, q)
     inside = (turned >= low - AT_LIMIT) & (turned <= high + AT_LIMIT)
-    said = arm.reachable_as(stated, np.where(inside, turned, q))
-    return f"; reachable as {said}" if said else ""
+    q = np.where(inside, turned, q)
+    if not (said := arm.reachable_as(stated, q)) or stated.write is None:
+        return ""
+    easy = q[int(np.argmin((((q - 0.5 * (low + high)) / (high - low)) ** 2).sum(axis=1)))]
+    own = stated.write(stated, arm.configuration(stated, easy))
+    if own in said:
+        return f"; reachable as {said}"
+    values = zip(kinematics.robot.actuated, np.degrees(easy).tolist(), strict=True)
+    chosen = ",".join(f"{one.name}={round(value)}deg" for one, value in values)
+    return f"; reachable as {said}, or, nearest the middle of the joints' ranges, as {own} (--q {chosen})"
 
 
 def shortfall(kinematics: Kinematics, found: InverseResult, row: int) -> str:

@@ -47,6 +47,8 @@ class TcpStiffness(Shown):
     # (R, 6): a basis of the wrenches that do not displace the TCP; empty where there are none
     rigid: Array = field(default_factory=lambda: np.zeros((0, 6)))
     singular: str = ""  # why there is no stiffness; empty where there is one
+    # (6,): share of each diagonal element of the compliance that start values make, not measured ones
+    guessed: Array = field(default_factory=lambda: np.zeros(6))
     notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -136,6 +138,7 @@ def stiffness(
         preload=preload,
         rigid=rigid,
         singular=singular,
+        guessed=_guessed(structure, where, compliance[0], load if preload else None),
         notes=(*robot_doubts(machine), *effects, *start_values(machine), *coarse),
     )
 
@@ -232,6 +235,16 @@ def _compliance(structure: Structure, where: Posture, load: Array | None) -> Arr
     if structure.robot.model is not None:
         compliance = compliance + compliance_correction(structure, where)[:, :, :6]
     return compliance
+
+
+def _guessed(structure: Structure, where: Posture, compliance: Array, load: Array | None) -> Array:
+    """Return the share (6,) of the compliance (6, 6) that is gone where start values are rigid."""
+    robot, own = structure.robot, np.diagonal(compliance)
+    if not robot.unmeasured:
+        return np.zeros(6)
+    rigid = robot.with_parameters(dict.fromkeys(robot.unmeasured, np.inf))
+    left = np.diagonal(_compliance(compile_structure(rigid), where, load)[0])
+    return np.asarray(1.0 - np.divide(left, own, out=np.ones(6), where=own > 0.0))
 
 
 def _effects_compliance(robot: Robot, effects: Sequence[AddedEffect], where: Posture) -> Array:

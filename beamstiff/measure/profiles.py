@@ -55,9 +55,10 @@ def _separators(value: Any) -> tuple[str, ...]:
     for one in value if isinstance(value, list | tuple) and value else [value]:
         known = names.get(one, one) if isinstance(one, str) else ""
         # neither letters and digits nor the signs of a number, which it would cut
-        if known not in SEPARATORS and (not known.strip() or re.search(r'[\w.+"-]', known)):
+        if known not in SEPARATORS and (not known.strip() or re.search(r'[^\W_]|[.+"-]', known)):
             raise BeamstiffError(
-                f"found {shown(one)}, expected {listed(SEPARATORS)}, or the text between cells such as '::'"
+                f"found {shown(one)}, expected {listed(SEPARATORS)}, or the text between cells, without "
+                "letters, digits and signs of numbers, such as '::' or '_'"
                 f"{suggest(one, SEPARATORS)}"
             )
         found.append(known)

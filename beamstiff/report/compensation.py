@@ -139,12 +139,12 @@ def compensation_verdict(result: Compensated) -> Verdict:
     if result.differs_mm is not None:
         differs = f"{told(result.differs_mm)} mm"
         said = (
-            f"Predicted error along the path: {was} against a measured base, roughly {differs} if the robot "
-            f"itself touched off the workpiece; {then}"
+            f"Predicted error along the path: {was} against a measured base, {differs} or more if the "
+            f"robot itself touched off the workpiece; {then}"
         )
         action = (
             "If the robot itself touched off the workpiece (taught its base), give the three points with "
-            f"--base-taught and run this again: commands then move by roughly {differs} instead of {was}. "
+            f"--base-taught and run this again: commands then move by {differs} or more instead of {was}. "
             "If the workpiece was measured by other means, use this result, in the base that "
             f"beamstiff verify --refit-frame prints. {action}"
         )

@@ -45,7 +45,8 @@ def verdict(result: Diagnosis) -> Verdict:
     """Return the headline with the gap and its cause, the data, and the one thing to do next."""
     head, ratio = headline(result), result.rms / result.noise if result.noise else np.inf
     found, close, level = words.several(result), result.verdict.shrink, level_of(ratio)
-    gap = f"Gap of {rounded(1e3 * result.rms)} mm"
+    before = _before(result)
+    gap = f"Gap of {rounded(1e3 * result.rms)} mm{' after calibration' * bool(before)}"
     each, doubt, left = "", "", np.inf
     worse = calibrated_worse(result)
     if head == TOO_FEW:
@@ -98,7 +99,7 @@ def verdict(result: Diagnosis) -> Verdict:
             doubt = f"{doubt} Do not write this robot: {worse}.".strip()
         if MASSLESS in result.notes:
             doubt = f"{doubt} {MASSLESS[0].upper()}{MASSLESS[1:]}.".strip()
-    data = f"{data_of(result.baseline.rows)}{_warmth(result)}{_before(result)}"
+    data = f"{data_of(result.baseline.rows)}{_warmth(result)}{before}"
     explained = result.noise > 0.0 and level_of(left / result.noise) == "agrees"
     return Verdict(said, level, data, action(result, head), each, doubt, explained)
 

@@ -16,11 +16,13 @@ ROUNDING = 1e-12
 
 
 def stiffness_tables(found: TcpStiffness) -> Iterator[Table | str]:
-    """Yield tables: joint variables and place of the TCP, stiffness, compliance; then what is rigid."""
+    """Yield tables: posture, what a pull along one axis meets, stiffness, compliance; then what is rigid."""
     what = "Tangent stiffness of the loaded machine" if found.preload else "Stiffness"
     yield _posture_table(found.robot, found.variables, found.tcp, found.orientation)
+    yield _free_table(found)
     if found.stiffness is not None:
-        yield _matrix_table(f"{what} at the TCP: row = K column", FORCES, MOTIONS, found.stiffness)
+        held = f"{what} at the TCP, all other motions held: row = K column"
+        yield _matrix_table(held, FORCES, MOTIONS, found.stiffness)
     name = "Compliance of the loaded machine" if found.preload else "Compliance"
     yield _matrix_table(f"{name} at the TCP: row = C column", MOTIONS, FORCES, found.compliance, found.rigid)
     if len(found.rigid):
@@ -49,6 +51,20 @@ def _posture_table(robot: Robot, variables: dict[str, float], tcp: Array, turned
     result.add_row("TCP x, y, z", ", ".join(millimetres(tcp)) + " mm", "")
     angles = ", ".join(f"{angle + 0.0:.3f}" for angle in np.degrees(turned).round(3))
     result.add_row("TCP a, b, c", f"{angles} deg (rotation vector)", "")
+    return result
+
+
+def _free_table(found: TcpStiffness) -> Table:
+    """Return what one force or moment meets where the tool may move aside in every direction: 1 / C."""
+    title = "Stiffness against one force or moment, the tool free to move aside (1 / C)"
+    columns = ("from start values",) if found.guessed.any() else ()
+    result = table(title, "along", "stiffness", "", *columns, left=1)
+    for at, own in enumerate(np.diagonal(found.compliance).tolist()):
+        name, guess = FORCES[at].split()[0], [f"{100 * float(found.guessed[at]):.0f} %"] * len(columns)
+        stiffness = ("rigid", "")
+        if own > 0.0:
+            stiffness = (number(1e-3 / own), "N/mm") if at < 3 else (number(1.0 / own), "N*m/rad")
+        result.add_row(name, *stiffness, *guess)
     return result
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from beamstiff import load_robot, read_measurements
 from beamstiff.report.deflection import without_rounding
+from beamstiff.robot.parts import Mass
+from beamstiff.robot.writer import save_robot
 from tests.cli.conftest import Refused, Run
 
 # by hand, from the crane's stiffness: across the arm 1 kN moves 0.5 mm + 1 mm and turns 1 mrad
@@ -41,15 +43,28 @@ def test_one_load_needs_no_table(told: Run, run: Run) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("", "found neither of DATA and --wrench, expected a table of loads or one load"),
-        ("crane.csv --wrench fy=1kN", "found both of DATA and --wrench"),
-        ("crane.csv --q q1=0.1", "--q: goes with --wrench; DATA has its own joint values"),
+        ("", "found neither DATA nor --wrench nor --weight, expected a table of loads, or one load"),
+        ("crane.csv --wrench fy=1kN", "found DATA beside --wrench or --weight"),
+        ("crane.csv --weight", "found DATA beside --wrench or --weight"),
+        ("crane.csv --q q1=0.1", "--q: goes with --wrench or --weight; DATA has its own joint values"),
         ("--wrench fy=1kN --q q7=0.1", "--q: unknown joint variable 'q7'"),
         ("--wrench fq=1kN", "--wrench: unknown component 'fq'"),
     ],
 )
 def test_a_table_or_one_load(refused: Refused, options: str, said: str) -> None:
     refused(f"deflect crane.yaml {options}", said)
+
+
+def test_weight_needs_no_table(told: Run, folder: Path) -> None:
+    """Truth: a mass m on the tip of a compliance C moves it by ``C m g``, and a pull down adds to it."""
+    robot = load_robot(folder / "crane.yaml")
+    laden = robot.model_copy(update={"masses": (Mass(node=robot.tcp, mass=100.0),), "gravity": (0, -9.81, 0)})
+    save_robot(laden, folder / "laden.yaml")
+    answer = told("deflect laden.yaml --weight --q q1=0deg")
+    np.testing.assert_allclose(answer["displacement"], [-0.981 * BY_HAND[0]], atol=1e-6)  # second order
+    assert answer["pose"][0][1] == answer["displacement"][0][1]
+    more = told("deflect laden.yaml --weight --wrench fy=-1kN --q q1=0deg")
+    np.testing.assert_allclose(more["displacement"], [-1.981 * BY_HAND[0]], atol=2e-6)
 
 
 def test_what_is_compliant_is_told_by_its_share_of_the_strain_energy(succeed: Run, folder: Path) -> None:

@@ -33,7 +33,7 @@ def test_the_demo_prints_what_its_page_shows_on_one_screen(printed: str) -> None
 
 def test_what_is_proposed_decides_and_the_cause_is_the_hidden_fault(printed: str) -> None:
     text = " ".join(printed.split())
-    first, second = re.findall(r"Gap of [0-9.]+ mm, (.*?) (?:2\.|Gap on)", text)
+    first, second = re.findall(r"Gap of [0-9.]+ mm(?: after calibration)?, (.*?) (?:2\.|Gap on)", text)
     assert first.startswith("likeliest cause: link-bending at link2 (or ")
     assert second == "100 % explained by link-bending at link2"
     assert (FAULT.effect, FAULT.component) == ("link-bending", "link2")

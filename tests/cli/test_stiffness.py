@@ -8,6 +8,7 @@ import pytest
 import beamstiff
 from beamstiff.functions.stiffness import stiffness, tcp_compliance
 from beamstiff.report.overview import describe
+from beamstiff.report.stiffness import stiffness_tables
 from beamstiff.robot.reader import load_robot
 from beamstiff.robot.writer import save_robot
 from tests.added import added
@@ -47,6 +48,25 @@ def test_an_elastic_effect_counts_as_the_spring_that_it_is(folder: Path) -> None
     found = stiffness(rigid.model_copy(update={"effects": (effect, drift)}), {"q1": 0.3})
     np.testing.assert_allclose(found.compliance, tcp_compliance(crane, {"q1": 0.3})[0], rtol=1e-6, atol=1e-12)
     assert any("not part of its stiffness" in note and "angle-curve:q1" in note for note in found.notes)
+
+
+def test_what_a_pull_meets_is_told_with_the_share_that_start_values_make(folder: Path) -> None:
+    """By hand: across the arm 1 / (2e6 N/m) + 1 m^2 / (1e6 N m/rad), two thirds of it by the torsion."""
+    crane = load_robot(folder / "crane.yaml")
+    found = stiffness(crane.model_copy(update={"unmeasured": ("J1.torsional",)}), {"q1": 0.0})
+    np.testing.assert_allclose(found.guessed[[0, 1, 5]], [0.0, 2 / 3, 1.0], atol=1e-12)
+    pulls = next(
+        one for one in stiffness_tables(found) if getattr(one, "title", "").startswith("Stiffness agai")
+    )
+    rows = {row[0]: row[1:] for row in pulls.rows}
+    assert rows["fx"] == ["2000", "N/mm", "0 %"]
+    assert rows["fy"] == ["666.7", "N/mm", "67 %"]
+    measured = next(
+        one
+        for one in stiffness_tables(stiffness(crane, {"q1": 0.0}))
+        if one.title.startswith("Stiffness agai")
+    )
+    assert [len(row) for row in measured.rows] == [3] * 6
 
 
 def test_a_repaired_effect_is_as_if_it_were_not_there(folder: Path, told: Run) -> None:

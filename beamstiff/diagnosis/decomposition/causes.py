@@ -153,13 +153,13 @@ class Cause:
     def named(self) -> bool:
         """Whether it is likely this cause, and more than what the form of another may leave.
 
-        What closes much is named as the likeliest of what looks like it: without it neither the rest of the
-        list nor what remains would be that of the robot as it will be written. Of two that cancel one another
-        each closes much, and no fit shows it.
+        What closes much, or leaves most where it alone is missing, is named as the likeliest of what looks
+        like it: without it neither the rest of the list nor what remains would be that of the robot as
+        written. Of two that cancel one another each closes much, and no fit shows it.
         """
         if self.outside_library:
             return False
-        likely = self.probability >= NAMED or self.closes >= QUARTER
+        likely = self.probability >= NAMED or self.closes >= QUARTER or self.shown >= HALF
         return self.present >= PRESENT and likely and min(self.closes, self.shown) >= self.least
 
     @property

@@ -65,7 +65,7 @@ def _facts(result: Compensated) -> Iterator[Fact]:
         before, after = size_of(found.before[known]), size_of(result.after[known])
         meaning, differs = f"RMS; at most {told(before.max_mm)} mm", result.differs_mm
         if differs is not None:
-            meaning = f"RMS against a measured base; roughly {told(differs)} mm if the robot touched off"
+            meaning = f"RMS against a measured base; {told(differs)} mm or more if the robot touched off"
         yield Fact("Before", f"{told(before.rms_mm)} mm", meaning)
         expected, meaning = expected_mm(result), f"RMS; at most {told(after.max_mm)} mm, numbers rounded"
         if expected is not None:

@@ -46,7 +46,11 @@ def deflection_html(found: Prediction, provenance: Provenance) -> str:
         ],
         facts=list(_facts(moved, predicted)),
         view=robot_view(
-            robot, worst_postures(loads, moved), "share of the strain energy", model="the linear model"
+            robot,
+            worst_postures(loads, moved),
+            "share of the strain energy",
+            gravity=found.pose is not None,
+            model="the linear model",
         ),
         sections=[_displacements(loads, predicted), *rows, Section("notes", "Notes", items=found.notes)],
         provenance=provenance,
