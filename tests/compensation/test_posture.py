@@ -92,6 +92,18 @@ def test_where_no_posture_is_as_stated_the_one_that_is_possible_is_written_in_th
         assert float(said.split("q1 = ")[1].split()[0]) == pytest.approx(np.degrees(one[0]), rel=6e-3)
 
 
+def test_the_posture_nearest_the_middle_is_offered_where_zeros_are_stated() -> None:
+    """Offline programs state zeros that nobody chose: what is most like these flips the wrist."""
+    q = np.radians([[-20.0, -70, 100, 8, -35, 5]])
+    pose = pose_of(KINEMATICS, posture(KINEMATICS, q), KINEMATICS.robot.tcp)
+    zeros = abb(np.radians([20.0, -70, 100, 8, 35, 5]), True)
+    [said] = follow(KINEMATICS, pose, None, arm_of(KINEMATICS), [zeros]).reasons.values()
+    own = abb(q[0], True).text.removeprefix("configuration ")
+    assert f", or, nearest the middle of the joints' ranges, as {own} (--q " in said
+    values = dict(one.split("=") for one in said.rpartition("(--q ")[2].rstrip(")").split(","))
+    assert [float(value.removesuffix("deg")) for value in values.values()] == [-20, -70, 100, 8, -35, 5]
+
+
 def test_what_decides_is_named_axis_by_axis() -> None:
     arm = arm_of(KINEMATICS)
     assert arm is not None
