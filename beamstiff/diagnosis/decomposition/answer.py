@@ -93,7 +93,7 @@ def told(folds: Folds, step: Step, seed: int, final: bool = False) -> Decomposit
         replace(
             causes[cause],
             closes=share,
-            closes_interval=interval(before, after, noise2, total, seed),
+            closes_interval=interval(before, after, errors[0], noise2, seed),
             rms_after=float(np.sqrt(after.sum() / folds.rows)),
             astray=cause in astray,
         )
@@ -162,13 +162,13 @@ def _astray(
     They close much on the average of few postures, and little or less than nothing on most of them: after
     those before them, and beside all others. Causes that share what they move take it from one another.
     """
-    total, found = float(errors[0].sum()), set()
+    found = set()
     told = zip(order, closed(errors, noise2), errors[:-1], errors[1:], strict=True)
     for cause, share, before, after in told:
-        if share < MINOR or interval(before, after, noise2, total, seed)[0] >= 0.0:
+        if share < MINOR or interval(before, after, errors[0], noise2, seed)[0] >= 0.0:
             continue
         others = folds.errors_with([number for one in order if one != cause for number in one])
-        if interval(others, errors[-1], noise2, total, seed)[0] < 0.0:
+        if interval(others, errors[-1], errors[0], noise2, seed)[0] < 0.0:
             found.add(cause)
     return found
 

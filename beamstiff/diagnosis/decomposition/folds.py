@@ -245,14 +245,14 @@ def _largest_first(folds: Folds, causes: Sequence[tuple[int, ...]]) -> list[tupl
     return order
 
 
-def interval(before: Array, after: Array, noise: float, total: float, seed: int) -> tuple[float, float]:
-    """Return the 90 % interval, over the postures, of the share ``(before - after) / (total - noise)``.
+def interval(before: Array, after: Array, first: Array, noise: float, seed: int) -> tuple[float, float]:
+    """Return the 90 % interval, over the postures, of the share ``(before - after) / (first - noise)``.
 
-    Bootstrap over postures (Efron and Tibshirani 1993, ch. 13): errors (P,) of each are drawn together.
+    Bootstrap over postures (Efron and Tibshirani 1993, ch. 13): errors (P,) of each are drawn together, and
+    `first`, those without any cause, with them; of draws without a gap nothing is closed.
     """
-    if total <= noise:
-        return 0.0, 0.0
     drawn = np.random.default_rng(seed).integers(len(before), size=(400, len(before)))
-    share = (before[drawn] - after[drawn]).sum(axis=1) / (total - noise)
+    closed, gap = (before[drawn] - after[drawn]).sum(axis=1), first[drawn].sum(axis=1) - noise
+    share = np.divide(closed, gap, out=np.zeros(len(drawn)), where=gap > 0.0)
     low, high = np.quantile(share, [0.05, 0.95])
     return float(low), float(high)

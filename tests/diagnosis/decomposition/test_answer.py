@@ -63,7 +63,7 @@ def test_a_doubtful_cause_stays_where_without_it_twice_the_squares_are_left(
 def test_a_doubtful_cause_that_stays_has_no_rivals_and_joins_those_that_are_named() -> None:
     sound = found("approach", "gear")[0].decomposition
     first, *others = sound.causes
-    doubt = replace(first, probability=0.2, indistinguishable=("backlash:q2",), closes=0.2)
+    doubt = replace(first, probability=0.2, indistinguishable=("backlash:q2",), closes=0.2, shown=0.2)
     assert not doubt.named
     told = without_rivals(replace(sound, causes=tuple(others), unclear=(doubt,)), {first.key})
     assert {one.key for one in told.causes} == {one.key for one in sound.causes}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from beamstiff.diagnosis.decomposition import answer
-from beamstiff.diagnosis.decomposition.causes import MINOR, NAMED, PRESENT, QUARTER, Cause
+from beamstiff.diagnosis.decomposition.causes import HALF, MINOR, NAMED, PRESENT, QUARTER, Cause
 from beamstiff.diagnosis.decomposition.fit import fit_step
 from beamstiff.diagnosis.decomposition.forms import SLIP
 from beamstiff.diagnosis.decomposition.plain_data import parameters_of
@@ -26,12 +26,13 @@ def cause(probability: float, present: float, closes: float, shown: float = 1.0)
 
 @pytest.mark.parametrize("closes", [0.04, 0.2])
 def test_a_small_cause_is_named_where_it_is_likelier_than_not(closes: float) -> None:
-    assert cause(NAMED, PRESENT, closes).named
-    assert not cause(NAMED - 0.01, PRESENT, closes).named
+    assert cause(NAMED, PRESENT, closes, shown=closes).named
+    assert not cause(NAMED - 0.01, PRESENT, closes, shown=closes).named
 
 
 def test_what_closes_much_is_named_as_the_likeliest_of_what_looks_like_it() -> None:
-    assert cause(0.3, PRESENT, QUARTER).named
+    assert cause(0.3, PRESENT, QUARTER, shown=QUARTER).named
+    assert cause(0.3, PRESENT, 0.1, shown=HALF).named  # or most is left where it alone is missing
 
 
 def test_what_may_be_a_little_of_everything_is_not_named_whatever_it_closes() -> None:

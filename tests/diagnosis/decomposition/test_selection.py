@@ -10,7 +10,7 @@ import pytest
 from beamstiff import load_robot
 from beamstiff.diagnosis.decomposition.answer import without_weak
 from beamstiff.diagnosis.decomposition.fit import Choice, build_choice, fit_step, forms_in, prior_of
-from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, ordered, unweighed
+from beamstiff.diagnosis.decomposition.folds import Folds, folds_of, interval, ordered, unweighed
 from beamstiff.diagnosis.decomposition.forms import Form, forms_of, stacked
 from beamstiff.diagnosis.decomposition.look_alikes import with_usual_name
 from beamstiff.diagnosis.decomposition.open_model import OpenModel, open_geometry
@@ -289,3 +289,12 @@ def test_a_fit_with_parameters_left_out_is_the_same_when_it_is_solved_again(seed
         # the bounds of couplings are reached in steps
         assert left @ left == pytest.approx(step.left @ step.left, rel=1e-5)
     assert left_out > 0
+
+
+def test_a_share_that_is_the_same_at_every_posture_is_certain_however_much_their_gaps_differ() -> None:
+    first = np.random.default_rng(1).exponential(size=40)
+    np.testing.assert_allclose(interval(first, 0.1 * first, first, 0.0, 0), (0.9, 0.9), rtol=1e-12)
+    low, high = interval(first, first[::-1], first, 0.0, 0)
+    assert low < -0.1
+    assert high > 0.1
+    assert interval(first, 0.5 * first, first, 2.0 * first.max() * 40, 0) == (0.0, 0.0)  # no gap above noise
