@@ -48,7 +48,7 @@ def as_read_elsewhere(result: Diagnosis, written: Robot) -> str:
     if result.recalibration is None or result.recalibration.rigid is None:
         return ""
     off = rounded(1e3 * gap_of_rigid(written, rows))
-    return f"; a program that reads its geometry alone, no deflection and no effects, is {off} mm off with it"
+    return f"; a program that knows neither deflection nor effects is {off} mm off with its geometry"
 
 
 def reflectors_moved(result: Diagnosis) -> bool:
