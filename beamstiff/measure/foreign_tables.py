@@ -103,7 +103,7 @@ def profile_hint(
     asked = {
         "NODE_": "NODE_... are the nodes at the reflectors",
         "point: NODE": "NODE is the node at the reflector",
-        "NOISE": "NOISE is what the instrument reads to, such as 0.02",
+        "NOISE": "NOISE is what the instrument reads to, such as 0.02; of a displacement 1.4 times that",
         "UNIT": "UNIT is that of the column",
         "fz: ": "add load_point: NODE where loads act elsewhere than at the TCP",
     }

@@ -14,6 +14,12 @@ from beamstiff.measure.instruments import joined_targets
 from beamstiff.measure.table import Measurements
 from beamstiff.se3 import Array, rotation_from_vector, vector_from_rotation
 
+# how a table states what differs: the key, and its values
+STATED = {
+    "shared_unloaded": ("unloaded_reading", {True: "shared", False: "independent"}),
+    "continuous": ("history", {True: "continuous", False: "unloaded"}),
+}
+
 
 def subset(measurements: Measurements, mask: ArrayLike) -> Measurements:
     """Return some rows of a table: where a mask (N,) is true, or by their indices in the wanted order."""
@@ -107,9 +113,11 @@ def concatenate(data: Measurements | Sequence[Measurements]) -> Measurements:
         for name in ("variables", "kind", "shared_unloaded", "continuous", "sigma_load", "camera"):
             a, b = getattr(first, name), getattr(other, name)
             if a != b:
+                key, texts = STATED.get(name, (name, {}))
+                one, two = (texts.get(value, _text(value)) for value in (a, b))
                 raise BeamstiffError(
-                    f"{first.source} and {other.source}: found {name} {_text(a)} in the first and "
-                    f"{_text(b)} in the second, expected the same in both"
+                    f"{first.source} and {other.source}: found {key} {one} in the first and {two} in the "
+                    "second, expected the same in both"
                 )
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(table, name) for table in tables])

@@ -94,27 +94,30 @@ def deflection_text(found: Prediction) -> list[str]:
             "Readings in a frame of the tracker's own: `beamstiff verify --refit-frame` fits it first."
         )
     most = int(np.linalg.norm(found.displacement[:, :3], axis=1).argmax())
+    where = f"in {found.rows.place(most)}, where the tool moves most"
+    if found.robot.effects:
+        whole = number(1e3 * float(np.linalg.norm(found.displacement[most, :3])))
+        said.append(
+            f"Of the {whole} mm {where}, effects in the robot file make: {_effects_text(found, most)}."
+        )
     if shares := found.energy_shares(most):
         parts = [f"{name} {100 * share:.0f} %" for name, share in shares.items() if share >= SHOWN]
         weight = " and the weight" if found.pose is not None else ""
-        weight += ", the robot's effects left out" if found.robot.effects else ""
-        said.append(
-            f"What is compliant in {found.rows.place(most)}, where the tool moves most: "
-            f"{', '.join(parts)} of the strain energy under the load{weight}."
-        )
-    if found.robot.effects:
-        said.append(f"With the robot's effects: {_effects_text(found, most)}.")
+        what = f"What is compliant {where}"
+        if found.robot.effects:
+            what = "The rest, without these effects, is the compliance of"
+        said.append(f"{what}: {', '.join(parts)} of the strain energy under the load{weight}.")
     return said
 
 
 def _effects_text(found: Prediction, row: int) -> str:
-    """Return the effects of a robot in words, with how far each by itself moves the tool in a row."""
+    """Return the effects of a robot in words, with how far each by itself moves the tool in a row, mm."""
     said = []
     for one in found.robot.effects:
         alone = found.robot.model_copy(update={"effects": (one,)})
         moved = 1e3 * float(np.linalg.norm(effects_displacement(alone, found.rows)[row, :3]))
-        said.append(f"{effects_text([one])} ({number(moved)} mm)")
-    return f"{', '.join(said)}, in {found.rows.place(row)}"
+        said.append(f"{effects_text([one])} {number(moved)} mm")
+    return ", ".join(said)
 
 
 def deflection_figure(found: Prediction) -> Figure:

@@ -10,7 +10,7 @@ from beamstiff.diagnosis.effects.torque_laws import axis_at, component_of
 from beamstiff.diagnosis.inference.library import ALL_DRIVES
 from beamstiff.diagnosis.next_measurement.between_causes import alike_in_positions
 from beamstiff.diagnosis.next_measurement.test_plan import DECIDES
-from beamstiff.diagnosis.notes import unstated_loads, weightless
+from beamstiff.diagnosis.notes import in_words, unstated_loads, weightless
 from beamstiff.diagnosis.prior import key_of
 from beamstiff.diagnosis.recalibration import unlike
 from beamstiff.diagnosis.residual.baseline import Baseline, fitted_names
@@ -233,6 +233,11 @@ def proposed(result: Diagnosis) -> str:
     if not rivals and result.indistinguishable and result.decomposition is not None:
         what += " (no state like those measured distinguishes the look-alikes)"
     states = f"the {counted(count, 'state')} that {what}"
+    if (same := result.next[0].get("alike")) and sum(
+        item["discrimination"] for item in result.next
+    ) >= DECIDES:
+        first = in_words(result.next[0]["separates"][:1])
+        states += f", but do not distinguish {first} from {in_words(same)}"
     if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:
         states += f", within the measured range of {listed(free, 3)} (no limits in the robot file)"
     tcp = told.pop(next(iter(told)))  # one point, or the TCP and another

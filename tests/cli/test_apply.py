@@ -67,7 +67,8 @@ def test_the_robot_with_the_effect_is_written(applied: Any, folder: Path) -> Non
 @pytest.mark.usefixtures("applied")
 def test_deflect_adds_the_effect_and_says_so(succeed: Run, told: Run, folder: Path) -> None:
     (folder / "new.csv").write_text(crane_with_backlash(2))
-    assert "With the robot's effects: backlash:q1 (" in succeed("deflect larger.yaml new.csv").stdout
+    said = " ".join(succeed("deflect larger.yaml new.csv").stdout.split())
+    assert "where the tool moves most, effects in the robot file make: backlash:q1 " in said
     robots = ("crane.yaml", "larger.yaml")
     answers = {robot: np.array(told(f"deflect {robot} new.csv")["displacement"]) for robot in robots}
     rows = np.loadtxt((folder / "new.csv").read_text().splitlines()[2:], delimiter=",")

@@ -141,8 +141,8 @@ def test_different_noise_is_kept_row_by_row() -> None:
     ("other", "part"),
     [
         ({"displacement": None, "position": np.zeros((3, 3))}, "kind displacement in the first and absolute"),
-        ({"shared_unloaded": True}, "shared_unloaded False in the first and True"),
-        ({"continuous": True}, "continuous False"),
+        ({"shared_unloaded": True}, "unloaded_reading independent in the first and shared in the second"),
+        ({"continuous": True}, "history unloaded"),
     ],
 )
 def test_files_that_contradict_one_another_are_named(other: dict[str, Any], part: str) -> None:

@@ -26,6 +26,7 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     Foretold,
     Pair,
     Programme,
+    alike_at,
     best_rows,
     most_cycles,
     ways_to_load,
@@ -63,7 +64,7 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     if score.sum() < DECIDES:
         forms = [form for cause in causes for form in cause.forms]
         return _bounding(ahead.foretold(forms), rows, cycle, most, posture, noise)
-    return Programme(subset(rows, picked), separates, score)
+    return Programme(subset(rows, picked), separates, score, alike_at(pairs, separates, picked, noise))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +99,15 @@ class Ahead:
             self.known[form] = columns_at(self.baseline, form)[:, :3] * form.sizes
         return self.known[form]
 
-    def foretold(self, forms: Sequence[Form]) -> Foretold:
-        """Return what some forms, fitted with all that is open, foretell.
+    def foretold(self, forms: Sequence[Form], key: str = "") -> Foretold:
+        """Return what some forms, fitted with all that is open, foretell; `key` of what they explain.
 
         Raises BeamstiffError when a form does not exist there.
         """
         matrix = np.concatenate([self.opened, *(self.columns(form) for form in forms)], axis=2)
         theta, covariance = solved(self.found.model, forms)
-        return Foretold(matrix @ theta, matrix, max(self.found.scatter, 1.0) ** 2 * covariance)
+        scale = max(self.found.scatter, 1.0) ** 2
+        return Foretold(matrix @ theta, matrix, scale * covariance, key=key)
 
 
 def _pairs(ahead: Ahead, causes: Sequence[Cause]) -> tuple[list[Pair], tuple[str, ...]]:
@@ -116,7 +118,7 @@ def _pairs(ahead: Ahead, causes: Sequence[Cause]) -> tuple[list[Pair], tuple[str
         explained = []
         for key, forms in [(cause.key, cause.forms), *((rival.key, (rival,)) for rival in cause.rivals)]:
             try:
-                explained.append((key, ahead.foretold([*others, *forms])))
+                explained.append((key, ahead.foretold([*others, *forms], key)))
             except BeamstiffError:  # what it would be there is not known
                 continue
         if len(explained) < 2 or explained[0][0] != cause.key:

@@ -60,12 +60,14 @@ class Foretold:
     `matrix`: (R, 3, p) array; positions by parameters.
     `covariance`: (p, p) array; of the parameters.
     `amiss`: (R,) array, m; what it may be off by, standard deviation of a coordinate, beside the parameters.
+    `key`: of the explanation, ``effect:component``.
     """
 
     mean: Array
     matrix: Array
     covariance: Array
     amiss: Array | float = 0.0
+    key: str = ""
 
 
 Pair = tuple[float, Foretold, Foretold]  # two explanations to tell apart, with what that counts
@@ -77,11 +79,13 @@ class Programme:
 
     `rows`: poses, loads and where to read; nothing measured.
     `score`: (R,) array; expected discrimination of each row.
+    `alike`: which of them foretell the rows as the likeliest does, so that it is not told from these.
     """
 
     rows: Measurements
     separates: tuple[str, ...]
     score: Array
+    alike: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,8 @@ def propose_tests(
         if pairs:
             most = most_cycles(baseline.rows.batch, cycle)
             picked, score = best_rows(pairs, noise_of(rows, noise), cycle, most, posture)
-            found.append(Programme(subset(rows, picked), separates, score))
+            same = alike_at(pairs, separates, picked, noise_of(rows, noise))
+            found.append(Programme(subset(rows, picked), separates, score, same))
     if not found:
         return None
     best = max(found, key=lambda one: one.score.sum())
@@ -183,6 +188,29 @@ def best_rows(
             free[:] = True
             free[chosen] = False
     return of[chosen].ravel(), np.concatenate(score)
+
+
+def alike_at(
+    pairs: Sequence[Pair], keys: Sequence[str], picked: NDArray[np.intp], noise: Array
+) -> tuple[str, ...]:
+    """Return the explanations that foretell rows as the first of `keys` does: these decide nothing there.
+
+    By the means alone, the first term of B. What else tells them apart is that one knows less beforehand: the
+    readings bound its parameters, and then it foretells the same.
+    """
+    first, near = keys[0] if keys else "", dict[str, None]()
+    for _, one, other in pairs:
+        if first not in (one.key, other.key):
+            continue
+        spread = np.diag(np.square(noise[picked]).ravel())
+        for each in (one, other):
+            root = each.matrix[picked].reshape(spread.shape[0], -1)
+            amiss = np.square(np.broadcast_to(each.amiss, len(each.mean))[picked])
+            spread += 0.5 * (root @ each.covariance @ root.T + np.diag(np.repeat(amiss, 3)))
+        apart = (one.mean - other.mean)[picked].ravel()
+        if apart @ np.linalg.solve(spread, apart) / 8.0 < DECIDES:
+            near[other.key if one.key == first else one.key] = None
+    return tuple(key for key in near if key in keys)
 
 
 class _Open:
@@ -285,7 +313,7 @@ def foretold_pairs(
         mean = shift(there, [rival.fit], [columns])[:, :3]
         matrix = stacked(there, rival.fit, columns)[:, :3]
         amiss = AMISS * np.sqrt((mean**2).mean(axis=1))
-        told.append((rival, Foretold(mean, matrix, rival.fit.covariance, amiss)))
+        told.append((rival, Foretold(mean, matrix, rival.fit.covariance, amiss, rival.key)))
     shown = {rival.key for rival in rivals}
     pairs = [
         (a.probability * b.probability, x, y)
@@ -306,7 +334,7 @@ def _rival(
 ) -> Rival:
     # a simplest shape that is fitted to few rows predicts more than it knows, and loses against others later
     freest = [max(shapes, key=lambda one: one.hypothesis.columns.shape[1])] if shapes else []
-    sized = [[replace(one, magnitude=max(one.magnitude, least))] for one in freest]
+    sized = [[replace(one, weight=1.0, magnitude=max(one.magnitude, least))] for one in freest]
     return Rival(key, probability, fitted(baseline, used, sized, scale)[0])
 
 
@@ -323,7 +351,8 @@ def _with_a_second_reflector(
         pairs, separates = foretold_pairs(baseline, rows, rivals)
         group = np.arange(len(rows)) // read_together
         picked, score = best_rows(pairs, noise_of(rows, noise), group, 1, np.zeros_like(group))
-        return Programme(subset(rows, picked), separates, score)
+        same = alike_at(pairs, separates, picked, noise_of(rows, noise))
+        return Programme(subset(rows, picked), separates, score, same)
 
     odds = [rival.probability for rival in rivals]
     if not nodes or max(odds) >= SETTLED * sum(odds):
@@ -349,6 +378,7 @@ def as_plain(found: Programme | None) -> list[dict[str, Any]]:
             "point": str(rows.point[k]),
             **({"target": str(rows.target[k])} if rows.targets else {}),
             "separates": list(found.separates),
+            **({"alike": list(found.alike)} if found.alike else {}),
             "discrimination": float(found.score[k]),
         }
         for k in short_way(rows.q).tolist()
