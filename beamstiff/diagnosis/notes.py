@@ -20,7 +20,7 @@ OFF = 1.5  # a claimed noise is wrong by more than this factor
 FEW_POSES = 5
 FEW_VALUES = 30
 SURE = 0.001  # probability of what repeats show by chance
-OF_ALL_AXES = "is the stated value of all three axes together (divide it by 1.7), or two sigma (by 2)?"
+OF_ALL_AXES = "is it that of all three axes (divide it by 1.7), or two sigma (by 2)?"
 MASSLESS = (
     "the robot file has no masses: gravity cannot load its drives, and what the robot's own weight bends is "
     "taken for other causes; give it masses, estimates are enough"

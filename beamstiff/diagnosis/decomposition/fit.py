@@ -33,6 +33,7 @@ UNSEEN = 1e6  # times the noise: what is known no better than so beforehand is n
 ROUNDING = 1e-12  # of the largest column of a form, at which one is 0
 SURELY = 2.0  # standard deviations
 DRIVES = -1  # number of the drives
+KEPT = 2000  # fits that are remembered: of 200 parameters they take a gigabyte
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +287,8 @@ def fit_step(choice: Choice, chosen: Sequence[int]) -> Step:
     """Return the fit with some forms, in which no parameter is negative that cannot be; fits are kept."""
     key = tuple(chosen)
     if key not in choice.fits:
+        if len(choice.fits) >= KEPT:
+            del choice.fits[next(iter(choice.fits))]
         choice.fits[key] = _fitted(choice, key)
     return choice.fits[key]
 

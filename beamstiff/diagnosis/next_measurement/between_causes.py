@@ -26,9 +26,9 @@ from beamstiff.diagnosis.next_measurement.test_plan import (
     Foretold,
     Pair,
     Programme,
-    alike_at,
     best_rows,
     most_cycles,
+    undecided,
     ways_to_load,
 )
 from beamstiff.diagnosis.predictions import columns_at
@@ -58,13 +58,13 @@ def propose_between(found: Decomposition, seed: int) -> Programme | None:
     noise = noise_of(rows, max(found.scatter, 1.0) * sigma)
     ahead = Ahead(found, rows)
     pairs, separates = _pairs(ahead, causes)
-    picked, score = np.zeros(0, dtype=np.intp), np.zeros(0)
+    picked, score, told = np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
     if pairs:
-        picked, score = best_rows(pairs, noise, cycle, most, posture)
+        picked, score, told = best_rows(pairs, noise, cycle, most, posture)
     if score.sum() < DECIDES:
         forms = [form for cause in causes for form in cause.forms]
         return _bounding(ahead.foretold(forms), rows, cycle, most, posture, noise)
-    return Programme(subset(rows, picked), separates, score, alike_at(pairs, separates, picked, noise))
+    return Programme(subset(rows, picked), separates, score, undecided(pairs, separates, told))
 
 
 @dataclass(frozen=True, eq=False)

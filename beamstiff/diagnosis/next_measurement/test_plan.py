@@ -79,7 +79,7 @@ class Programme:
 
     `rows`: poses, loads and where to read; nothing measured.
     `score`: (R,) array; expected discrimination of each row.
-    `alike`: which of them foretell the rows as the likeliest does, so that it is not told from these.
+    `alike`: which of them the likeliest is not told from even so.
     """
 
     rows: Measurements
@@ -126,8 +126,8 @@ def propose_tests(
         pairs, separates = foretold_pairs(baseline, rows, fits, faint)
         if pairs:
             most = most_cycles(baseline.rows.batch, cycle)
-            picked, score = best_rows(pairs, noise_of(rows, noise), cycle, most, posture)
-            same = alike_at(pairs, separates, picked, noise_of(rows, noise))
+            picked, score, told = best_rows(pairs, noise_of(rows, noise), cycle, most, posture)
+            same = undecided(pairs, separates, told)
             found.append(Programme(subset(rows, picked), separates, score, same))
     if not found:
         return None
@@ -158,8 +158,8 @@ def most_cycles(batch: int | None, cycle: NDArray[np.intp]) -> int:
 
 def best_rows(
     pairs: Sequence[Pair], noise: Array, group: NDArray[np.intp], most: int, posture: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], Array]:
-    """Return the rows that tell pairs apart best, (k,), and what each adds to those before it, (k,).
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return the rows that tell pairs apart best, (k,), what each adds, (k,), and B of every pair.
 
     `pairs`: with the product of their probabilities.
     `noise`: (R, 3) array, m; standard deviation of a reading.
@@ -187,28 +187,15 @@ def best_rows(
         if not free.any():
             free[:] = True
             free[chosen] = False
-    return of[chosen].ravel(), np.concatenate(score)
+    apart = np.array([one.first - one.bound for one in told])
+    return of[chosen].ravel(), np.concatenate(score), apart
 
 
-def alike_at(
-    pairs: Sequence[Pair], keys: Sequence[str], picked: NDArray[np.intp], noise: Array
-) -> tuple[str, ...]:
-    """Return the explanations that foretell rows as the first of `keys` does: these decide nothing there.
-
-    By the means alone, the first term of B. What else tells them apart is that one knows less beforehand: the
-    readings bound its parameters, and then it foretells the same.
-    """
+def undecided(pairs: Sequence[Pair], keys: Sequence[str], told: Array) -> tuple[str, ...]:
+    """Return the explanations that the first of `keys` is not told from: `told` (pairs,), B of each pair."""
     first, near = keys[0] if keys else "", dict[str, None]()
-    for _, one, other in pairs:
-        if first not in (one.key, other.key):
-            continue
-        spread = np.diag(np.square(noise[picked]).ravel())
-        for each in (one, other):
-            root = each.matrix[picked].reshape(spread.shape[0], -1)
-            amiss = np.square(np.broadcast_to(each.amiss, len(each.mean))[picked])
-            spread += 0.5 * (root @ each.covariance @ root.T + np.diag(np.repeat(amiss, 3)))
-        apart = (one.mean - other.mean)[picked].ravel()
-        if apart @ np.linalg.solve(spread, apart) / 8.0 < DECIDES:
+    for (_, one, other), apart in zip(pairs, told.tolist(), strict=True):
+        if first in (one.key, other.key) and apart < DECIDES:
             near[other.key if one.key == first else one.key] = None
     return tuple(key for key in near if key in keys)
 
@@ -256,7 +243,7 @@ class _Told:
     def __init__(
         self, weight: float, one: Foretold, other: Foretold, of: NDArray[np.intp], noise: Array
     ) -> None:
-        self.bound = 0.5 * float(np.log(max(weight, 1e-300)))  # log
+        self.first = self.bound = 0.5 * float(np.log(max(weight, 1e-300)))  # log
         self.apart = (one.mean - other.mean)[of].reshape(len(of), -1)
         square = noise**2 + 0.5 * (np.square(one.amiss) + np.square(other.amiss))[..., None]
         self.read = np.eye(self.apart.shape[1]) * square[of].reshape(len(of), 1, -1)
@@ -350,9 +337,8 @@ def _with_a_second_reflector(
         rows = replace(subset(found.rows, states), point=np.array(points))
         pairs, separates = foretold_pairs(baseline, rows, rivals)
         group = np.arange(len(rows)) // read_together
-        picked, score = best_rows(pairs, noise_of(rows, noise), group, 1, np.zeros_like(group))
-        same = alike_at(pairs, separates, picked, noise_of(rows, noise))
-        return Programme(subset(rows, picked), separates, score, same)
+        picked, score, told = best_rows(pairs, noise_of(rows, noise), group, 1, np.zeros_like(group))
+        return Programme(subset(rows, picked), separates, score, undecided(pairs, separates, told))
 
     odds = [rival.probability for rival in rivals]
     if not nodes or max(odds) >= SETTLED * sum(odds):

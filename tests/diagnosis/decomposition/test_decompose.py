@@ -344,10 +344,7 @@ def test_a_noise_that_is_stated_of_all_three_axes_is_suspected(monkeypatch: pyte
     result = diagnose(robot, replace(rows, sigma=np.sqrt(3) * rows.sigma))
     (note,) = suspected(result)
     assert float(note.split()[4]) == pytest.approx(1 / np.sqrt(3), rel=0.1)
-    assert (
-        "per axis: is the stated value of all three axes together (divide it by 1.7), or two sigma (by 2)?"
-        in note
-    )
+    assert "per axis: is it that of all three axes (divide it by 1.7), or two sigma (by 2)?" in note
     several = result.decomposition
     assert several is not None
     for scatter, asks in ((0.72, []), (0.2, [False]), (0.69, [True])):

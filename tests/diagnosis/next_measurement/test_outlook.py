@@ -46,7 +46,7 @@ def test_rows_are_chosen_where_causes_differ_in_kind() -> None:
     def first(amiss: float) -> int:
         off = amiss * np.sqrt((mean**2).mean(axis=1))
         one, other = (Foretold(m, np.zeros((2, 3, 1)), np.eye(1), off) for m in (mean, mean + away))
-        picked, score = best_rows([(0.25, one, other)], noise, group, 1, group)
+        picked, score, _ = best_rows([(0.25, one, other)], noise, group, 1, group)
         assert score.sum() > 0.0
         return int(picked[0])
 
@@ -60,7 +60,7 @@ def test_parameters_of_which_only_the_sum_is_known_are_no_obstacle() -> None:
     far = np.zeros((40, 3))
     far[:, 0] = 1e-3
     told = [(0.25, Foretold(mean, matrix, open_sum), Foretold(-mean, matrix, open_sum)) for mean in (far,)]
-    picked, score = best_rows(told, np.full((40, 3), 1e-5), np.arange(40), 5, np.arange(40))
+    picked, score, _ = best_rows(told, np.full((40, 3), 1e-5), np.arange(40), 5, np.arange(40))
     assert len(set(picked.tolist())) == 5
     assert np.isfinite(score).all()
 

@@ -69,6 +69,20 @@ def test_load_cycles_at_postures_within_the_limits_are_proposed(split: tuple[Bas
     assert split[1].separates == ("hardening:q2", "backlash:q2")
 
 
+def test_what_foretells_the_same_is_not_distinguished_whatever_the_weight_of_its_shape(
+    split: tuple[Baseline, Programme],
+) -> None:
+    there = split[0]
+    shapes = rivals_at(there)[0][2]
+    own = max(shapes, key=lambda one: one.hypothesis.columns.shape[1])
+    same = [("a", 0.5, [replace(own, weight=1.0)]), ("b", 0.5, [replace(own, weight=0.3)])]
+    found = propose_tests(there, there.used, same, 1.0, 0)
+    assert found is not None
+    assert found.alike == ("b",)
+    assert found.score.sum() < 1e-6
+    assert as_plain(found)[0]["alike"] == ["b"]
+
+
 @pytest.mark.parametrize(
     ("keys", "whole"), [(("hysteresis:q2", "hardening:q2"), True), (("hardening:q2", "hardening:q3"), False)]
 )
