@@ -206,11 +206,15 @@ def _also(result: Diagnosis, measure: str) -> str:
     """Return the states to measure as a line after others, `measure` its verb; empty without."""
     if not result.next:
         return ""
-    each = [item["discrimination"] for item in result.next if item["separates"]]
-    if each and sum(each) < DECIDES:
+    if result.next[0]["separates"] and not _decides(result):
         few = f"even {proposed(result)} add little{_written(result)}"
         return f"\nMore readings like these will not decide: {few}"
     return f"\n{measure} {proposed(result)}{_written(result)}"
+
+
+def _decides(result: Diagnosis) -> bool:
+    """Return whether the proposed states, which all separate the same causes, move their odds."""
+    return bool(sum(item["discrimination"] for item in result.next) >= DECIDES)
 
 
 def _written(result: Diagnosis) -> str:
@@ -233,9 +237,7 @@ def proposed(result: Diagnosis) -> str:
     if not rivals and result.indistinguishable and result.decomposition is not None:
         what += " (no state like those measured distinguishes the look-alikes)"
     states = f"the {counted(count, 'state')} that {what}"
-    if (same := result.next[0].get("alike")) and sum(
-        item["discrimination"] for item in result.next
-    ) >= DECIDES:
+    if (same := result.next[0].get("alike")) and _decides(result):
         first = in_words(result.next[0]["separates"][:1])
         states += f", but do not distinguish {first} from {in_words(same)}"
     if free := [one.name for one in result.baseline.nominal.actuated if one.limits is None]:

@@ -59,13 +59,21 @@ def _free_table(found: TcpStiffness) -> Table:
     title = "Stiffness against one force or moment, the tool free to move aside (1 / C)"
     columns = ("from start values",) if found.guessed.any() else ()
     result = table(title, "along", "stiffness", "", *columns, left=1)
+    held = _rigid_axes(found.rigid)
     for at, own in enumerate(np.diagonal(found.compliance).tolist()):
-        name, guess = FORCES[at].split()[0], [f"{100 * float(found.guessed[at]):.0f} %"] * len(columns)
-        stiffness = ("rigid", "")
-        if own > 0.0:
-            stiffness = (number(1e-3 / own), "N/mm") if at < 3 else (number(1.0 / own), "N*m/rad")
-        result.add_row(name, *stiffness, *guess)
+        name = FORCES[at].split()[0]
+        if at in held:  # what is left of its compliance is rounding
+            result.add_row(name, "rigid", "", *("" for _ in columns))
+            continue
+        value, unit = (1e-3 / own, "N/mm") if at < 3 else (1.0 / own, "N*m/rad")
+        result.add_row(name, number(value), unit, *(f"{100 * found.guessed[at]:.0f} %" for _ in columns))
     return result
+
+
+def _rigid_axes(rigid: Array) -> list[int]:
+    """Return the axes along or about which a load alone does not displace the TCP; `rigid` (R, 6)."""
+    alone = rigid[np.count_nonzero(rigid, axis=1) == 1]
+    return [int(at) for at in np.flatnonzero(alone.any(axis=0))]
 
 
 def _matrix_table(
@@ -76,7 +84,7 @@ def _matrix_table(
     size = np.sqrt(np.maximum(own, ROUNDING * np.repeat(own.reshape(2, 3).max(axis=1), 3)))
     shown = np.where(np.abs(matrix) > ROUNDING * size[:, None] * size, matrix, 0.0)
     result = table(title, "", *columns)
-    alone = () if rigid is None else np.flatnonzero((rigid[np.count_nonzero(rigid, axis=1) == 1]).any(axis=0))
+    alone = () if rigid is None else _rigid_axes(rigid)
     for at, (name, row) in enumerate(zip(rows, shown, strict=True)):
         result.add_row(name, *(["rigid"] * len(row) if at in alone else map(number, row)))
     return result

@@ -69,6 +69,16 @@ def test_what_a_pull_meets_is_told_with_the_share_that_start_values_make(folder:
     assert [len(row) for row in measured.rows] == [3] * 6
 
 
+def test_a_pull_along_a_rigid_axis_meets_no_number(folder: Path) -> None:
+    """The arm turned to y, whose hub only twists: nothing gives along y but rounding, 1e6 N m/rad along x."""
+    crane = load_robot(folder / "crane.yaml").with_parameters({"J1.radial": np.inf})
+    pulls = list(stiffness_tables(stiffness(crane, {"q1": pi / 2})))[1]
+    rows = {row[0]: row[1:] for row in pulls.rows}
+    assert rows["fx"] == ["1000", "N/mm"]
+    assert rows["fy"] == ["rigid", ""]
+    assert rows["mz"] == ["1e+06", "N*m/rad"]
+
+
 def test_a_repaired_effect_is_as_if_it_were_not_there(folder: Path, told: Run) -> None:
     crane = load_robot(folder / "crane.yaml")
     effect = added("base-compliance", "tilt", tilting_compliance=3e-8)
